@@ -1,0 +1,72 @@
+# `make demo` and `make test` are all a newcomer needs; `make help` lists the rest.
+# S passes Hydra overrides on:  make params S="clip=carp extract.noise_sigmas=6"
+
+VENV := .venv
+BIN := $(CURDIR)/$(VENV)/bin
+ORIGIN := { cat requirements.lock; echo "$(CURDIR)"; }
+OUTSIDE := $(subst $(BIN):,,$(PATH))
+export PATH := $(BIN):$(PATH)
+
+# The first interpreter that is new enough, looked for outside the environment it is to create.
+PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 python3.13 python; do \
+	"$$p" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null \
+	&& command -v "$$p" && break; done)
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test setup params repro lint params-check bench clean
+
+help: ## list the targets
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
+
+demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to open
+	@dvc repro
+	@echo
+	@echo "Done. Open:"
+	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
+	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"
+	@echo "  dvc_plots/index.html                 every chart and picture"
+	@dvc plots show >/dev/null
+
+test: setup ## run the tests
+	@python -m pytest
+
+# The environment is made anew when the lock or the folder is not the one that it was made from.
+setup: ## create .venv from requirements.lock, once
+	@$(ORIGIN) | cmp -s - $(VENV)/origin || $(MAKE) --no-print-directory $(VENV)
+	@git rev-parse --git-dir >/dev/null 2>&1 || git init --quiet .  # DVC wants a repository
+
+.PHONY: $(VENV)
+$(VENV):
+	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
+	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11 or newer is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
+	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
+	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 130 packages, some minutes ..."
+	@rm -f $(VENV)/origin
+	@$(PYTHON) -m venv --clear $(VENV)
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+# DVC runs a stage as `python ...`: this makes $(VENV)/bin/dvc find the right one without PATH.
+	@$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' | while read -r site; do \
+	echo 'import os, sys; os.environ["PATH"] = os.path.join(sys.prefix, "bin") + os.pathsep + os.environ.get("PATH", os.defpath)' > "$$site/finloop_path.pth"; done
+	@$(ORIGIN) > $(VENV)/origin
+
+params: setup ## compose conf/ into params.yaml, after editing conf/
+	@python -m stages.params.compose $(S)
+
+repro: setup ## run what has changed
+	@dvc repro
+
+lint: setup ## style and types
+	@ruff check
+	@ruff format --check
+	@mypy
+
+params-check: setup ## is params.yaml the composition of conf/?
+	@python -m stages.params.compose --check
+
+bench: setup ## measure speed and memory, as ratios in one run
+	@python -m benchmarks
+
+clean: ## remove results and caches; DVC's cache and .venv stay
+	@git clean -Xdfq reports
+	@rm -rf data dvc_plots .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

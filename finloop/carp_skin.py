@@ -1,0 +1,252 @@
+"""What the drawn carp and its tank look like: outline, skin, fins, floor. Pure pictures.
+
+Colours are RGB in grey levels (0-255, float32). Body coordinates: s = 0 at the snout, 1 at the end
+of the tail; v = distance from the midline in body lengths, + on the fish's left.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+
+Float = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+SKIN_HALF = 0.125  # the skin picture reaches this far to both sides of the midline
+FIN_HALF = 0.5  # a fin picture reaches this far across, in fin lengths
+SKIN_PER_LENGTH = 1024  # pixels a body length of the skin as painted, before it is scaled down
+
+# Half width of the body seen from above: blunt head, widest at a third, thin peduncle, then the
+# caudal fin on edge: a blade about 0.03 L thick.
+_STATIONS = (
+    (0.0, 0.0), (0.008, 0.024), (0.03, 0.043), (0.07, 0.059), (0.13, 0.073), (0.20, 0.083),
+    (0.30, 0.090), (0.40, 0.088), (0.50, 0.079), (0.60, 0.064), (0.70, 0.045), (0.78, 0.0300),
+    (0.84, 0.0205), (0.89, 0.0165), (0.94, 0.0150), (0.985, 0.0135), (1.0, 0.0),
+)  # fmt: skip
+TAIL_BLADE = 0.86  # the caudal fin begins here
+
+
+@cache
+def _width_squared() -> PchipInterpolator:
+    # The square is interpolated: it is linear at the tips, so that both ends come out round.
+    s, w = np.array(_STATIONS).T
+    return PchipInterpolator(s, w**2)
+
+
+def half_width(s: Float) -> Float:
+    """Half the body's width at `s`, in body lengths; 0 at both tips."""
+    return np.sqrt(np.clip(_width_squared()(np.clip(s, 0, 1)), 0, None))
+
+
+@cache
+def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Float, Float, Float]:
+    """`s`, squared half width and its slope, run on straight beyond the tips (negative there)."""
+    s = np.linspace(-beyond, 1 + beyond, points)
+    curve, slope = _width_squared(), _width_squared().derivative()
+    inside = np.clip(s, 0, 1)
+    steep = slope(inside)
+    return s, curve(inside) + (s - inside) * steep, steep
+
+
+@dataclass(frozen=True)
+class Look:
+    """Colours of one fish.
+
+    Attributes
+    ----------
+    skin : (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
+    fin : (rows, columns, 5) a paired fin, root at column 0: premultiplied RGB, opacity, coverage
+    girth : the fish's width, of the standard one's
+    """
+
+    skin: Image
+    fin: Image
+    girth: float
+
+
+def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
+    """Random texture, mean 0, deviation 1: the sum of blurred noises of the given sizes (px)."""
+    total = np.zeros(shape, np.float32)
+    for size in sizes:
+        # A coarse grid scaled up is the same to the eye as a wide blur, and far quicker.
+        step = max(1, int(size / 2))
+        coarse = (shape[0] // step + 3, shape[1] // step + 3)
+        noise = rng.standard_normal(coarse, np.float32)
+        soft = cv2.GaussianBlur(noise, (0, 0), max(size / step, 0.4))
+        whole = (coarse[1] * step, coarse[0] * step)
+        noise = np.asarray(cv2.resize(soft, whole, interpolation=cv2.INTER_CUBIC), np.float32)
+        noise = noise[: shape[0], : shape[1]]
+        total += noise / noise.std()
+    total -= total.mean()
+    return np.asarray(total / total.std(), np.float32)
+
+
+def _mix(base: Image, colour: tuple[float, ...] | Image, weight: Image) -> Image:
+    over = np.asarray(colour, np.float32)
+    return np.asarray(base + (over - base) * weight[..., None], np.float32)
+
+
+def _step(x: Image, low: float, high: float) -> Image:
+    t = np.clip((x - low) / (high - low), 0, 1)
+    return np.asarray(t * t * (3 - 2 * t), np.float32)
+
+
+# Back, flank, patch colours. All are darker than the sand, as the water makes real ones.
+_COATS = (
+    ((58, 54, 38), (112, 92, 50), (34, 31, 26), (176, 84, 34)),  # bronze, with orange
+    ((70, 58, 34), (128, 96, 44), (42, 36, 26), (96, 74, 36)),  # wild carp
+    ((54, 62, 70), (96, 88, 76), (26, 28, 32), (158, 70, 34)),  # slate blue, with red
+    ((150, 66, 26), (176, 88, 36), (30, 27, 25), (44, 40, 38)),  # orange, with black
+)
+
+
+def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
+    """Paint one fish; `columns` is the width of its skin picture, `coat` picks its colours."""
+    back, flank, dark, patch = _COATS[coat % len(_COATS)]
+    full = SKIN_PER_LENGTH
+    rows = int(2 * SKIN_HALF * full)
+    s = ((np.arange(full) + 0.5) / full).astype(np.float32)[None, :]
+    v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
+    width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
+    r = v / width  # -1 ... 1 across the body
+    shape = (rows, full)
+
+    skin = np.empty((*shape, 3), np.float32)
+    skin[:] = back
+    skin = _mix(skin, flank, _step(np.abs(r) + 0.12 * cloud(shape, (30,), rng), 0.35, 0.95))
+
+    # Patches: koi-like clouds with clear edges, fewer on the head.
+    field = cloud(shape, (70, 34), rng) + 0.10 * cloud(shape, (5,), rng)
+    body = np.abs(r) < 1
+    level = float(np.quantile(field[body], 0.70))
+    skin = _mix(
+        skin, patch, _step(field, level - 0.08, level + 0.08) * _step(s + 0 * v, 0.05, 0.2) * 0.92
+    )
+    field = cloud(shape, (46, 22), rng) + 0.12 * cloud(shape, (5,), rng)
+    level = float(np.quantile(field[body], 0.84))
+    skin = _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
+
+    # Scales: a net of staggered arcs behind the head, a soft light spot in each.
+    size = 0.026
+    lane = np.floor(v / (size * 0.5))
+    cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
+    across = np.mod(v / (size * 0.5), 1.0) - 0.5
+    net = _step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
+    scaled = _step(s, 0.20, 0.27) * (1 - _step(s, 0.84, 0.90))
+    skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
+
+    # Head: bony plates, gill covers, nostrils, mouth.
+    head = 1 - _step(s, 0.18, 0.25)
+    skin *= (1 + head * 0.07 * cloud(shape, (16, 7), rng))[..., None]
+    gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _step(np.abs(r), 0.25, 0.6)
+    skin *= (1 - 0.45 * gill)[..., None]
+    plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _step(1 - np.abs(r), 0.1, 0.6)
+    skin *= (1 + 0.10 * plate)[..., None]
+    for side in (-1, 1):
+        nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
+        skin *= (1 - 0.5 * nostril)[..., None]
+    skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
+
+    # Dorsal fin folded on the back, with its shade; then the rounding of the body.
+    spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
+    dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
+    skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
+    skin *= (1 + 0.35 * dorsal * np.exp(-(((v - spine - 0.009) / 0.004) ** 2)))[..., None]
+    rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
+    trunk = 1 - _step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
+    skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
+
+    # Eyes stand out at the sides of the head: dark, with a pale rim and a glint.
+    for side in (-1, 1):
+        far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
+        skin = _mix(skin, (150, 132, 84), (1 - _step(far, 0.0125, 0.0160)) * 0.7)
+        skin = _mix(skin, (12, 12, 12), 1 - _step(far, 0.0090, 0.0118))
+        glint = np.hypot(s - 0.0845, v - side * 0.0515)
+        skin = _mix(skin, (170, 172, 168), (1 - _step(glint, 0.0012, 0.0036)) * 0.8)
+
+    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
+    blade = _step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
+    tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
+    skin = _mix(skin, tone, blade * 0.75)
+    skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
+    opaque = 1 - 0.28 * _step(s, TAIL_BLADE, 1.0) + 0 * v
+
+    full_skin = np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32)
+    small = cv2.resize(
+        full_skin,
+        (columns, max(8, round(columns * 2 * SKIN_HALF))),
+        interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
+    )
+    return Look(
+        np.ascontiguousarray(small, np.float32),
+        _fin(rng, max(24, round(columns * 0.25)), back, flank, dark),
+        1.0,
+    )
+
+
+def _fin(
+    rng: np.random.Generator, columns: int, back: tuple[float, ...], flank: tuple[float, ...],
+    dark: tuple[float, ...],
+) -> Image:  # fmt: skip
+    """A paired fin spread out: a fan of rays in a clear membrane, root at the left edge."""
+    size = 256
+    along = ((np.arange(size) + 0.5) / size).astype(np.float32)[None, :]
+    across = (((np.arange(size) + 0.5) / size * 2 - 1) * FIN_HALF).astype(np.float32)[:, None]
+    # Paddle outline: narrow root, broad round end, the leading edge (across < 0) longer.
+    half = 0.66 * np.sqrt(np.clip(along * (1.0 - along**3), 0, None)) * (0.22 + 0.56 * along)
+    middle = -0.05 * along
+    inside = 1 - _step(np.abs(across - middle) - half, -0.012, 0.012)
+    angle = np.arctan2(across, along + 0.12)
+    rays = 0.5 + 0.5 * np.cos(angle * 62 + 0.4 * cloud((size, size), (40,), rng))
+    opaque = (0.74 - 0.32 * along) * (0.72 + 0.28 * rays)
+    lead = np.exp(-(((across - middle + half) / 0.035) ** 2))
+    opaque = np.clip(opaque + 0.3 * lead, 0, 0.92)
+    colour = np.empty((size, size, 3), np.float32)
+    colour[:] = np.asarray(flank, np.float32) * 0.55 + np.asarray(back, np.float32) * 0.35
+    colour = _mix(colour, dark, 0.5 * rays * np.ones_like(along))
+    picture = np.dstack([colour * (opaque * inside)[..., None], opaque * inside])
+    layers = [
+        cv2.resize(layer.astype(np.float32), (columns, columns), interpolation=cv2.INTER_AREA)
+        for layer in (picture, inside)
+    ]
+    return np.dstack(layers)
+
+
+def floor(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
+    """The empty tank, (height, width, 3): sand with pebbles, light pools, walls, vignetting."""
+    shape = (height_px, width_px)
+    grey = 172 + 5.5 * cloud(shape, (0.7, 1.3), rng) + 2.6 * cloud(shape, (5, 9), rng)
+    grey += 4.0 * cloud(shape, (60, 130), rng)
+    warm = 0.8 * cloud(shape, (12, 40), rng)
+    stones = _pebbles(width_px, height_px, rng)
+    grey += stones
+    picture = np.dstack([grey * 1.035 + warm, grey * 1.0, grey * 0.90 - 1.5 * warm])
+    y, x = np.mgrid[:height_px, :width_px].astype(np.float32)
+    near = np.minimum.reduce([x, y, width_px - 1 - x, height_px - 1 - y])
+    wall = 1 - 0.42 * np.exp(-((near / 9.0) ** 2)) - 0.10 * np.exp(-near / 30.0)
+    corner = (x / (width_px - 1) - 0.5) ** 2 + (y / (height_px - 1) - 0.5) ** 2
+    lamp = 1 - 0.30 * corner + 0.035 * (0.5 - y / height_px)
+    picture = cv2.GaussianBlur(picture.astype(np.float32), (0, 0), 0.7)
+    return np.ascontiguousarray(picture * (wall * lamp)[..., None], np.float32)
+
+
+def _pebbles(width_px: int, height_px: int, rng: np.random.Generator) -> Image:
+    """Small stones as grey levels to add: many little, few big, each lit from one side."""
+    scale = 3
+    layer = np.zeros((height_px * scale, width_px * scale), np.float32)
+    for _ in range(width_px * height_px // 170):
+        radius = float(np.clip(0.9 * rng.pareto(2.4) + 1.0, 1.0, 6.5)) * scale
+        flat = float(rng.uniform(0.6, 1.0))
+        centre = rng.uniform(0, [layer.shape[1], layer.shape[0]])
+        turn = float(rng.uniform(0, 180))
+        tone = float(rng.normal(0, 9.0))
+        for shift, level in ((0.30, tone - 9.0), (0.0, tone), (-0.25, tone + 4.0)):
+            size = radius * (1.0 if shift >= 0 else 0.6)
+            at = (float(centre[0] + shift * radius), float(centre[1] + shift * radius))
+            box = (at, (2 * size, 2 * size * flat), turn)
+            cv2.ellipse(layer, box, (level,), -1)
+    small = cv2.resize(layer, (width_px, height_px), interpolation=cv2.INTER_AREA)
+    return np.asarray(small, np.float32)

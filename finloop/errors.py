@@ -1,0 +1,15 @@
+"""The one exception that a user is meant to read."""
+
+
+class FinloopError(Exception):
+    """Something a person can put right: what came, what was wanted, what to do.
+
+    Stages print it as a single message and exit with status 1; anything else is a bug.
+    """
+
+    def __init__(self, came: str, wanted: str, do: str) -> None:
+        super().__init__(came, wanted, do)
+        self.came, self.wanted, self.do = came, wanted, do
+
+    def __str__(self) -> str:
+        return f"{self.came}\n  wanted: {self.wanted}\n  do:     {self.do}"

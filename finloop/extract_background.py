@@ -1,0 +1,154 @@
+"""What the tank looks like without fish, how noisy the film is, and the threshold that follows
+(§2.1).
+
+The paper subtracts a background and does not say how it is made, or how the threshold is chosen.
+Here: the background is the median of frames spread over the clip; the noise level is the standard
+deviation of the smoothed difference image where no fish is; the threshold is a multiple of it.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from skimage.filters import threshold_otsu
+
+from finloop.errors import FinloopError
+
+Image = NDArray[np.uint8]
+_GRID = 16  # every 16th pixel in both directions is enough to measure the light
+_MEMORY = 2**29  # bytes that the frames of a median may take
+_ONE_SIDED = 0.9  # share of changed pixels on one side from which a polarity is called one-sided
+
+
+Polarity = Literal["dark", "bright", "both", "auto"]
+"""Whether fish are darker than the tank, brighter, or both (patterned skin)."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What segmentation needs to know of a clip.
+
+    background: (h, w) or (h, w, 3) uint8. polarity: never `auto`. noise: standard deviation of the
+    smoothed difference image, grey levels. threshold: grey levels, above it a pixel is not noise.
+    """
+
+    background: Image
+    polarity: Polarity
+    noise: float
+    threshold: float
+
+
+def sample_size(asked: int, frames: int, shape: tuple[int, ...]) -> int:
+    """How many of a clip's frames of `shape` to look at: as asked, but odd and within bounds."""
+    most = max(1, min(asked, frames, _MEMORY // int(np.prod(shape))))
+    return most - (most + 1) % 2
+
+
+def median_background(frames: Iterable[Image]) -> Image:
+    """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
+    stack = np.stack(list(frames))
+    for frame in stack[1:]:
+        gain = light(frame, stack[0])
+        if gain != 1.0:
+            cv2.convertScaleAbs(frame, dst=frame, alpha=1.0 / gain)
+    middle = len(stack) // 2
+    stack.partition(middle, axis=0)
+    return np.ascontiguousarray(stack[middle])
+
+
+def flat_background(frames: Sequence[Image]) -> Image:
+    """A background of one even tone, for clips in which the fish hardly leaves its place.
+
+    Otsu's threshold parts the pixels of all frames in two; the larger part is the tank, and its
+    median tone the background.
+    """
+    sample = np.stack([frame[::4, ::4] for frame in frames])
+    grey = sample if sample.ndim == 3 else sample.max(axis=-1)
+    if grey.min() == grey.max():
+        raise FinloopError(
+            f"every pixel of the clip has the value {grey.max()}",
+            "a picture with a fish and a tank",
+            "check the clip; it may be black or over-exposed",
+        )
+    above = grey > threshold_otsu(grey)
+    tank = above if above.mean() >= 0.5 else ~above
+    tone = np.median(sample[tank], axis=0)
+    shape = frames[0].shape
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(tone, np.uint8), shape))
+
+
+def light(frame: Image, background: Image) -> float:
+    """Brightness of `frame` relative to `background`: median of the ratio of their pixels.
+
+    1.0 exactly where they differ by less than half a grey level, so that a steady light costs
+    nothing.
+    """
+    tank = background[::_GRID, ::_GRID].astype(np.float32)
+    lit = tank > 16
+    if not lit.any():
+        return 1.0
+    gain = float(np.median(frame[::_GRID, ::_GRID][lit] / tank[lit]))
+    return 1.0 if abs(gain - 1.0) * float(np.median(tank[lit])) < 0.5 or gain <= 0 else gain
+
+
+def difference(frame: Image, background: Image, polarity: Polarity) -> Image:
+    """Difference image, (h, w) uint8, smoothed over 3x3 pixels; colour: the strongest channel."""
+    gain = light(frame, background)
+    tank = background if gain == 1.0 else cv2.convertScaleAbs(background, alpha=gain)
+    if polarity == "dark":
+        change = cv2.subtract(tank, frame)
+    elif polarity == "bright":
+        change = cv2.subtract(frame, tank)
+    else:
+        change = cv2.absdiff(frame, tank)
+    if change.ndim == 3:
+        red, green, blue = cv2.split(change)
+        change = cv2.max(cv2.max(red, green), blue)
+    return smooth(change)
+
+
+def smooth(change: Image) -> Image:
+    """The 3x3 Gaussian that every difference image goes through."""
+    return cv2.GaussianBlur(change, (3, 3), 0.85)
+
+
+def survey_noise(
+    frames: Sequence[Image], background: Image, polarity: Polarity, sigmas: float, least: float
+) -> Scene:
+    """Measure noise and polarity on sampled frames and derive the threshold.
+
+    The noise level is the 68.3 % quantile of the absolute smoothed difference, which is the
+    standard deviation of Gaussian noise and ignores fish as long as they cover less than a third of
+    the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels.
+    """
+    residues = []
+    for frame in frames:
+        gain = light(frame, background)
+        change = frame.astype(np.float32) - gain * background.astype(np.float32)
+        change = cv2.GaussianBlur(change, (3, 3), 0.85)[::2, ::2]
+        residues.append(change if change.ndim == 2 else _strongest(change))
+    residue = np.stack(residues)
+    noise = float(np.quantile(np.abs(residue), 0.6827))
+    threshold = max(sigmas * noise, least)
+    if polarity == "auto":
+        polarity = _polarity(residue, threshold)
+    return Scene(background, polarity, noise, threshold)
+
+
+def _strongest(change: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Of three channels (h, w, 3) the one that changed most, with its sign."""
+    channel = np.abs(change).argmax(axis=-1, keepdims=True)
+    return np.take_along_axis(change, channel, axis=-1)[..., 0]
+
+
+def _polarity(residue: NDArray[np.float32], threshold: float) -> Polarity:
+    dark = int((residue < -threshold).sum())
+    bright = int((residue > threshold).sum())
+    if dark >= _ONE_SIDED * (dark + bright):
+        return "dark"
+    if bright >= _ONE_SIDED * (dark + bright):
+        return "bright"
+    return "both"

@@ -1,0 +1,44 @@
+"""Swimming type: straight, turning left, turning right (fish paper §2.3, §3.2, Fig. 7b).
+
+The paper gives no rule. A turning fish is bent and changes its heading, both to the same side; a
+tail beat bends it as well, and a drift changes its heading as well. So both count, in units of
+their thresholds, and the mean of the two decides with hysteresis.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from skimage.filters import apply_hysteresis_threshold
+
+STRAIGHT, LEFT, RIGHT = 0, 1, -1
+
+
+def turn(heading_deg: NDArray[np.floating], span: int) -> NDArray[np.float64]:
+    """Change of heading (frames,) in degrees over `span` frames centred on each frame, + = left.
+
+    Near the ends of a track, where the span does not fit, it is shortened and the change scaled up.
+    """
+    heading = np.unwrap(np.asarray(heading_deg, float), period=360)
+    last = len(heading) - 1
+    frame = np.arange(len(heading))
+    before = np.clip(frame - span // 2, 0, last)
+    after = np.clip(frame - span // 2 + span, 0, last)
+    return (heading[after] - heading[before]) * span / np.maximum(after - before, 1)
+
+
+def swimming_type(
+    turn_deg: NDArray[np.floating],
+    bend: NDArray[np.floating],
+    *,
+    turn_threshold_deg: float,
+    bend_threshold: float,
+    release: float,
+) -> NDArray[np.int8]:
+    """Type (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
+
+    A turn is a run of frames whose score - the mean of turn and signed bend, each over its
+    threshold - stays above `release` and somewhere reaches 1.
+    """
+    score = 0.5 * (turn_deg / turn_threshold_deg + bend / bend_threshold)
+    left = apply_hysteresis_threshold(score, release, 1.0)
+    right = apply_hysteresis_threshold(-score, release, 1.0)
+    return (LEFT * left + RIGHT * right).astype(np.int8)

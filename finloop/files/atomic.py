@@ -1,0 +1,88 @@
+"""Whole or not at all: an output appears under its name only when it is complete.
+
+The unfinished work lies beside the output under the hidden name `.<name>.part…`, so that the
+last step is a rename within one file system. What a killed process left under that name is
+overwritten by the next run.
+"""
+
+import errno
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from finloop.errors import FinloopError
+
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
+
+
+@contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; rename it to `path` when the block ends well.
+
+    On any exception the temporary file is removed and `path` is left as it was.
+
+    Raises
+    ------
+    FinloopError
+        If the disk is full.
+    """
+    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield part
+        _to_disk(part)
+        part.replace(path)
+    except BaseException as error:
+        part.unlink(missing_ok=True)
+        _raise_when_full(error, path)
+        raise
+    _to_disk(path.parent)
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside `path`; it replaces `path` when the block ends well.
+
+    On any exception the temporary folder is removed and `path` is left as it was.
+
+    Raises
+    ------
+    FinloopError
+        If the disk is full.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        yield part
+        for inner in part.rglob("*"):
+            _to_disk(inner)
+        _to_disk(part)
+        shutil.rmtree(path, ignore_errors=True)
+        part.replace(path)
+    except BaseException as error:
+        shutil.rmtree(part, ignore_errors=True)
+        _raise_when_full(error, path)
+        raise
+    _to_disk(path.parent)
+
+
+def _to_disk(path: Path) -> None:
+    """Ask the system to put a file's or folder's bytes on the disk before the rename."""
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
+
+
+def _raise_when_full(error: BaseException, path: Path) -> None:
+    """Turn "no space left" into a message; other exceptions pass by."""
+    if isinstance(error, OSError) and error.errno in _NO_SPACE:
+        raise FinloopError(
+            came=f"the disk is full: {path} could not be written, and no part of it was kept",
+            wanted="room for the whole output",
+            do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
+        ) from error

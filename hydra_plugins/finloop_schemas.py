@@ -1,0 +1,64 @@
+"""Typed config groups for Hydra, found by DVC because this folder lies in the repository's root.
+
+While `dvc exp run` or `make params` composes conf/, this registers
+
+- a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
+  in its defaults list: Hydra refuses unknown keys and wrong types against it;
+- the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
+  the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
+  of range, groups left out.
+
+There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
+"""
+
+from dataclasses import fields, make_dataclass
+from pathlib import Path
+from types import UnionType
+from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from hydra.core.config_store import ConfigStore
+from omegaconf import DictConfig, OmegaConf
+
+from stages.params import STAMP, complaint, conf_digest
+from stages.params.whole import GROUPS, problems
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
+
+
+def schema(option: type) -> type:
+    """A parameter dataclass as OmegaConf understands it: not frozen, ranges left out.
+
+    Every field is mandatory, as the original has no defaults; what OmegaConf has no type for is
+    simplified here and checked in full by `stages.params`.
+    """
+    hints = get_type_hints(option)  # drops Annotated
+    return make_dataclass(
+        option.__name__, [(field.name, _simplified(hints[field.name])) for field in fields(option)]
+    )
+
+
+def _simplified(hint: Any) -> Any:
+    if get_origin(hint) is Literal:
+        return type(get_args(hint)[0])
+    if get_origin(hint) in (Union, UnionType):
+        return Union[tuple(_simplified(part) for part in get_args(hint))]  # noqa: UP007
+    return hint
+
+
+def stamp(*, _root_: DictConfig) -> str:
+    """The digest of conf/, given only to a composed config in which every parameter is right."""
+    # Node by node, because to resolve the root would resolve the stamp itself again.
+    values: dict[str, Any] = {
+        str(key): OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
+        for key in _root_
+        if key != STAMP and (node := _root_._get_node(key)) is not None
+    }
+    if found := problems(values):
+        raise complaint(found)
+    return conf_digest(CONF)
+
+
+for word, options in GROUPS.items():
+    for name, option in options.items():
+        ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
+OmegaConf.register_new_resolver(STAMP, stamp, replace=True)

@@ -1,0 +1,156 @@
+"""Stage `clip`: a film becomes the normalised clip, with its facts, its arena and its truth."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from finloop.carp import TRUTH_COLUMNS, CarpFilm, film
+from finloop.clip import circle_arena, psnr_db, rectangle_arena, segments_of
+from finloop.errors import FinloopError
+from finloop.files.atomic import whole_folder
+from finloop.files.footage import Loss, open_footage, record
+from finloop.files.table import save_table, schema_of
+from finloop.files.video import (
+    ARENA_NAME,
+    CLIP_NAME,
+    FACTS_NAME,
+    TRUTH_NAME,
+    VideoFacts,
+    VideoWriter,
+    load_mask,
+    read_spread,
+    save_facts,
+    save_mask,
+)
+from finloop.files.wheel import cache_folder, zebrafish_clips
+from stages.params import load
+from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
+
+CLIP = Path("data/clip")
+METRICS = Path("reports/clip/metrics.json")
+Params = ZebrafishClip | CarpClip | FileClip
+
+
+@dataclass(frozen=True)
+class Reel:
+    """What is to be recorded: facts as far as they are known before, and the frames."""
+
+    facts: VideoFacts
+    takes: list[Iterator[tuple[float, np.ndarray]]]
+    loss: Loss
+    truth: list[dict[str, Any]]  # grows while the carp are drawn
+
+
+def carp_reel(p: CarpClip) -> Reel:
+    """Draw carp."""
+    carp = CarpFilm(**{field.name: getattr(p, field.name) for field in fields(CarpFilm)})
+    if not carp.fits():
+        raise FinloopError(
+            came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
+            f"{p.width_px}×{p.height_px} px",
+            wanted="about 2.2 body lengths squared for each, and a margin along the walls",
+            do="draw fewer or smaller fish, or a larger tank (clip.width_px, clip.height_px)",
+        )
+    rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
+    facts = VideoFacts("carp", p.width_px, p.height_px, p.frames, rate, p.colour, (), crf=p.crf)
+    truth: list[dict[str, Any]] = []
+
+    def take() -> Iterator[tuple[float, np.ndarray]]:
+        for number, (frame, rows) in enumerate(film(carp)):
+            truth.extend(rows)
+            yield float(number / rate), frame
+
+    return Reel(facts, [take()], Loss(), truth)
+
+
+def film_reel(p: ZebrafishClip | FileClip) -> Reel:
+    """Open films that are to follow one another."""
+    if isinstance(p, ZebrafishClip):
+        paths = zebrafish_clips(p.parts, cache_folder())
+        films = [open_footage(path, colour=False) for path in paths]
+    else:
+        colour = {"auto": None, "always": True, "never": False}[p.colour]
+        path = Path(p.path).expanduser()
+        films = [
+            open_footage(
+                path,
+                frame_rate_hz=p.frame_rate_hz,
+                start_s=p.start_s,
+                end_s=p.end_s,
+                colour=colour,
+            )
+        ]
+    facts = replace(films[0].facts(p.source, p.crf), frames=sum(f.frames_expected for f in films))
+    loss = Loss()
+    return Reel(facts, [footage.frames(loss) for footage in films], loss, [])
+
+
+def arena_of(p: Params, width: int, height: int) -> np.ndarray:
+    """Mask of the pixels where animals can be."""
+    if not isinstance(p, FileClip) or p.arena == "none":
+        return np.ones((height, width), bool)
+    if p.arena == "mask":
+        return load_mask(Path(*p.arena_values()).expanduser(), width, height)
+    shape = circle_arena if p.arena == "circle" else rectangle_arena
+    return shape(width, height, *p.arena_values())
+
+
+def main() -> None:
+    """Make data/clip/ and reports/clip/metrics.json."""
+    p: Params = load("clip", OPTIONS)
+    reel = carp_reel(p) if isinstance(p, CarpClip) else film_reel(p)
+    facts = reel.facts
+    arena = arena_of(p, facts.width_px, facts.height_px)
+    for note in facts.notes:
+        print(f"finloop: note: {note}", file=sys.stderr)
+    with whole_folder(CLIP) as folder:
+        clip = folder / CLIP_NAME
+        with progress("clip", facts.frames) as advance, VideoWriter.of(clip, facts) as writer:
+            timing, tally = record(writer, reel.takes, facts.frame_rate, advance)
+        facts = replace(
+            facts,
+            frames=timing.frames,
+            segments=segments_of(timing.cuts, timing.frames),
+            frames_repeated=timing.repeated,
+            frames_dropped=timing.dropped,
+            frames_missing=reel.loss.frames,
+            notes=(*facts.notes, *reel.loss.notes),
+        )
+        for note in reel.loss.notes:
+            print(f"finloop: WARNING: {note}", file=sys.stderr)
+        save_facts(folder / FACTS_NAME, facts)
+        save_mask(folder / ARENA_NAME, arena)
+        if reel.truth:
+            truth = pd.DataFrame(reel.truth).sort_values(["fish_id", "frame"], ignore_index=True)
+            save_table(folder / TRUTH_NAME, truth, schema_of(TRUTH_COLUMNS))
+        coded = read_spread(clip, list(tally.kept), colour=facts.colour)
+        numbers = {
+            "frames": facts.frames,
+            "width_px": facts.width_px,
+            "height_px": facts.height_px,
+            "frame_rate_hz": facts.frame_rate_hz,
+            "duration_s": facts.frames / facts.frame_rate_hz,
+            "segments": len(facts.segments),
+            "frames_repeated": facts.frames_repeated,
+            "frames_dropped": facts.frames_dropped,
+            "frames_missing": facts.frames_missing,
+            "brightness_mean_level": tally.brightness_mean,
+            "brightness_min_level": tally.darkest,
+            "brightness_max_level": tally.brightest,
+            "coding_psnr_db": psnr_db(zip(tally.kept.values(), coded, strict=True)),
+            "clip_size_mb": clip.stat().st_size / 1e6,
+            "arena_fraction": float(arena.mean()),
+        }
+    save_metrics(METRICS, numbers)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,136 @@
+"""Stage `extract`: the normalised clip becomes background, tracks, outlines, backbones, cut-outs."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+from typing import get_args
+
+import cv2
+import numpy as np
+
+from finloop.errors import FinloopError
+from finloop.extract import (
+    Settings,
+    Tracker,
+    Verdict,
+    follow,
+    rows,
+    survey,
+)
+from finloop.extract_background import Image, Scene, sample_size
+from finloop.extract_picture import detections_picture
+from finloop.extract_table import SceneFacts, tracks_schema
+from finloop.files.atomic import whole_folder
+from finloop.files.cutouts import Cutout, CutoutWriter
+from finloop.files.picture import save_picture
+from finloop.files.scene import save_scene
+from finloop.files.table import TableWriter
+from finloop.files.video import (
+    ARENA_NAME,
+    CLIP_NAME,
+    FACTS_NAME,
+    KEY_FRAME_EVERY,
+    VideoFacts,
+    load_facts,
+    load_mask,
+    read_frames,
+    read_spread,
+)
+from stages.params import load
+from stages.params.extract import OPTIONS
+
+CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
+LONG = 60  # frames of a long track
+
+
+def sample(facts: VideoFacts, asked: int) -> list[Image]:
+    """Frames spread evenly over the clip, key frames where it is long enough to choose."""
+    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
+    count = sample_size(asked, facts.frames, shape)
+    numbers = np.linspace(0, facts.frames - 1, count).round().astype(int)
+    if facts.frames >= count * KEY_FRAME_EVERY:
+        numbers = numbers // KEY_FRAME_EVERY * KEY_FRAME_EVERY
+    return list(read_spread(CLIP / CLIP_NAME, numbers.tolist(), colour=facts.colour))
+
+
+def film(facts: VideoFacts, scene: Scene, settings: Settings) -> Iterator[tuple[Image, Scene]]:
+    """Every frame with the scene that it belongs to."""
+    frames = read_frames(CLIP / CLIP_NAME, colour=facts.colour)
+    if settings.background == "mog2":
+        return follow(frames, scene, facts.frame_rate_hz)
+    return ((frame, scene) for frame in frames)
+
+
+def main() -> None:
+    """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
+    settings = Settings(**asdict(load("extract", OPTIONS)))
+    facts = load_facts(CLIP / FACTS_NAME)
+    mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
+    arena = mask.astype(np.uint8) * 255
+    scene, typical = survey(sample(facts, settings.samples), arena, settings)
+    tracker = Tracker(arena, typical, settings)
+    cuts = [start for start, _ in facts.segments[1:]]
+    lengths: Counter[int] = Counter()
+    with whole_folder(EXTRACT) as folder:
+        with (
+            progress("extract", facts.frames) as advance,
+            TableWriter(folder / "tracks.parquet", tracks_schema(settings.points)) as table,
+            CutoutWriter(folder / "cutouts.arrow") as cutouts,
+        ):
+            for found in tracker.run(film(facts, scene, settings), cuts):
+                if found:
+                    table.write(rows(found))
+                for f in found:
+                    cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.cutout))
+                    lengths[f.track_id] += 1
+                advance()
+        if not lengths:
+            seen = ", ".join(f"{count} {verdict}" for verdict, count in tracker.tally.items())
+            raise FinloopError(
+                f"no fish could be followed for {settings.least_frames} frames "
+                f"(silhouettes: {seen})",
+                "fish that swim by themselves, clear of the border",
+                "allow shorter tracks (extract.least_frames), other sizes "
+                "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
+            )
+        save_scene(
+            folder / "scene.json",
+            SceneFacts(
+                scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points
+            ),
+        )
+        save_picture(folder / "background.png", scene.background)
+    shown = np.linspace(0, facts.frames - 1, min(4, facts.frames)).round().astype(int).tolist()
+    frames = list(read_spread(CLIP / CLIP_NAME, shown, colour=facts.colour))
+    save_picture(
+        REPORT / "detections.png",
+        detections_picture(frames, shown, scene, typical, arena, settings),
+    )
+    long = [count for count in lengths.values() if count >= LONG]
+    save_metrics(
+        REPORT / "metrics.json",
+        {
+            "frames": facts.frames,
+            "noise_grey": scene.noise,
+            "threshold_grey": scene.threshold,
+            "typical_area_px": typical.area_px,
+            "typical_length_px": typical.length_px,
+            "typical_contrast_grey": typical.contrast,
+            "silhouettes": tracker.tally.total(),
+            **{f"silhouettes_{v.replace(' ', '_')}": tracker.tally[v] for v in get_args(Verdict)},
+            "fish_frames": lengths.total(),
+            "tracks": len(lengths),
+            f"tracks_of_{LONG}_frames": len(long),
+            f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
+            "longest_track_frames": max(lengths.values()),
+            "cutouts_size_mb": (EXTRACT / "cutouts.arrow").stat().st_size / 1e6,
+        },
+    )
+
+
+if __name__ == "__main__":
+    cv2.setNumThreads(1)  # frames are worked on side by side already
+    run(main)

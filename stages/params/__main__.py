@@ -1,0 +1,27 @@
+"""The first stage: is the whole of params.yaml right, and composed from the present conf/?
+
+Every root of the pipeline depends on its one constant output, so nothing runs before it, and
+nothing runs again because of it.
+"""
+
+from stages.run import run  # isort: skip
+
+from pathlib import Path
+
+from finloop.files.atomic import whole_file
+from stages.params import complaint, read
+from stages.params.whole import problems
+
+CHECKED = Path("data/params/checked.txt")
+
+
+def main() -> None:
+    """Refuse what is wrong by name; else write the output."""
+    if found := problems(read()):
+        raise complaint(found)
+    with whole_file(CHECKED) as part:
+        part.write_text("params.yaml is whole and composed from conf/\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)

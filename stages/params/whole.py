@@ -1,0 +1,21 @@
+"""Every group of params.yaml at once: for the stage `params`, and for Hydra while it composes."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from stages.params import STAMP, check, clip, extract, features
+
+GROUPS: dict[str, Mapping[str, type]] = {
+    "clip": clip.OPTIONS,
+    "extract": extract.OPTIONS,
+    "features": features.OPTIONS,
+}
+"""conf/<word>/<option>.yaml holds the values of GROUPS[word][option]."""
+
+
+def problems(values: Mapping[str, Any]) -> list[str]:
+    """Everything that is wrong in a whole params.yaml, by dotted name."""
+    found = [f"{word}: unknown" for word in values if word not in (*GROUPS, STAMP)]
+    for word, options in GROUPS.items():
+        found += check(word, options, values.get(word, {}))[1]
+    return found

@@ -1,0 +1,223 @@
+"""The door of every stage: threads, an end with its parent, one message for an error, progress.
+
+A stage is a module `stages/<word>.py` of this shape; `stages.run` is its first import because the
+thread counts must be set before numpy is imported::
+
+    from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+    from finloop.extract import ...
+    from stages.params import load
+    from stages.params.extract import OPTIONS
+
+    def main() -> None:
+        p = load("extract", OPTIONS)  # the dataclass that conf/extract/ was composed into
+        with progress("extract", total=frames) as advance:
+            ...
+            advance()  # one more; advance(30): thirty more
+        save_metrics(Path("reports/extract/metrics.json"), {"tracks": 8, "noise_grey": 1.25})
+
+    if __name__ == "__main__":
+        run(main)
+
+DVC runs a stage in the repository's root, so a stage's paths are relative to that.
+"""
+
+import contextlib
+import ctypes
+import errno
+import importlib.util
+import json
+import math
+import os
+import shutil
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from numbers import Integral, Real
+from pathlib import Path
+from typing import NoReturn
+
+from finloop.errors import FinloopError
+from finloop.files.atomic import whole_file
+
+THREAD_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+    "NUMEXPR_NUM_THREADS",
+    "NUMBA_NUM_THREADS",
+    "OPENCV_FOR_THREADS_NUM",
+)
+LINE_EVERY_S = 10.0  # progress where there is no terminal to draw a bar on
+
+
+def _set_threads() -> None:
+    """Two threads for every numerical library, FINLOOP_THREADS for more.
+
+    A fixed number, not the machine's: results differ in their last bits between thread counts.
+    """
+    for variable in THREAD_VARIABLES:
+        os.environ.setdefault(variable, os.environ.get("FINLOOP_THREADS", "2"))
+
+
+def _die_with_parent() -> None:
+    """Ask the kernel to kill this process when DVC ends, by kill -9 too (Linux only).
+
+    Otherwise the stage of a killed `dvc repro` works on beside that of the next one. dvc.yaml's
+    commands begin with `exec`, so that the parent is DVC itself and no shell in between.
+    """
+    if sys.platform == "linux":
+        pr_set_pdeathsig = 1
+        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
+
+
+def _bring_compiled() -> None:
+    """Give a temporary experiment, a bare copy elsewhere, the machine code its repository has.
+
+    Compiling it again takes ten seconds. Numba itself checks that the source is the same.
+    """
+    root = Path(os.environ.get("DVC_ROOT", "."))  # the repository, also in a temporary experiment
+    if root.resolve() == Path.cwd():
+        return
+    for compiled in root.glob("finloop/**/__pycache__/*.nb[ic]"):
+        here = compiled.relative_to(root)
+        if not here.exists():
+            here.parent.mkdir(parents=True, exist_ok=True)
+            with contextlib.suppress(OSError):  # another stage may be replacing it
+                shutil.copyfile(compiled, here)
+
+
+def _right_python() -> None:
+    """Stop where the Python that was found first is not the one the packages are installed in."""
+    missing = [name for name in ("cv2", "numpy", "pydantic") if not importlib.util.find_spec(name)]
+    if missing:
+        error = FinloopError(
+            f"{sys.executable} lacks {', '.join(missing)}",
+            "the environment that `make setup` creates, first on PATH",
+            "make repro; or: source .venv/bin/activate, then call dvc again",
+        )
+        sys.exit(f"finloop: {error}")
+
+
+_set_threads()
+if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
+    _die_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C amid the imports: no traceback
+    _bring_compiled()
+_right_python()
+
+
+def run(main: Callable[[], None]) -> NoReturn:
+    """Run a stage and end the process: status 0, or one message on stderr and status 1 (130).
+
+    Only an exception nobody foresaw shows its traceback, after a line that says so.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        main()
+    except KeyboardInterrupt:
+        print("\nfinloop: interrupted; `dvc repro` starts again from here", file=sys.stderr)
+        sys.exit(130)
+    except Exception as error:
+        foreseen = _foreseen(error)
+        if foreseen is None:
+            traceback.print_exc()
+            foreseen = FinloopError(
+                f"an error in the program itself: {type(error).__name__}: {error}",
+                "no error, or a message that says what to do",
+                "report it, with the traceback above",
+            )
+        sys.exit(f"finloop: {foreseen}")
+    sys.exit(0)
+
+
+def _foreseen(error: Exception) -> FinloopError | None:
+    """The message for an error that a user can do something about; None for any other."""
+    if isinstance(error, FinloopError):
+        return error
+    if isinstance(error, MemoryError):
+        return FinloopError(
+            f"out of memory ({error})" if str(error) else "out of memory",
+            "memory for a few frames and the tables",
+            "close other programs, or take a clip with smaller frames",
+        )
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return FinloopError(
+            f"the disk is full ({error.filename or 'while writing'})",
+            "room for this stage's output; what was half written is removed",
+            "make room (`dvc gc --workspace` drops unused results), then: dvc repro",
+        )
+    return None
+
+
+@contextmanager
+def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Callable[..., None]]:
+    """Yield `advance(n=1)`, which moves a bar on a terminal's stderr, or prints a line at times.
+
+    `total` is the number of `unit` to come, None where it is unknown.
+    """
+    with _bar(word, total, unit) if sys.stderr.isatty() else _lines(word, total, unit) as advance:
+        yield advance
+
+
+@contextmanager
+def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+    """A bar with the time that went and the time that is left."""
+    from rich import progress as shown
+    from rich.console import Console
+
+    columns = (
+        shown.TextColumn("{task.description}"),
+        shown.BarColumn(),
+        shown.MofNCompleteColumn(),
+        shown.TextColumn(unit),
+        shown.TimeElapsedColumn(),
+        shown.TextColumn("left"),
+        shown.TimeRemainingColumn(),
+    )
+    with shown.Progress(*columns, console=Console(stderr=True)) as bar:
+        task = bar.add_task(f"{word:<8}", total=total)
+        yield lambda n=1: bar.advance(task, n)
+
+
+@contextmanager
+def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
+    """A line in the log every LINE_EVERY_S, and one at the end."""
+    start = last = time.monotonic()
+    done = 0
+
+    def say() -> None:
+        of = f" of {total}" if total else ""
+        print(f"{word}: {done}{of} {unit}, {time.monotonic() - start:.0f} s", file=sys.stderr)
+
+    def advance(n: int = 1) -> None:
+        nonlocal done, last
+        done += n
+        if time.monotonic() - last >= LINE_EVERY_S:
+            last = time.monotonic()
+            say()
+
+    yield advance
+    say()
+
+
+def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
+    """Write a stage's metrics: flat, sorted, six digits; one without a value is left out.
+
+    None and NaN say that a number does not exist for this clip (no truth, no fish long enough);
+    JSON has no NaN, and 0 would be a lie.
+    """
+    kept: dict[str, float | int] = {}
+    for name, value in sorted(numbers.items()):
+        if isinstance(value, Integral):
+            kept[name] = int(value)
+        elif isinstance(value, Real) and math.isfinite(value):
+            kept[name] = float(f"{float(value):.6g}")
+        elif not (value is None or isinstance(value, Real)):
+            raise TypeError(f"metric {name}: a number is wanted, got {value!r}")
+    with whole_file(path) as part:
+        part.write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")

@@ -1,0 +1,118 @@
+"""Fixtures that several tests share: a copy of the repository whose pipeline runs a tiny carp."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import psutil
+import pytest
+
+ROOT = Path(__file__).parents[1]
+TINY_CARP = [
+    "clip=carp",
+    "clip.frames=48",
+    "clip.width_px=320",
+    "clip.height_px=240",
+    "clip.body_length_px=70",
+    "clip.colour=false",
+]
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A copy of the repository to run DVC in, with an environment of its own."""
+
+    root: Path
+    env: dict[str, str]
+
+    def run(self, *command: str, fails: bool = False) -> str:
+        """What a command prints, stdout and stderr; it must end well, or with `fails` badly."""
+        done = subprocess.run(
+            command,
+            cwd=self.root,
+            env=self.env,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            timeout=120,
+        )
+        assert (done.returncode != 0) == fails, f"{' '.join(command)}\n{done.stdout}"
+        return done.stdout
+
+    def dvc(self, *arguments: str, fails: bool = False) -> str:
+        return self.run("dvc", *arguments, fails=fails)
+
+    def git(self, *arguments: str) -> str:
+        return self.run("git", *arguments)
+
+    def compose(self, *overrides: str) -> str:
+        return self.run("python", "-m", "stages.params.compose", *TINY_CARP, *overrides)
+
+    def start(self, *command: str) -> subprocess.Popen[str]:
+        """Start a command as a terminal would, in a process group of its own."""
+        return subprocess.Popen(
+            command,
+            cwd=self.root,
+            env=self.env,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+
+    def text(self, path: str) -> str:
+        return (self.root / path).read_text(encoding="utf-8")
+
+    def back(self) -> None:
+        """As it was after the first run."""
+        self.git("reset", "--quiet", "--hard", "start")
+        self.dvc("checkout", "--force", "--quiet")
+
+
+@pytest.fixture(scope="session")
+def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
+    """The repository, copied and run once on a drawn carp of two seconds, all committed."""
+    root = tmp_path_factory.mktemp("finloop")
+    listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
+    for name in subprocess.check_output(listed, cwd=ROOT, text=True).split("\0"):
+        if name and (ROOT / name).is_file():
+            (root / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, root / name)
+    for compiled in ROOT.glob("finloop/__pycache__/*.nb[ic]"):  # numba's, ten seconds of work
+        (root / "finloop/__pycache__").mkdir(exist_ok=True)
+        shutil.copy2(compiled, root / "finloop/__pycache__")
+    apart = tmp_path_factory.mktemp("apart")
+    env = {key: value for key, value in os.environ.items() if not key.startswith(("GIT_", "DVC_"))}
+    env |= {
+        "PATH": f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}",
+        "SHELL": "/bin/sh",  # not every shell makes way for a command without `exec`
+        "GIT_CONFIG_GLOBAL": os.devnull,
+        "DVC_GLOBAL_CONFIG_DIR": str(apart / "global"),
+        "DVC_SITE_CACHE_DIR": str(apart / "site"),
+    }
+    copy = Copy(root, env)
+    copy.git("init", "--quiet", ".")
+    copy.git("config", "user.name", "test")
+    copy.git("config", "user.email", "test@example.org")
+    copy.compose()
+    copy.git("add", "--all")
+    copy.git("commit", "--quiet", "--message", "before the first run")
+    copy.dvc("repro")
+    copy.git("add", "--all")
+    copy.git("commit", "--quiet", "--message", "the first run")
+    copy.git("tag", "start")
+    yield copy
+    for process in psutil.process_iter(["cwd"]):  # the queue's worker waits for more
+        if process.info["cwd"] == str(root):
+            process.kill()
+
+
+@pytest.fixture
+def repo(first_run: Copy) -> Iterator[Copy]:
+    """The run copy, put back in order after the test."""
+    yield first_run
+    first_run.back()

@@ -1,0 +1,448 @@
+"""The drawn carp: laws of its motion, of its picture, and that its truth is what is drawn."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.spatial.distance import cdist
+
+from finloop.carp import (
+    TRUTH_COLUMNS,
+    CarpFilm,
+    bend_of,
+    curvature_of,
+    empty_tank,
+    film,
+    heading_of,
+    light,
+    looks,
+    midline_px,
+    motion,
+    still,
+)
+from finloop.carp_draw import blurred, draw
+from finloop.carp_motion import POINTS, midline, turn_bend, turn_progress
+from finloop.carp_skin import Look, half_width, look
+
+SMALL = CarpFilm(frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3)
+POSES = [  # amplitude, bend (radians), axis (radians), beat
+    (0.0, 0.0, 0.0, 0.0),
+    (1.0, 0.0, 0.7, 0.3),
+    (0.2, 1.4, -2.0, 0.1),
+    (0.3, -2.0, 2.6, 0.6),
+]
+
+
+def posed(amplitude, bend, axis, beat, length=110.0):
+    return length * midline(1.3, 1.2, axis, beat, amplitude, bend)
+
+
+@pytest.fixture(scope="module")
+def carp():
+    return look(np.random.default_rng(0), 480, 0)
+
+
+@pytest.fixture(scope="module")
+def long_films():
+    """Six films' motion at the default size and length, with their midlines."""
+    films = []
+    for seed in range(6):
+        params = CarpFilm(seed=seed)
+        poses = motion(params)
+        lines = np.array([midline_px(params, poses, k, 0) for k in range(params.frames)])
+        films.append((params, poses, lines))
+    return films
+
+
+def wrapped(degrees):
+    return (np.asarray(degrees) + 180) % 360 - 180
+
+
+# -- signs, by hand -----------------------------------------------------------------------------
+
+
+def test_a_left_bend_seen_on_screen_has_plus_signs():
+    # A quarter circle, drawn by hand. The fish's tail points left, its head up on screen (y down):
+    # swimming along it from tail to head it turns from "right" to "up", which is to its left.
+    angle = np.linspace(np.pi / 2, 0, POINTS)  # head first
+    line = np.column_stack([np.sin(angle), np.cos(angle)])
+    assert heading_of(line) > 45
+    assert curvature_of(line) == pytest.approx(90, abs=2)
+    # Quarter circle of radius 1: sector less triangle, over the square of the arc.
+    assert bend_of(line) == pytest.approx((np.pi / 4 - 0.5) / (np.pi / 2) ** 2, rel=1e-3)
+    mirrored = line * (1, -1)
+    assert bend_of(mirrored) == pytest.approx(-bend_of(line))
+    assert curvature_of(mirrored) == pytest.approx(-curvature_of(line))
+
+
+@pytest.mark.parametrize(
+    ("head", "degrees"), [((1, 0), 0), ((0, -1), 90), ((-1, 0), 180), ((0, 1), -90)]
+)
+def test_heading_is_anticlockwise_from_screen_right(head, degrees):
+    line = np.linspace(head, (0, 0), POINTS)
+    assert heading_of(line) == pytest.approx(degrees)
+
+
+def test_a_bend_to_the_left_is_asked_for_with_plus():
+    line = midline(0, 0, 0.4, 0.0, 0.0, np.radians(70))
+    assert curvature_of(line) == pytest.approx(70)
+    assert bend_of(line) > 0.08
+    assert heading_of(line) > np.degrees(0.4)  # the head leads the turn
+    assert bend_of(midline(0, 0, 0.4, 0.0, 0.0, 0.0)) == pytest.approx(0, abs=1e-12)
+
+
+# -- the midline --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_midline_does_not_stretch(pose):
+    step = np.linalg.norm(np.diff(posed(*pose), axis=0), axis=1)
+    assert step == pytest.approx(110 / (POINTS - 1), rel=1e-9)
+
+
+def test_the_wave_grows_to_the_tail_and_runs_there():
+    beats = np.linspace(0, 1, 41)[:-1]
+    side = np.array([-midline(0, 0, 0, b, 1.0, 0.0)[:, 1] for b in beats])
+    swing = np.ptp(side, axis=0) / 2
+    assert 0.08 < swing[-1] < 0.13  # a carp's tail: about 0.1 body lengths
+    assert swing[:22].max() < 0.03 < swing[-8:].min()
+    phase = np.unwrap(np.angle([np.fft.rfft(side[:, i])[1] for i in range(36, 65)]))
+    assert np.all(np.diff(phase) < 0)  # later and later towards the tail
+
+
+def test_a_turn_goes_one_way_and_ends_straight():
+    tau = np.linspace(0, 1, 200)
+    progress = np.array([turn_progress(t) for t in tau])
+    bend = np.array([turn_bend(t) for t in tau])
+    assert progress[0] == 0 and progress[-1] == 1 and np.all(np.diff(progress) >= 0)
+    assert bend[0] == 0 and bend[-1] == 0 and bend.max() == pytest.approx(1)
+    assert np.all(bend >= 0)
+
+
+# -- the picture is what the truth says ---------------------------------------------------------
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_tips_of_the_silhouette_are_the_ends_of_the_midline(pose, carp):
+    line = posed(*pose)
+    # Finely drawn, so that the outline can be walked to a tenth of a pixel.
+    cut = draw(line * 8, (0.0, 0.0), carp, oversample=1)
+    inside = cut.coverage > 0.5
+    for end, before in ((0, 2), (-1, -3)):
+        out = (line[end] - line[before]) / np.linalg.norm(line[end] - line[before])
+        walk = line[end] + np.linspace(-3, 3, 241)[:, None] * out
+        x, y = np.rint(walk * 8 - (cut.x0, cut.y0)).astype(int).T
+        last = np.flatnonzero(inside[y, x]).max()
+        assert np.linspace(-3, 3, 241)[last] == pytest.approx(0, abs=0.2)
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_body_is_as_wide_as_the_profile_on_both_sides(pose, carp):
+    line = posed(*pose)
+    cut = draw(line * 8, (0.0, 0.0), carp, oversample=1)
+    inside = cut.coverage > 0.5
+    for i in (6, 20, 32, 45, 58):
+        along = line[i - 1] - line[i + 1]
+        left = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+        for side in (left, -left):
+            off = np.linspace(0, 12, 481)
+            x, y = np.rint((line[i] + off[:, None] * side) * 8 - (cut.x0, cut.y0)).astype(int).T
+            edge = off[np.argmin(inside[y, x])]
+            assert edge == pytest.approx(110 * half_width(np.array([i / 64]))[0], abs=0.25)
+
+
+def test_the_area_is_the_integral_of_the_width(carp):
+    straight = draw(posed(*POSES[0]), (0.0, 0.0), carp)
+    s = np.linspace(0, 1, 4001)
+    wanted = 2 * 110**2 * np.trapezoid(half_width(s), s)
+    assert straight.area_px() == pytest.approx(wanted, rel=0.005)
+
+
+def test_truth_is_taken_from_the_coverage(carp):
+    params = replace(SMALL, frames=3, fins=1.0)
+    poses, skins = motion(params), looks(params)
+    for number, (_, rows) in enumerate(film(params)):
+        row = rows[0]
+        line = midline_px(params, poses, number, 0)
+        left, right = poses.fins[number, 0]
+        cut = draw(line, (float(left), float(right)), skins[0])
+        y, x = np.mgrid[: cut.coverage.shape[0], : cut.coverage.shape[1]]
+        assert row["mask_area_px"] == pytest.approx(cut.coverage.sum(), rel=1e-5)
+        assert row["x_px"] == pytest.approx(np.average(x, weights=cut.coverage) + cut.x0, abs=1e-3)
+        assert row["y_px"] == pytest.approx(np.average(y, weights=cut.coverage) + cut.y0, abs=1e-3)
+        assert (row["head_x_px"], row["head_y_px"]) == tuple(line[0])
+        assert (row["tail_x_px"], row["tail_y_px"]) == tuple(line[-1])
+        assert row["backbone_x_px"] == pytest.approx(line[:, 0], abs=1e-4)
+        assert row["body_length_px"] == pytest.approx(60)
+
+
+def test_the_fish_in_the_frame_lies_where_the_truth_says():
+    # Without noise, drift and shadow whatever differs from the empty floor is the fish: find it in
+    # the finished frames. Nearly opaque, so its darkness weighs almost like its coverage.
+    params = replace(
+        SMALL, frames=60, noise=0.0, light_drift=0.0, shadow=0.0, fins=0.0, colour=False
+    )
+    floor = empty_tank(params)[..., 0]
+    for picture, rows in list(film(params))[::6]:
+        dark = floor - picture > 45
+        y, x = np.nonzero(dark)
+        assert x.mean() == pytest.approx(rows[0]["x_px"], abs=0.6)
+        assert y.mean() == pytest.approx(rows[0]["y_px"], abs=0.6)
+        assert dark.sum() == pytest.approx(rows[0]["mask_area_px"], rel=0.12)
+
+
+def test_a_mirrored_pose_is_a_mirrored_silhouette(carp):
+    line = posed(0.4, 1.0, 0.0, 0.2)
+    mirror = line * (1, -1) + (0, 300)
+    one, other = draw(line, (1.0, 0.3), carp), draw(mirror, (0.3, 1.0), carp)
+    (x, y), (mx, my) = one.centre_px(), other.centre_px()
+    assert (mx, my) == pytest.approx((x, 300 - y), abs=0.02)
+    assert other.area_px() == pytest.approx(one.area_px(), rel=2e-3)
+
+
+def test_open_fins_add_to_the_silhouette_and_are_see_through(carp):
+    line = posed(*POSES[0])
+    shut, open_ = draw(line, (0.0, 0.0), carp), draw(line, (1.0, 1.0), carp)
+    assert open_.area_px() > 1.1 * shut.area_px()
+    beside = [np.flatnonzero(cut.coverage.max(axis=1) > 0.5) for cut in (shut, open_)]
+    assert np.ptp(beside[0]) == pytest.approx(2 * 0.09 * 110, abs=2)
+    assert np.ptp(beside[1]) > 0.40 * 110  # they stand off to both sides
+    web = (open_.coverage > 0.99) & (open_.opacity < 0.8)
+    assert web.sum() > 80 and open_.opacity[web].min() > 0.15
+
+
+@pytest.mark.parametrize("pose", POSES)
+def test_the_skin_sticks_to_the_body(pose):
+    # A skin that says where it is: red = place along the body, green = 200 on the left, else 20.
+    rows, columns = 120, 480
+    skin = np.ones((rows, columns, 4), np.float32)
+    skin[..., 0] = 200 * (np.arange(columns) + 0.5) / columns
+    skin[..., 1] = np.where(np.arange(rows)[:, None] < rows // 2, 200, 20)
+    marked = Look(skin, np.zeros((8, 8, 5), np.float32), 1.0)
+    line = posed(*pose, length=330)
+    cut = draw(line, (0.0, 0.0), marked, light=(0.0, 0.0), gloss=0.0)
+    for i in (8, 24, 40, 50):
+        along = line[i - 1] - line[i + 1]
+        left = np.array([along[1], -along[0]]) / np.linalg.norm(along)
+        for side, green in ((1, 200), (-1, 20)):
+            x, y = line[i] + side * 6 * left - (cut.x0, cut.y0)
+            red_seen, green_seen, _ = cut.colour[round(y), round(x)]
+            assert red_seen == pytest.approx(200 * i / 64, abs=0.8)
+            assert green_seen == pytest.approx(green, abs=1)
+
+
+# -- the swimming -------------------------------------------------------------------------------
+
+
+def test_it_swims_without_jumps_and_stays_in_the_tank(long_films):
+    for params, poses, lines in long_films:
+        assert lines.min() > 10
+        assert lines[..., 0].max() < params.width_px - 11
+        assert lines[..., 1].max() < params.height_px - 11
+        step = np.hypot(np.diff(poses.x[:, 0]), np.diff(poses.y[:, 0]))
+        assert step.max() < 3.0 / params.frame_rate_hz  # at most 3 body lengths a second
+        assert np.median(step) > 0.4 / params.frame_rate_hz
+        assert np.abs(np.diff(step)).max() < 0.02  # nor does the speed jump
+        assert np.abs(np.diff(lines, axis=0)).max() < 0.35 * params.body_length_px
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_it_stays_in_a_small_tank(seed):
+    params = CarpFilm(
+        frames=1000, fish=2, width_px=190, height_px=300, body_length_px=60.0, seed=seed
+    )
+    assert params.fits()
+    poses = motion(params)
+    lines = np.array([[midline_px(params, poses, k, i) for i in (0, 1)] for k in range(1000)])
+    assert lines.min() > 2 + 0.02 * 60
+    assert lines[..., 0].max() < 187 and lines[..., 1].max() < 297
+
+
+def test_it_turns_both_ways_a_fifth_of_the_time(long_films):
+    kinds = np.array([poses.swimming_type[:, 0] for _, poses, _ in long_films])
+    assert set(np.unique(kinds)) == {-1, 0, 1}
+    share = (kinds != 0).mean(axis=1)
+    assert np.all(share > 0.10) and np.all(share < 0.26)
+    assert 0.15 <= share.mean() <= 0.25
+    assert np.all((kinds > 0).mean(axis=1) > 0.03) and np.all((kinds < 0).mean(axis=1) > 0.03)
+
+
+def test_the_swimming_type_is_that_of_the_turn(long_films):
+    angles, bends = [], []
+    for params, poses, lines in long_films:
+        kind = poses.swimming_type[:, 0].astype(int)
+        axis = np.degrees(np.unwrap(poses.axis[:, 0]))
+        heading = np.cumsum(wrapped(np.diff([heading_of(line) for line in lines], prepend=0)))
+        bend = np.array([bend_of(line) for line in lines])
+        unbeaten = np.degrees(
+            np.unwrap(
+                np.radians(
+                    [  # the heading, were there no tail beat
+                        heading_of(midline(0, 0, a, 0, 0, b))
+                        for a, b in zip(poses.axis[:, 0], poses.bend[:, 0], strict=True)
+                    ]
+                )
+            )
+        )
+        edges = np.flatnonzero(np.diff(kind)) + 1
+        for start, stop in pairwise(edges):
+            sign = kind[start]
+            if sign == 0:
+                rate = np.diff(unbeaten[start:stop]) * params.frame_rate_hz
+                assert np.all(np.abs(rate) < 45)  # nobody could call this a turn
+                assert np.degrees(np.abs(poses.bend[start:stop])).max() < 10
+                continue
+            assert 5 <= stop - start <= 40
+            # It is seen from the first frame to the last: the head turns or the body is bent.
+            rate = np.abs(np.diff(unbeaten[start - 1 : stop + 1])) * params.frame_rate_hz
+            seen = np.maximum(rate[:-1], rate[1:]) > 20
+            assert np.all(seen | (np.degrees(np.abs(poses.bend[start:stop, 0])) > 8))
+            # The heading rises in a left turn, and the body bends to the left at its height.
+            assert sign * (axis[stop] - axis[start - 1]) > 18
+            assert sign * (heading[stop] - heading[start - 1]) > 5
+            assert sign * bend[(start + stop) // 2 - 1] > 0
+            angles.append(abs(axis[stop] - axis[start - 1]))
+            bends.append(np.abs(bend[start:stop]).max())
+    assert len(angles) > 80
+    assert min(angles) < 50 and 120 < max(angles) < 156
+    assert np.corrcoef(angles, bends)[0, 1] > 0.6  # wide turns bend the body more
+
+
+def test_it_speeds_up_and_glides(long_films):
+    speeds = np.concatenate(
+        [
+            np.hypot(np.diff(poses.x[:, 0]), np.diff(poses.y[:, 0])) * params.frame_rate_hz
+            for params, poses, _ in long_films
+        ]
+    )
+    beating = np.concatenate([poses.amplitude[:, 0] for _, poses, _ in long_films])
+    assert np.quantile(speeds, 0.99) > 1.5 and np.quantile(speeds, 0.05) < 0.6
+    assert (beating < 0.25).mean() > 0.15 and (beating > 0.7).mean() > 0.3
+
+
+@pytest.mark.parametrize("fins", [0.0, 0.3, 1.0])
+def test_fins_are_open_the_asked_share_of_the_time(fins):
+    poses = motion(CarpFilm(frames=4000, fins=fins, seed=5))
+    assert (poses.fins[100:] > 0.5).mean() == pytest.approx(fins, abs=0.08)
+
+
+@pytest.mark.parametrize("fish", [3, 8])
+def test_several_fish_never_touch(fish):
+    params = CarpFilm(frames=600, fish=fish, seed=2)
+    assert params.fits()
+    poses, skins = motion(params), looks(params)
+    clear = np.inf
+    for number in range(params.frames):
+        lines = [midline_px(params, poses, number, i) for i in range(fish)]
+        for i in range(fish):
+            for j in range(i):
+                clear = min(clear, cdist(lines[i][::2], lines[j][::2]).min())
+        if number % 60 == 0:
+            seen = np.zeros((params.height_px, params.width_px))
+            for line, skin in zip(lines, skins, strict=True):
+                cut = draw(line, (1.0, 1.0), skin)
+                y, x = np.nonzero(cut.coverage)
+                y, x = y + cut.y0, x + cut.x0
+                assert min(y.min(), x.min()) >= 0
+                seen[y, x] += 1
+            assert seen.max() == 1
+    assert 20 < clear < 300  # no two skins (20 px wide) touch, yet they do meet
+
+
+def test_a_tank_that_is_too_small_is_known():
+    assert CarpFilm().fits()
+    assert not replace(SMALL, body_length_px=150.0).fits()
+    assert not CarpFilm(fish=60).fits()
+
+
+# -- the film -----------------------------------------------------------------------------------
+
+
+def test_the_seed_decides_everything_and_nothing_else_does():
+    one, again = list(film(SMALL)), list(film(SMALL))
+    other = list(film(replace(SMALL, seed=4)))
+    for (a, rows_a), (b, rows_b) in zip(one, again, strict=True):
+        assert np.array_equal(a, b)
+        for row_a, row_b in zip(rows_a, rows_b, strict=True):
+            assert all(np.array_equal(row_a[key], row_b[key]) for key in row_a)
+    assert not np.array_equal(one[0][0], other[0][0])
+    assert one[0][1][0]["x_px"] != other[0][1][0]["x_px"]
+
+
+def test_a_longer_film_begins_like_a_shorter():
+    short = list(film(replace(SMALL, frames=5)))
+    for (a, _), (b, _) in zip(short, film(SMALL), strict=False):
+        assert np.array_equal(a, b)
+
+
+def test_noise_and_light_do_not_change_the_truth():
+    plain = [rows for _, rows in film(replace(SMALL, frames=4))]
+    rough = [rows for _, rows in film(replace(SMALL, frames=4, noise=9.0, light_drift=0.2))]
+    assert [r[0]["x_px"] for r in plain] == [r[0]["x_px"] for r in rough]
+
+
+def test_frames_and_rows_have_the_promised_form():
+    params = replace(SMALL, frames=2, fish=2)
+    for number, (picture, rows) in enumerate(film(params)):
+        assert picture.shape == (240, 320, 3) and picture.dtype == np.uint8
+        assert [row["fish_id"] for row in rows] == [0, 1]
+        for row in rows:
+            assert list(row) == [name for name, *_ in TRUTH_COLUMNS]
+            assert row["frame"] == number
+            for name, dtype, _, length in TRUTH_COLUMNS:
+                value = np.asarray(row[name])
+                assert value.shape == ((length,) if length else ())
+                assert np.all(np.isfinite(value))
+                assert not length or value.dtype == dtype
+    picture, _ = next(film(replace(params, colour=False)))
+    assert picture.shape == (240, 320)
+
+
+@pytest.mark.parametrize("colour", [True, False])
+@pytest.mark.parametrize("noise", [0.0, 2.5, 6.0])
+def test_noise_is_as_strong_as_asked(noise, colour):
+    params = replace(SMALL, frames=24, noise=noise, light_drift=0.0, shadow=0.0, colour=colour)
+    frames = np.array([picture for picture, _ in film(params)], np.float64)
+    if colour:
+        frames = frames @ (0.299, 0.587, 0.114)
+    spread = np.sqrt(frames[:, :4].var(axis=0, ddof=1).mean())  # no fish comes so near the wall
+    rounding = np.sqrt((1 / 12) * (np.square((0.299, 0.587, 0.114)).sum() if colour else 1))
+    rounding *= noise > 0
+    assert spread == pytest.approx(np.hypot(noise, rounding), rel=0.02)
+
+
+def test_light_drifts_slowly_and_as_far_as_asked():
+    params = CarpFilm(light_drift=0.1)
+    lamp = light(params)
+    assert 0.05 < np.abs(lamp - 1).max() <= 0.1
+    assert np.abs(np.diff(lamp)).max() < 0.002
+    assert np.array_equal(light(replace(params, light_drift=0.0)), np.ones(1500))
+    slow = replace(SMALL, frame_rate_hz=2.0, noise=0.0, light_drift=0.1, frames=30)
+    seen = np.array([np.median(picture) for picture, _ in film(slow)])
+    assert seen / seen[0] == pytest.approx(light(slow) / light(slow)[0], abs=0.02)
+
+
+def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
+    params = replace(SMALL, frames=30, noise=0.0, light_drift=0.0, fins=0.0, colour=False)
+    for seed in range(4):
+        params = replace(params, seed=seed)
+        frames, truth = zip(*film(params), strict=True)
+        floor = empty_tank(params)[..., 0]
+        poses, skins = motion(params), looks(params)
+        for number in (0, 15, 29):
+            line = midline_px(params, poses, number, 0)
+            cut = draw(line, (0.0, 0.0), skins[0])
+            rows, columns = cut.coverage.shape
+            window = np.s_[cut.y0 : cut.y0 + rows, cut.x0 : cut.x0 + columns]
+            darker = floor[window] - frames[number][window]
+            assert np.quantile(darker[cut.coverage > 0.99], 0.05) > 35
+            assert truth[number][0]["mask_area_px"] == pytest.approx(cut.area_px())
+            shade = darker[blurred(cut)[1] < 1e-3]
+            assert 8 < shade.max() < 40
+
+
+def test_a_still_is_a_strip_of_cut_outs():
+    strip = still(SMALL, [0, 5, 9], 100)
+    assert strip.shape == (100, 300, 3)
+    assert np.array_equal(strip, still(SMALL, [0, 5, 9], 100))

@@ -1,0 +1,982 @@
+"""The clip stage: any film becomes frames of constant rate, upright; or a message says why not.
+
+Films are drawn here, a few frames small. A white square in the upper left corner says which way is
+up; the grey of its background says which frame it is.
+"""
+
+import hashlib
+import io
+import json
+import math
+import subprocess
+import sys
+import zipfile
+from dataclasses import fields
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from finloop import carp, clip
+from finloop.clip import (
+    Tally,
+    Timing,
+    Turn,
+    chroma_fraction,
+    circle_arena,
+    deep_levels,
+    frame_rate_of,
+    nearest_in_time,
+    psnr_db,
+    rectangle_arena,
+    segments_of,
+    stretched,
+    turn_of,
+)
+from finloop.errors import FinloopError
+from finloop.files import footage as footage_module
+from finloop.files import wheel
+from finloop.files.footage import Footage, Loss, open_footage
+from finloop.files.table import load_table, schema_of
+from finloop.files.video import load_facts, load_mask, read_frames
+from stages import clip as stage
+from stages.params import check
+from stages.params.clip import OPTIONS
+
+ROOT = Path(__file__).parents[1]
+REAL = ROOT.parent / "shared" / "clips"
+WIDTH, HEIGHT = 64, 48
+
+# --- time
+
+
+@pytest.mark.parametrize("rate", [Fraction(25), Fraction(30000, 1001), Fraction(1, 10)])
+def test_constant_rate_is_found_through_rounded_stamps(rate):
+    times = np.round(np.arange(300) / float(rate), 3)  # milliseconds, as in webm
+    assert frame_rate_of(times, [rate]) == rate
+    assert abs(float(frame_rate_of(times, []) / rate) - 1) < 1e-4
+
+
+def test_dropped_frames_and_pauses_do_not_slow_the_rate_down():
+    times = np.delete(np.arange(200) / 30, [5, 6, 50, 90])
+    times[100:] += 60
+    assert frame_rate_of(times, [Fraction(99, 7), Fraction(30)]) == 30
+    assert frame_rate_of(times, []) == 30
+
+
+def retimed(times, rate) -> tuple[list[int], Timing]:
+    timing = Timing()
+    return list(nearest_in_time(zip(times, range(len(times)), strict=True), rate, timing)), timing
+
+
+@given(st.lists(st.floats(-0.45, 0.45), min_size=2, max_size=40))
+def test_jitter_below_half_a_frame_changes_nothing(jitter):
+    """The first frame sets the clock, so it is where the others are measured from."""
+    times = (np.arange(len(jitter)) + np.array([0, *jitter[1:]])) / 30
+    shown, timing = retimed(times, Fraction(30))
+    assert shown == list(range(len(times)))
+    assert timing == Timing(frames=len(times), cuts=[0])
+
+
+@given(st.lists(st.floats(0.001, 0.3), min_size=1, max_size=40), st.sampled_from([5, 24, 60]))
+def test_every_tick_shows_the_nearest_frame(gaps, rate):
+    times = 7 + np.cumsum([0, *gaps])
+    shown, timing = retimed(times, Fraction(rate))
+    ticks = times[0] + np.arange(len(shown)) / rate
+    nearest = np.abs(times[:, None] - ticks).min(axis=0)
+    np.testing.assert_allclose(np.abs(times[shown] - ticks), nearest, atol=1e-9)
+    assert abs(ticks[-1] - times[-1]) <= 0.5 / rate + 1e-9
+    assert timing.frames == len(shown) == len(set(shown)) + timing.repeated
+    assert timing.dropped == len(times) - len(set(shown))
+
+
+def test_a_pause_or_a_clock_that_runs_back_is_a_cut():
+    times = [0, 0.1, 0.2, 9.0, 9.1, 0.0, 0.1, 0.2]
+    shown, timing = retimed(times, Fraction(10))
+    assert shown == list(range(8))
+    assert timing == Timing(frames=8, cuts=[0, 3, 5])
+    assert segments_of(timing.cuts, timing.frames) == ((0, 3), (3, 5), (5, 8))
+
+
+# --- which way is up
+
+MATRICES = {  # of the display, by FFmpeg's convention: x′ = a x + c y, y′ = b x + d y
+    "as it is": ((1, 0, 0, 1), lambda picture: picture),
+    "turned left": ((0, -1, 1, 0), np.rot90),
+    "upside down": ((-1, 0, 0, -1), lambda picture: np.rot90(picture, 2)),
+    "turned right": ((0, 1, -1, 0), lambda picture: np.rot90(picture, 3)),
+    "mirrored": ((-1, 0, 0, 1), np.fliplr),
+    "mirrored, upside down": ((1, 0, 0, -1), np.flipud),
+    "mirrored, turned left": ((0, 1, 1, 0), lambda picture: np.rot90(np.fliplr(picture))),
+    "mirrored, turned right": ((0, -1, -1, 0), lambda picture: np.rot90(np.fliplr(picture), 3)),
+}
+
+
+@pytest.mark.parametrize("way", MATRICES)
+def test_all_eight_ways_to_lie(way):
+    (a, b, c, d), reference = MATRICES[way]
+    turn, exact = turn_of(np.array([a, b, 0, c, d, 0, 0, 0, 1]) * 65536)
+    assert exact
+    for shape in [(3, 4), (3, 4, 3)]:
+        picture = np.arange(math.prod(shape)).reshape(shape)
+        np.testing.assert_array_equal(turn(picture), reference(picture))
+    assert turn.mirrored == ("mirrored" in way)
+    turned = {"left": 90, "upside": 180, "right": 270}
+    assert turn.rotation_deg == next((turned[word] for word in way.split() if word in turned), 0)
+
+
+def test_a_crooked_turn_is_told():
+    angle = np.radians(80)
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn, exact = turn_of([cos, -sin, 0, sin, cos, 0, 0, 0, 1])
+    assert (turn.rotation_deg, exact) == (90, False)
+
+
+# --- arena
+
+
+def test_rectangle_arena():
+    mask = rectangle_arena(6, 4, 1, 1, 3, 2)
+    assert mask.shape == (4, 6)
+    np.testing.assert_array_equal(np.argwhere(mask).min(axis=0), [1, 1])
+    np.testing.assert_array_equal(np.argwhere(mask).max(axis=0), [2, 3])
+    assert mask.sum() == 6
+    assert rectangle_arena(6, 4, -9, -9, 99, 99).all()
+
+
+def test_circle_arena():
+    mask = circle_arena(50, 40, 20, 19, 15)
+    x, y = np.argwhere(mask)[:, ::-1].T
+    assert np.hypot(x - 20, y - 19).max() <= 15
+    assert abs(mask.sum() / (np.pi * 15**2) - 1) < 0.02
+    np.testing.assert_array_equal(circle_arena(5, 5, 2, 2, 1).sum(axis=0), [0, 1, 3, 1, 0])
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: rectangle_arena(6, 4, 6, 0, 3, 3),
+        lambda: rectangle_arena(6, 4, 1.2, 1.2, 0.5, 0.5),
+        lambda: circle_arena(6, 4, 30, 2, 5),
+        lambda: circle_arena(6, 4, 0.5, 0.5, 0.1),
+    ],
+)
+def test_an_arena_outside_the_picture_is_refused(make):
+    with pytest.raises(FinloopError, match="outside the picture"):
+        make()
+
+
+# --- light and colour
+
+
+def test_colour_is_what_differs_from_the_tint():
+    grey = np.random.default_rng(0).integers(0, 256, (50, 50, 1), dtype=np.uint8)
+    film = np.repeat(grey, 3, axis=2)
+    assert chroma_fraction([film]) == 0
+    tinted = (film * [0.9, 0.8, 1]).astype(np.uint8) // 4 + 100
+    assert chroma_fraction([tinted]) < clip.CHROMA_FRACTION
+    film[10:15, 10:12] = [220, 90, 20]  # a goldfish
+    assert chroma_fraction([film]) > clip.CHROMA_FRACTION
+
+
+def test_deep_levels_ignore_hot_pixels():
+    frame = np.linspace(1000, 3000, 10**5).astype(np.uint16).reshape(100, 1000)
+    frame[0, :3] = 65535
+    low, high = deep_levels([frame, frame])
+    assert (abs(low - 1000) < 3, abs(high - 3000) < 3) == (True, True)
+    flat = np.full((4, 4), 7, np.uint16)
+    assert not stretched(flat, *deep_levels([flat])).any()
+
+
+def test_stretching():
+    frame = np.array([[0, 1000, 1500, 2000, 65535]], np.uint16)
+    np.testing.assert_array_equal(stretched(frame, 1000, 2000), [[0, 0, 128, 255, 255]])
+
+
+def test_tally_is_bounded_and_spread():
+    tally = Tally()
+    for level in range(200):
+        tally.add(np.full((2, 2), level, np.uint8))
+    assert (tally.darkest, tally.brightest, tally.brightness_mean) == (0, 199, 99.5)
+    assert clip.KEPT_FRAMES / 2 < len(tally.kept) <= clip.KEPT_FRAMES
+    assert len(set(np.diff(list(tally.kept)))) == 1
+    assert all(frame[0, 0] == number for number, frame in tally.kept.items())
+    assert max(tally.kept) > 150
+
+
+def test_tally_of_colour_and_of_nothing_to_see():
+    tally = Tally()
+    tally.add(np.full((2, 2, 3), [10, 12, 17], np.uint8))
+    assert tally.brightness_mean == pytest.approx(13)
+    assert tally.plain
+    tally.add(np.full((2, 2, 3), 90, np.uint8))
+    assert not tally.plain
+
+
+def test_psnr():
+    frame = np.full((4, 4), 100, np.uint8)
+    assert psnr_db([(frame, frame)]) == math.inf
+    other = frame.copy()
+    other[0, 0] += 8  # a mean square of 4
+    assert psnr_db([(frame, other)]) == pytest.approx(10 * math.log10(255**2 / 4))
+
+
+# --- films drawn for the tests
+
+
+def picture(number: int, width: int = WIDTH, height: int = HEIGHT) -> np.ndarray:
+    """RGB of frame `number`: a grey of 40 + 4 · number with a white square at the upper left."""
+    made = np.full((height, width, 3), 40 + 4 * number, np.uint8)
+    made[: height // 3, : width // 3] = 255
+    return made
+
+
+def numbers(frames) -> list[int]:
+    """The numbers of the frames, from the grey of their lower right corner."""
+    return [round((float(np.median(frame[-8:, -8:])) - 40) / 4) for frame in frames]
+
+
+def make_film(
+    path: Path,
+    pictures,
+    *,
+    codec: str = "mpeg4",
+    rate: int = 25,
+    pts: list[int] | None = None,
+    pix_fmt: str = "yuv420p",
+    options: dict[str, str] | None = None,
+    matrix: tuple[int, ...] | None = None,
+    gop: int = 12,
+    source: str = "rgb24",
+) -> Path:
+    """Write a film; `pts` in milliseconds make its rate variable."""
+    pictures = list(pictures)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=rate, options=options)
+        stream.height, stream.width = pictures[0].shape[:2]
+        stream.pix_fmt = pix_fmt
+        stream.codec_context.gop_size = gop
+        base = Fraction(1, 1000) if pts else Fraction(1, rate)
+        stream.codec_context.time_base = base
+        stream.bit_rate = 10_000_000  # so that greys stay what they are
+        if matrix:
+            stream.set_display_matrix(matrix)
+        for number, one in enumerate(pictures):
+            frame = av.VideoFrame.from_ndarray(one, format=source)
+            frame.pts, frame.time_base = pts[number] if pts else number, base
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def read(footage: Footage, loss: Loss | None = None) -> tuple[list[float], list[np.ndarray]]:
+    stamped = list(footage.frames(loss or Loss()))
+    return [time for time, _ in stamped], [frame for _, frame in stamped]
+
+
+@pytest.fixture(scope="module")
+def avi(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fifty frames, 25 a second: two seconds."""
+    return make_film(tmp_path_factory.mktemp("film") / "film.avi", map(picture, range(50)))
+
+
+@pytest.fixture(scope="module")
+def broken_off(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Two thirds of an AVI of fifty frames: its header promises more than it holds."""
+    noise = np.random.default_rng(0).integers(0, 30, (50, HEIGHT, WIDTH, 3), dtype=np.uint8)
+    pictures = (picture(k) // 30 * 30 + noise[k] for k in range(50))
+    path = make_film(
+        tmp_path_factory.mktemp("film") / "film.avi", pictures, codec="mjpeg", pix_fmt="yuvj420p"
+    )
+    path.write_bytes(path.read_bytes()[: path.stat().st_size * 2 // 3])
+    return path
+
+
+CONTAINERS = {
+    "avi": ("mpeg4", "yuv420p"),
+    "mp4": ("libx264", "yuv420p"),
+    "mov": ("mjpeg", "yuvj420p"),
+    "mkv": ("ffv1", "yuv420p"),
+    "webm": ("libvpx", "yuv420p"),
+    "gif": ("gif", "rgb8"),
+}
+
+
+@pytest.mark.parametrize("kind", CONTAINERS)
+def test_every_container_comes_through_whole(tmp_path, kind):
+    codec, pix_fmt = CONTAINERS[kind]
+    path = make_film(
+        tmp_path / f"film.{kind}", map(picture, range(20)), codec=codec, pix_fmt=pix_fmt
+    )
+    footage = open_footage(path, colour=False)
+    times, frames = read(footage)
+    assert (footage.width_px, footage.height_px) == (WIDTH, HEIGHT)
+    assert footage.frame_rate == 25
+    assert footage.frames_expected == 20
+    np.testing.assert_allclose(times, np.arange(20) / 25, atol=0.002)
+    if kind == "gif":  # eight levels of grey
+        assert len(frames) == 20
+    else:
+        assert numbers(frames) == list(range(20))
+    assert all(frame.shape == (HEIGHT, WIDTH) and frame.dtype == np.uint8 for frame in frames)
+    assert frames[0][2, 2] > 245
+
+
+def test_colour_is_found_kept_or_left(tmp_path):
+    coloured = [picture(k) for k in range(5)]
+    for one in coloured:
+        one[30:40, 30:40] = [200, 40, 40]
+    path = make_film(tmp_path / "a.mkv", coloured, codec="ffv1", pix_fmt="bgr0")
+    footage = open_footage(path)
+    assert footage.colour
+    np.testing.assert_array_equal(read(footage)[1], coloured)
+    assert read(open_footage(path, colour=False))[1][0].ndim == 2
+    grey = make_film(tmp_path / "b.mkv", map(picture, range(5)), codec="ffv1", pix_fmt="bgr0")
+    assert not open_footage(grey).colour
+    assert open_footage(grey, colour=True).colour
+
+
+def luma_film(path: Path, low: int, high: int) -> Path:
+    """A film that does not state its range, with a ramp of Y from `low` to `high`."""
+    ramp = np.tile(np.linspace(low, high, WIDTH).astype(np.uint8), (HEIGHT, 1))
+    planes = np.vstack([ramp, np.full((HEIGHT // 2, WIDTH), 128, np.uint8)])
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuv420p"
+        for number in range(3):
+            frame = av.VideoFrame.from_ndarray(planes, format="yuv420p")
+            frame.pts = number
+            container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def test_limited_range_becomes_full(tmp_path):
+    """16 is black and 235 white, unless the film plainly uses more."""
+    footage = open_footage(luma_film(tmp_path / "a.mkv", 16, 235), colour=False)
+    frame = read(footage)[1][0]
+    y = np.linspace(16, 235, WIDTH).astype(np.uint8).astype(float)
+    np.testing.assert_allclose(frame[0], (y - 16) * 255 / 219, atol=0.5)
+    footage = open_footage(luma_film(tmp_path / "b.mkv", 0, 255), colour=False)
+    frame = read(footage)[1][0]
+    np.testing.assert_array_equal(frame[0], np.linspace(0, 255, WIDTH).astype(np.uint8))
+    assert "range of levels" in footage.notes[0]
+    rgb = read(open_footage(tmp_path / "b.mkv", colour=True))[1][0]
+    assert np.abs(rgb[..., 1].astype(int) - frame).max() <= 1
+
+
+def test_a_film_of_sixteen_bits_is_stretched(tmp_path):
+    levels = np.linspace(1000, 3000, WIDTH * HEIGHT).astype(np.uint16).reshape(HEIGHT, WIDTH)
+    path = make_film(
+        tmp_path / "a.mkv", [levels] * 3, codec="ffv1", pix_fmt="gray16le", source="gray16le"
+    )
+    footage = open_footage(path)
+    assert not footage.colour
+    assert footage.levels == pytest.approx((1000, 3000), abs=2)
+    frame = read(footage)[1][0]
+    np.testing.assert_allclose(frame, (levels - 1000.0) * 255 / 2000, atol=0.8)
+
+
+@pytest.mark.parametrize(("width", "height"), [(63, 47), (17, 33), (500, 263)])
+def test_odd_sizes_keep_every_pixel(tmp_path, width, height):
+    """4:2:0 within an odd size: the last row and column are there, and where they were."""
+    frames = [picture(k, width, height) for k in range(3)]
+    for one in frames:
+        one[-1], one[:, -1] = 255, 255
+    path = make_film(tmp_path / "a.avi", frames, codec="mjpeg", pix_fmt="yuvj420p")
+    back = read(open_footage(path, colour=False))[1]
+    assert back[0].shape == (height, width)
+    assert np.abs(back[0].astype(int) - frames[0][..., 0]).mean() < 6
+    assert back[0][-1].mean() > 200 > 120 > back[0][-4, : -width // 2].mean()
+
+
+@pytest.mark.parametrize("way", MATRICES)
+def test_the_display_matrix_is_honoured(tmp_path, way):
+    (a, b, c, d), reference = MATRICES[way]
+    matrix = (a << 16, b << 16, 0, c << 16, d << 16, 0, 0, 0, 1 << 30)
+    path = make_film(
+        tmp_path / "a.mp4", map(picture, range(3)), matrix=None if way == "as it is" else matrix
+    )
+    footage = open_footage(path, colour=False)
+    frame = read(footage)[1][0]
+    expected = reference(picture(0)[..., 0])
+    assert frame.shape == expected.shape == (footage.height_px, footage.width_px)
+    assert np.abs(frame.astype(int) - expected).mean() < 8
+    assert footage.facts("file", 0).mirrored == ("mirrored" in way)
+
+
+VARIABLE_MS = [0, 33, 67, 100, 233, 267, 300, 310, 333, 367]  # 3 dropped at 133, one more at 310
+
+
+@pytest.mark.parametrize("kind", ["mkv", "mp4"])
+def test_variable_rate_becomes_constant(tmp_path, kind):
+    path = make_film(tmp_path / f"a.{kind}", map(picture, range(10)), rate=30, pts=VARIABLE_MS)
+    footage = open_footage(path, colour=False)
+    assert abs(footage.frame_rate - 30) < 1
+    timing = Timing()
+    shown = numbers(nearest_in_time(footage.frames(Loss()), Fraction(30), timing))
+    assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
+    assert (timing.repeated, timing.dropped) == (3, 1)
+    assert footage.frames_expected == pytest.approx(12, abs=1)
+
+
+def test_a_given_rate_keeps_every_frame_and_changes_its_time(tmp_path):
+    path = make_film(tmp_path / "a.mkv", map(picture, range(10)), rate=30, pts=VARIABLE_MS)
+    footage = open_footage(path, frame_rate_hz=100, colour=False, start_s=0.02, end_s=0.07)
+    times, frames = read(footage)
+    np.testing.assert_allclose(times, np.arange(2, 7) / 100)
+    assert numbers(frames) == [2, 3, 4, 5, 6]
+    assert footage.frame_rate == 100
+    assert "taken as shot at 100" in footage.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "expected"),
+    [
+        (0, None, range(50)),
+        (0.4, None, range(10, 50)),
+        (0, 0.4, range(10)),
+        (1.5, 1.6, range(38, 40)),
+        (1.88, 2.0, range(47, 50)),
+        (0.401, 0.5, range(11, 13)),
+    ],
+)
+def test_range_of_time(avi, start_s, end_s, expected):
+    footage = open_footage(avi, start_s=start_s, end_s=end_s, colour=False)
+    assert numbers(read(footage)[1]) == list(expected)
+    assert footage.frames_expected == len(expected)
+
+
+def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
+    path = make_film(tmp_path / "a.mp4", (picture(k % 50) for k in range(250)), codec="libx264")
+    decoded = 0
+    in_range = footage_module._in_range
+
+    def counted(footage, time_s):
+        nonlocal decoded
+        decoded += 1
+        return in_range(footage, time_s)
+
+    footage = open_footage(path, start_s=9.6, colour=False)
+    monkeypatch.setattr(footage_module, "_in_range", counted)
+    assert numbers(read(footage)[1]) == list(range(40, 50))
+    assert decoded < 60
+
+
+# --- pictures
+
+
+def write_pictures(folder: Path, pictures, suffix: str = ".png") -> Path:
+    folder.mkdir()
+    for number, one in enumerate(pictures):
+        stored = cv2.cvtColor(one, cv2.COLOR_RGB2BGR) if one.ndim == 3 else one
+        (folder / f"img{number}{suffix}").write_bytes(cv2.imencode(suffix, stored)[1].tobytes())
+    return folder
+
+
+def test_a_folder_of_pictures_in_natural_order(tmp_path):
+    folder = write_pictures(tmp_path / "film", (picture(k)[..., 0] for k in range(12)))
+    (folder / "notes.txt").write_text("about the film")
+    (folder / ".hidden.png").write_text("")
+    footage = open_footage(folder, frame_rate_hz=50)
+    times, frames = read(footage)
+    np.testing.assert_allclose(times, np.arange(12) / 50)
+    assert numbers(frames) == list(range(12))
+    np.testing.assert_array_equal(frames[3], picture(3)[..., 0])
+    assert not footage.colour
+    part = open_footage(folder, frame_rate_hz=50, start_s=0.1, end_s=0.2)
+    assert numbers(read(part)[1]) == [5, 6, 7, 8, 9]
+
+
+def test_pictures_in_colour(tmp_path):
+    pictures = [picture(k) for k in range(3)]
+    for one in pictures:
+        one[30:40, 30:40] = [200, 40, 40]
+    footage = open_footage(write_pictures(tmp_path / "film", pictures), frame_rate_hz=10)
+    assert footage.colour
+    np.testing.assert_array_equal(read(footage)[1], pictures)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".tif"])
+@pytest.mark.parametrize("colour", [False, True])
+def test_pictures_of_sixteen_bits(tmp_path, suffix, colour):
+    levels = np.linspace(500, 4500, WIDTH * HEIGHT).astype(np.uint16).reshape(HEIGHT, WIDTH)
+    pictures = [np.dstack([levels, levels[::-1], levels]) if colour else levels] * 3
+    footage = open_footage(write_pictures(tmp_path / "film", pictures, suffix), frame_rate_hz=10)
+    frame = read(footage)[1][0]
+    assert footage.colour == colour
+    assert footage.levels == pytest.approx((500, 4500), abs=3)
+    np.testing.assert_allclose(frame, (pictures[0] - 500.0) * 255 / 4000, atol=0.8)
+
+
+def test_a_stack_of_pages(tmp_path):
+    path = tmp_path / "stack.tif"
+    assert cv2.imwritemulti(str(path), [picture(k)[..., 0] for k in range(11)])
+    footage = open_footage(path, frame_rate_hz=10)
+    assert numbers(read(footage)[1]) == list(range(11))
+
+
+# --- bad input: one clear message each
+
+
+def text_as_film(folder: Path) -> Path:
+    path = folder / "film.mp4"
+    path.write_text("This is no film.\n" * 100)
+    return path
+
+
+def audio(folder: Path) -> Path:
+    path = folder / "sound.wav"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("pcm_s16le", rate=8000, layout="mono")
+        frame = av.AudioFrame.from_ndarray(np.zeros((1, 800), np.int16), layout="mono")
+        frame.rate = 8000
+        container.mux(stream.encode(frame))
+    return path
+
+
+def empty(folder: Path) -> Path:
+    path = folder / "film.mp4"
+    path.write_bytes(b"")
+    return path
+
+
+def without_index(folder: Path) -> Path:
+    path = make_film(folder / "film.mp4", map(picture, range(20)), codec="libx264")
+    path.write_bytes(path.read_bytes()[:-1000])
+    return path
+
+
+def empty_folder(folder: Path) -> Path:
+    (folder / "film").mkdir()
+    return folder / "film"
+
+
+def one_picture(folder: Path) -> Path:
+    return write_pictures(folder / "film", [picture(0)])
+
+
+def one_picture_file(folder: Path) -> Path:
+    return one_picture(folder) / "img0.png"
+
+
+def mixed_folder(folder: Path) -> Path:
+    made = write_pictures(folder / "film", [picture(0)] * 3)
+    (made / "mask.bmp").write_bytes(b"")
+    return made
+
+
+def single(folder: Path) -> Path:
+    return make_film(folder / "film.avi", [picture(0)])
+
+
+BAD = {
+    "nothing there": (lambda folder: folder / "none.mp4", "there is nothing at"),
+    "empty": (empty, "is empty: 0 bytes"),
+    "text": (text_as_film, "cannot be read as a film: Invalid data"),
+    "sound": (audio, "holds no pictures, only audio"),
+    "without index": (without_index, "holds nothing that can be decoded"),
+    "single frame": (single, "a single frame"),
+    "empty folder": (empty_folder, "holds no pictures"),
+    "one picture": (one_picture, "a single frame"),
+    "one picture's file": (one_picture_file, "a single frame"),
+    "several kinds": (mixed_folder, r"several kinds: 1 \.bmp, 3 \.png"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_input_is_said(tmp_path, what):
+    make, said = BAD[what]
+    path = make(tmp_path)
+    with pytest.raises(FinloopError, match=said) as caught:
+        open_footage(path, frame_rate_hz=25.0)
+    assert str(path.name) in str(caught.value)
+
+
+def test_pictures_need_a_rate(tmp_path):
+    folder = write_pictures(tmp_path / "film", [picture(k) for k in range(3)])
+    with pytest.raises(FinloopError, match=r"(?s)how fast.*clip\.frame_rate_hz"):
+        open_footage(folder)
+
+
+@pytest.mark.parametrize(
+    ("start_s", "end_s", "said"),
+    [
+        (2.0, None, "is 2.000 s long, and 2 s to the end"),
+        (1.0, 1.0, "1 s to 1 s was asked for"),
+        (1.0, 0.5, "1 s to 0.5 s was asked for"),
+        (0.0, 3.0, "0 s to 3 s was asked for"),
+        (1.0, 1.02, r"shows 1 frame\(s\) from"),
+    ],
+)
+def test_a_range_that_is_not_there_is_said(avi, start_s, end_s, said):
+    with pytest.raises(FinloopError, match=said):
+        open_footage(avi, start_s=start_s, end_s=end_s)
+
+
+def test_a_film_that_breaks_off_is_used_up_to_there(broken_off):
+    loss = Loss()
+    frames = read(open_footage(broken_off, colour=False), loss)[1]
+    assert 10 < len(frames) < 45
+    assert len(frames) + loss.frames == 50
+    assert "breaks off" in loss.notes[-1]
+
+
+def test_a_damaged_frame_is_left_out(tmp_path):
+    """Noise over one frame of a film that is all key frames; its neighbour is shown instead."""
+    path = make_film(tmp_path / "a.mov", map(picture, range(20)), codec="mjpeg", pix_fmt="yuvj420p")
+    with av.open(str(path)) as container:
+        packet = [packet for packet in container.demux(video=0) if packet.size][7]
+        at, size = packet.pos, packet.size
+    data = bytearray(path.read_bytes())
+    data[at : at + size] = bytes(size)
+    path.write_bytes(data)
+    loss, timing = Loss(), Timing()
+    footage = open_footage(path, colour=False)
+    shown = numbers(nearest_in_time(footage.frames(loss), Fraction(25), timing))
+    assert loss == Loss(damaged=1)
+    assert [number for number in shown if number != 7] == shown
+    assert (timing.frames, timing.repeated) == (20, 1)
+    assert "1 frames of the film are damaged" in loss.notes[0]
+
+
+def test_frames_that_change_their_size_are_said(tmp_path):
+    """Two streams of JPEGs muxed as one."""
+    path = tmp_path / "a.avi"
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
+        for number in range(20):
+            small = number >= 15
+            coder = av.CodecContext.create("mjpeg", "w")
+            coder.width, coder.height = (32, 32) if small else (WIDTH, HEIGHT)
+            coder.pix_fmt, coder.time_base = "yuvj420p", Fraction(1, 25)
+            one = picture(number, coder.width, coder.height)
+            frame = av.VideoFrame.from_ndarray(one, format="rgb24").reformat(format="yuvj420p")
+            frame.pts, frame.time_base = 0, Fraction(1, 25)
+            for packet in [*coder.encode(frame), *coder.encode(None)]:
+                packet.pts = packet.dts = number
+                packet.time_base, packet.stream = Fraction(1, 25), stream
+                container.mux(packet)
+    with pytest.raises(FinloopError, match=r"at 0\.600 s is 32×32 pixels, those before it 64×48"):
+        read(open_footage(path, colour=False))
+
+
+def test_pictures_that_change_are_said(tmp_path):
+    pictures = [picture(k) for k in range(4)]
+    odd = {
+        "size": (picture(4, 32, 32), "img4.png is 32×32 pixels"),
+        "depth": (picture(4).astype(np.uint16), "img4.png has uint16 levels"),
+    }
+    for name, (last, said) in odd.items():
+        folder = write_pictures(tmp_path / name, [*pictures, last])
+        with pytest.raises(FinloopError, match=said):
+            read(open_footage(folder, frame_rate_hz=10))
+    (folder / "img4.png").write_bytes(b"no picture")
+    with pytest.raises(FinloopError, match=r"img4\.png cannot be read"):
+        open_footage(folder, frame_rate_hz=10)
+
+
+# --- the wheel
+
+
+def wheel_bytes(**clips: bytes) -> bytes:
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w") as archive:
+        for part, content in clips.items():
+            archive.writestr(f"idtrackerai/data/test_{part}.avi", content)
+    return data.getvalue()
+
+
+class Index:
+    """A package index without a network: answers the package client's command."""
+
+    def __init__(self, content: bytes | None) -> None:
+        self.content, self.asked = content, 0
+
+    def __call__(self, command, **_) -> subprocess.CompletedProcess:
+        self.asked += 1
+        assert command[:4] == [sys.executable, "-m", "pip", "download"]
+        assert {"--no-deps", wheel.PACKAGE} <= set(command)
+        if self.content is None:
+            said = "WARNING: Retrying\nERROR: Could not find a version that satisfies it\nERROR: no"
+            return subprocess.CompletedProcess(command, 1, "", said)
+        (Path(command[command.index("--dest") + 1]) / "package.whl").write_bytes(self.content)
+        return subprocess.CompletedProcess(command, 0, "", "")
+
+
+@pytest.fixture
+def index(monkeypatch) -> Index:
+    clips = {"A": b"film A", "B": b"film B"}
+    made = Index(wheel_bytes(**clips))
+    digests = {part: hashlib.sha256(content).hexdigest() for part, content in clips.items()}
+    monkeypatch.setattr(wheel, "SHA256", digests)
+    monkeypatch.setattr(subprocess, "run", made)
+    return made
+
+
+def test_the_footage_is_fetched_once(tmp_path, index):
+    for _ in range(2):
+        paths = wheel.zebrafish_clips("AB", tmp_path / "cache")
+        assert [path.read_bytes() for path in paths] == [b"film A", b"film B"]
+    assert index.asked == 1
+    assert len(list((tmp_path / "cache").iterdir())) == 2
+
+
+def test_corrupt_footage_is_fetched_again(tmp_path, index):
+    path = wheel.zebrafish_clips("A", tmp_path)[0]
+    path.write_bytes(b"film")
+    assert wheel.zebrafish_clips("A", tmp_path)[0].read_bytes() == b"film A"
+    assert index.asked == 2
+
+
+def test_without_a_network_the_carp_is_offered(tmp_path, index):
+    index.content = None
+    with pytest.raises(FinloopError, match=r"dvc exp run -S clip=carp") as caught:
+        wheel.zebrafish_clips("A", tmp_path)
+    assert "Could not find a version" in str(caught.value)
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    "content", [b"no wheel", wheel_bytes(B=b"film B"), wheel_bytes(A=b"another film")]
+)
+def test_an_unknown_wheel_is_refused(tmp_path, index, content):
+    index.content = content
+    with pytest.raises(FinloopError, match="is not the known footage"):
+        wheel.zebrafish_clips("A", tmp_path)
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_cache_that_cannot_be_written_is_said(tmp_path, index):
+    (tmp_path / "cache").write_text("a file in the way")
+    with pytest.raises(FinloopError, match="cannot be kept"):
+        wheel.zebrafish_clips("A", tmp_path / "cache")
+
+
+def test_the_cache_lies_outside_the_project(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert wheel.cache_folder() == tmp_path / "finloop"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")  # to be ignored, by the specification
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert wheel.cache_folder() == tmp_path / ".cache/finloop"
+
+
+# --- the stage
+
+
+def parameters(source: str, **changes):
+    values = yaml.safe_load((ROOT / f"conf/clip/{source}.yaml").read_text())
+    values = {key: value for key, value in values.items() if key != "defaults"}
+    return check("clip", OPTIONS, values | changes)
+
+
+@pytest.fixture
+def run_stage(tmp_path, monkeypatch):
+    """Run the stage in an empty folder; gives what it printed."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(source: str, **changes) -> dict[str, float]:
+        given, problems = parameters(source, **changes)
+        assert not problems
+        monkeypatch.setattr(stage, "load", lambda *_: given)
+        stage.main()
+        return json.loads(stage.METRICS.read_text())
+
+    return run
+
+
+def artifact(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()} if folder.exists() else set()
+
+
+def test_own_film_runs_through(run_stage, avi, capsys):
+    metrics = run_stage(
+        "file", path=str(avi), start_s=0.4, arena="circle",
+        arena_x_px=30, arena_y_px=20, arena_radius_px=15,
+    )  # fmt: skip
+    facts = load_facts(stage.CLIP / "facts.json")
+    assert artifact(stage.CLIP) == {"clip.mp4", "facts.json", "arena.png"}
+    assert (facts.source, facts.frames, facts.frame_rate) == ("file", 40, 25)
+    assert (facts.segments, facts.colour, facts.crf) == (((0, 40),), False, 0)
+    assert numbers(read_frames(stage.CLIP / "clip.mp4")) == list(range(10, 50))
+    arena = load_mask(stage.CLIP / "arena.png", WIDTH, HEIGHT)
+    np.testing.assert_array_equal(arena, circle_arena(WIDTH, HEIGHT, 30, 20, 15))
+    assert metrics["frames"] == 40
+    assert metrics["duration_s"] == 1.6
+    assert metrics["frames_repeated"] == metrics["frames_dropped"] == metrics["frames_missing"] == 0
+    assert metrics["arena_fraction"] == pytest.approx(arena.mean(), rel=1e-5)
+    assert "coding_psnr_db" not in metrics  # lossless: infinite
+    assert "note" not in capsys.readouterr().err
+
+
+def test_a_lossy_clip_tells_its_quality(run_stage, avi):
+    metrics = run_stage("file", path=str(avi), crf=30)
+    assert 30 < metrics["coding_psnr_db"] < 60
+
+
+def test_mask_arena_and_odd_colour(run_stage, tmp_path):
+    pictures = [picture(k, 63, 47) for k in range(5)]
+    for one in pictures:
+        one[30:40, 30:40] = [200, 40, 40]
+    folder = write_pictures(tmp_path / "film", pictures)
+    mask = np.zeros((47, 63), np.uint8)
+    mask[5:, 9:] = 255
+    cv2.imwrite(str(tmp_path / "mask.png"), mask)
+    metrics = run_stage(
+        "file", path=str(folder), frame_rate_hz=12.5, arena="mask",
+        arena_mask=str(tmp_path / "mask.png"),
+    )  # fmt: skip
+    assert (metrics["frame_rate_hz"], metrics["width_px"]) == (12.5, 63)
+    back = next(read_frames(stage.CLIP / "clip.mp4", colour=True))
+    assert np.abs(back.astype(int) - pictures[0]).max() <= 3
+    np.testing.assert_array_equal(load_mask(stage.CLIP / "arena.png", 63, 47), mask > 0)
+    with pytest.raises(FinloopError, match="is 63×47 pixels"):
+        run_stage("file", path=str(make_film(tmp_path / "a.avi", map(picture, range(5)))),
+                  arena="mask", arena_mask=str(tmp_path / "mask.png"))  # fmt: skip
+
+
+def test_drawn_carp_with_truth(run_stage):
+    metrics = run_stage(
+        "carp", frames=6, width_px=320, height_px=240, body_length_px=60.0, crf=0, colour=False
+    )
+    facts = load_facts(stage.CLIP / "facts.json")
+    truth = load_table(stage.CLIP / "truth.parquet", schema_of(carp.TRUTH_COLUMNS))
+    assert (facts.source, facts.frames, facts.colour) == ("carp", 6, False)
+    assert metrics["frames"] == len(truth) == 6
+    film = carp.CarpFilm(frames=6, width_px=320, height_px=240, body_length_px=60.0, colour=False)
+    drawn = list(carp.film(film))
+    back = list(read_frames(stage.CLIP / "clip.mp4"))
+    np.testing.assert_array_equal(back, [frame for frame, _ in drawn])
+    rows = pd.DataFrame([row for _, rows in drawn for row in rows])
+    np.testing.assert_allclose(truth["x_px"], rows["x_px"])
+
+
+def test_two_carp_are_sorted_by_fish(run_stage):
+    run_stage("carp", frames=4, fish=2, width_px=400, height_px=240, body_length_px=60.0)
+    truth = load_table(stage.CLIP / "truth.parquet", schema_of(carp.TRUTH_COLUMNS))
+    assert truth["fish_id"].tolist() == [0] * 4 + [1] * 4
+    assert truth["frame"].tolist() == [0, 1, 2, 3] * 2
+
+
+def test_too_many_carp_are_refused(run_stage):
+    with pytest.raises(FinloopError, match=r"40 carp .* have no room"):
+        run_stage("carp", fish=40)
+    assert not artifact(stage.CLIP)
+
+
+def test_zebrafish_follow_one_another(run_stage, tmp_path, monkeypatch, avi):
+    other = make_film(tmp_path / "b.avi", map(picture, range(5)))
+    clips = {"A": avi, "B": other}
+    monkeypatch.setattr(stage, "zebrafish_clips", lambda parts, _: [clips[part] for part in parts])
+    metrics = run_stage("zebrafish", parts="AB")
+    facts = load_facts(stage.CLIP / "facts.json")
+    assert facts.segments == ((0, 50), (50, 55))
+    assert metrics["segments"] == 2
+    assert numbers(read_frames(stage.CLIP / "clip.mp4")) == [*range(50), *range(5)]
+
+
+def test_what_is_missing_is_said_and_counted(run_stage, broken_off, capsys):
+    metrics = run_stage("file", path=str(broken_off))
+    assert metrics["frames_missing"] > 0
+    assert metrics["frames_missing"] + metrics["frames"] == 50
+    assert "WARNING: the film breaks off" in capsys.readouterr().err
+    assert "breaks off" in load_facts(stage.CLIP / "facts.json").notes[-1]
+
+
+@pytest.mark.parametrize("level", [0, 255])
+def test_an_even_film_is_refused(run_stage, tmp_path, level):
+    even = np.full((HEIGHT, WIDTH, 3), level, np.uint8)
+    path = make_film(tmp_path / "film.avi", [even] * 5)
+    with pytest.raises(FinloopError, match=f"all 5 frames show an even grey of {level}"):
+        run_stage("file", path=str(path))
+    assert not artifact(Path("data"))
+
+
+def test_a_film_of_broken_frames_is_refused(run_stage, monkeypatch, avi):
+    monkeypatch.setattr(footage_module, "_decoded", lambda *_: iter([None, None]))
+    monkeypatch.setattr(
+        footage_module, "_look_at", lambda *_: footage_module._Look(
+            WIDTH, HEIGHT, 0.0, Turn(), True, False, 0.0, 0.0, None
+        ),
+    )  # fmt: skip
+    with pytest.raises(FinloopError, match=r"only 0 frame\(s\) could be decoded"):
+        run_stage("file", path=str(avi))
+    assert not artifact(Path("data"))
+
+
+def test_a_full_disk_leaves_the_last_clip(run_stage, avi, monkeypatch):
+    run_stage("file", path=str(avi))
+    before = (stage.CLIP / "clip.mp4").read_bytes()
+
+    def full(*_):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(stage, "save_mask", full)
+    with pytest.raises(FinloopError, match="disk is full"):
+        run_stage("file", path=str(avi), end_s=1.0)
+    assert (stage.CLIP / "clip.mp4").read_bytes() == before
+    assert artifact(Path("data")) == {"clip"}
+
+
+# --- parameters
+
+
+def test_conf_and_carp_have_the_same_defaults():
+    given, problems = parameters("carp")
+    assert not problems
+    film = carp.CarpFilm()
+    assert {f.name: getattr(given, f.name) for f in fields(film)} == {
+        f.name: getattr(film, f.name) for f in fields(film)
+    }
+
+
+@pytest.mark.parametrize(
+    ("source", "changes", "said"),
+    [
+        ("carp", {"frames": -3}, "clip.frames: should be greater than or equal to 2"),
+        ("carp", {"noise": math.nan}, "clip.noise: should be a finite number"),
+        ("carp", {"body_length_px": -1.0}, "clip.body_length_px"),
+        ("zebrafish", {"parts": "C"}, "clip.parts: should be 'A', 'B' or 'AB'"),
+        ("zebrafish", {"crf": 99}, "clip.crf: should be less than or equal to 51"),
+        ("file", {}, "clip.path: has no value"),
+        ("file", {"path": " "}, "path is empty"),
+        ("file", {"path": "a", "start_s": -1}, "clip.start_s: should be greater than or equal"),
+        ("file", {"path": "a", "start_s": 2, "end_s": 1}, "end_s 1 is not after start_s 2"),
+        ("file", {"path": "a", "frame_rate_hz": 0}, "clip.frame_rate_hz"),
+        ("file", {"path": "a", "arena": "circle"}, "arena=circle needs arena_radius_px"),
+        ("file", {"path": "a", "arena_x_px": 3}, "arena=none has no use (arena=circle has)"),
+        ("file", {"path": "a", "arena_radius_px": math.inf}, "should be a finite number"),
+        ("file", {"path": "a", "colour": "red"}, "should be 'auto', 'always' or 'never'"),
+    ],
+)
+def test_bad_parameters_are_refused_by_name(source, changes, said):
+    given, problems = parameters(source, **changes)
+    assert given is None
+    assert said in "\n".join(problems)
+
+
+# --- real film
+
+
+@pytest.mark.parametrize(
+    ("name", "frames", "size"), [("trout.avi", 57, (512, 640)), ("sunfish.avi", 120, (263, 500))]
+)
+def test_real_film(run_stage, name, frames, size):
+    path = REAL / name
+    if not path.exists():
+        pytest.skip(f"the footage {name} is not beside the project")
+    metrics = run_stage("file", path=str(path), frame_rate_hz=100.0)
+    assert metrics["frames"] == frames
+    assert metrics["frame_rate_hz"] == 100
+    with av.open(str(path)) as container:
+        first = next(container.decode(video=0)).to_ndarray(format="gray")
+    assert first.shape == size
+    np.testing.assert_array_equal(next(read_frames(stage.CLIP / "clip.mp4")), first)

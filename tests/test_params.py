@@ -1,0 +1,254 @@
+"""Parameters: what is refused, by which name, when; and params.yaml is the composition of conf/."""
+
+import shutil
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_type_hints
+
+import pytest
+import yaml
+from pydantic import Field
+
+from finloop.errors import FinloopError
+from stages import params as door
+from stages.params import STAMP, check, complaint, conf_digest, load
+from stages.params.compose import composed
+from stages.params.whole import GROUPS, problems
+
+ROOT = Path(__file__).parents[1]
+TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
+EVERY = [(word, option) for word, options in GROUPS.items() for option in options]
+
+
+@dataclass(frozen=True)
+class Toy:
+    """A group small enough to see through."""
+
+    size_px: Annotated[float, Field(gt=0)]
+    fish: Annotated[int, Field(ge=1)]
+    polarity: Literal["auto", "dark"]
+    arena: list[float] | None
+    start_s: float
+    end_s: float
+
+    def __post_init__(self) -> None:
+        if self.end_s < self.start_s:
+            raise ValueError("end_s should not be before start_s")
+
+
+TOY: dict[str, Any] = {
+    "size_px": 3,
+    "fish": 1,
+    "polarity": "auto",
+    "arena": None,
+    "start_s": 0.0,
+    "end_s": 1.0,
+}
+
+
+def toy(**changed: Any) -> list[str]:
+    return check("toy", {"default": Toy}, TOY | changed)[1]
+
+
+@pytest.fixture(autouse=True)
+def in_root(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(ROOT)
+
+
+def test_good_values_become_the_dataclass():
+    group, none = check("toy", {"default": Toy}, TOY | {"arena": [1, 2.5]})
+    assert none == []
+    assert isinstance(group, Toy)
+    assert (group.size_px, group.arena) == (3.0, [1.0, 2.5])
+
+
+@pytest.mark.parametrize(
+    ("changed", "problem"),
+    [
+        ({"size_px": -1.0}, "toy.size_px: should be greater than 0, got -1.0"),
+        ({"size_px": float("nan")}, "toy.size_px: should be a finite number, got nan"),
+        ({"size_px": float("inf")}, "toy.size_px: should be a finite number, got inf"),
+        ({"size_px": "3"}, "toy.size_px: should be a valid number, got '3'"),
+        ({"size_px": None}, "toy.size_px: should be a valid number, got None"),
+        ({"fish": 2.0}, "toy.fish: should be a valid integer, got 2.0"),
+        ({"fish": True}, "toy.fish: should be a valid integer, got True"),
+        ({"polarity": "drak"}, "toy.polarity: should be 'auto' or 'dark', got 'drak'"),
+        ({"fihs": 1}, "toy.fihs: unknown; did you mean toy.fish?"),
+        ({"start_s": 2.0}, "toy: end_s should not be before start_s"),
+        ({"end_s": "???"}, "toy.end_s: has no value"),
+    ],
+)
+def test_one_wrong_value_is_one_problem(changed, problem):
+    assert toy(**changed) == [problem]
+
+
+def test_an_unknown_key_like_no_other_names_all():
+    assert toy(zzz=1) == ["toy.zzz: unknown; toy has " + ", ".join(TOY)]
+
+
+def test_every_problem_is_told_at_once():
+    found = toy(size_px=-1, fish=0, polarity=3, arena=["x"], new=1)
+    assert len(found) == 5
+    message = str(complaint(found))
+    assert message.startswith("5 parameters are refused:")
+    assert all(problem in message for problem in found)
+
+
+def test_a_group_is_a_group():
+    assert check("toy", {"default": Toy}, 3)[1] == ["toy: should be a group of parameters, got 3"]
+
+
+def test_the_source_decides_between_options():
+    options = {"a": Toy, "b": Toy}
+    assert check("toy", options, TOY)[1] == ["toy.source: should be one of a, b, got None"]
+    assert check("toy", options, TOY | {"source": "c"})[1] == [
+        "toy.source: should be one of a, b, got 'c'"
+    ]
+
+
+# --- the real groups
+
+
+def values_of(word: str, option: str) -> dict[str, Any]:
+    text = composed([f"{word}={option}", *TO_GIVE.get((word, option), [])])
+    return yaml.safe_load(text)[word]
+
+
+@pytest.mark.parametrize(("word", "option"), EVERY)
+def test_every_option_composes_into_its_dataclass(word, option):
+    group, none = check(word, GROUPS[word], values_of(word, option))
+    assert none == []
+    assert isinstance(group, GROUPS[word][option])
+
+
+@pytest.mark.parametrize(("word", "option"), EVERY)
+def test_every_parameter_is_wanted_typed_and_finite(word, option):
+    values = values_of(word, option)
+    for key, kind in get_type_hints(GROUPS[word][option]).items():
+        if key == "source":
+            continue
+        without = {name: value for name, value in values.items() if name != key}
+        assert check(word, GROUPS[word], without)[1] == [f"{word}.{key}: has no value"]
+        for wrong in ({"a": "group"}, float("nan"), *(["text"] if kind in (int, float) else [])):
+            found = check(word, GROUPS[word], values | {key: wrong})[1]
+            assert found, f"{word}.{key} takes {wrong!r}"
+            assert all(problem.startswith(f"{word}.{key}") for problem in found)
+
+
+@pytest.mark.parametrize(("word", "option"), EVERY)
+def test_a_group_is_flat_and_has_no_values_of_its_own(word, option):
+    for field in fields(GROUPS[word][option]):
+        assert not is_dataclass(field.type)
+        assert repr(field.default) == repr(field.default_factory), f"{field.name} has a default"
+
+
+def test_conf_holds_the_options_and_no_others():
+    found = {(path.parent.name, path.stem) for path in (ROOT / "conf").glob("*/*.yaml")}
+    assert found == set(EVERY)
+
+
+def test_params_yaml_is_the_composition_of_conf():
+    assert (ROOT / "params.yaml").read_text() == composed([])
+
+
+def test_the_whole_must_be_there_and_nothing_else():
+    whole = yaml.safe_load(composed([]))
+    assert problems(whole) == []
+    assert problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
+    del whole["extract"]
+    assert all(problem.startswith("extract.") for problem in problems(whole))
+
+
+@pytest.mark.parametrize(
+    ("override", "named"),
+    [
+        ("clip=typo", "clip/typo"),
+        ("clpi=carp", "clpi"),
+        ("clip.nosuch=1", "clip.nosuch"),
+        ("+clip.nosuch=1", "clip.nosuch: unknown"),
+        ("+new.key=1", "new: unknown"),
+        ("~extract", "extract."),
+        ("clip=file", "clip.path: has no value"),
+        ("clip=carp clip.seed=abc", "clip.seed"),
+        ("clip=carp clip.seed=1.5", "clip.seed"),
+        ("clip=[", "'['"),
+    ],
+)
+def test_an_override_is_refused_by_name_while_composing(override, named):
+    with pytest.raises(FinloopError) as refusal:
+        composed(override.split())
+    assert named in refusal.value.came
+    assert "raised while" not in refusal.value.came  # it is our message, not one about it
+    assert "To append" not in refusal.value.came  # Hydra's advice would be refused as well
+
+
+@pytest.mark.parametrize("bad", ["nan", "-1e9"])
+def test_a_value_out_of_range_is_refused_while_composing(bad):
+    name = "clip.frame_rate_hz"
+    with pytest.raises(FinloopError, match=rf"{name}: should be"):
+        composed(["clip=carp", f"{name}={bad}"])
+
+
+# --- params.yaml against conf/
+
+
+@pytest.fixture
+def elsewhere(tmp_path, monkeypatch):
+    """A folder with conf/ and its params.yaml, and it is the current one."""
+    shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    (tmp_path / "params.yaml").write_text(composed([]))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_load_gives_the_group(elsewhere):
+    for word, options in GROUPS.items():
+        assert type(load(word, options)).__name__ in {kind.__name__ for kind in options.values()}
+
+
+def test_an_edited_conf_is_never_passed_over(elsewhere):
+    with (elsewhere / "conf/config.yaml").open("a") as file:
+        file.write("# edited\n")
+    with pytest.raises(FinloopError, match="make params"):
+        load("extract", GROUPS["extract"])
+
+
+def test_load_lists_the_problems_of_its_group(elsewhere):
+    path = elsewhere / "params.yaml"
+    values = yaml.safe_load(path.read_text())
+    values["extract"] |= {"new": 1, "other": 2}
+    path.write_text(yaml.safe_dump(values))
+    with pytest.raises(FinloopError, match=r"2 parameters are refused:\s+extract.new: unknown"):
+        load("extract", GROUPS["extract"])
+
+
+@pytest.mark.parametrize("text", [None, "", "- 1\n", "a: [", "\x00\xff"])
+def test_a_broken_params_yaml_is_one_message(elsewhere, text):
+    path = elsewhere / "params.yaml"
+    if text is None:
+        path.unlink()
+    else:
+        path.write_text(text, encoding="latin-1")
+    with pytest.raises(FinloopError, match=r"params.yaml (cannot be read|holds no parameters)"):
+        door.read()
+
+
+def test_a_stamp_is_no_parameter_to_override():
+    with pytest.raises(FinloopError, match=r"not what params\.yaml was composed from"):
+        door._refuse_stale({STAMP: "0" * 16})
+
+
+def test_the_digest_sees_names_and_contents_but_not_line_ends(tmp_path):
+    conf = tmp_path / "conf"
+    conf.mkdir()
+    (conf / "a.yaml").write_bytes(b"x: 1\ny: 2\n")
+    first = conf_digest(conf)
+    (conf / "notes.txt").write_text("not configuration")
+    (conf / "a.yaml").write_bytes(b"x: 1\r\ny: 2\r\n")
+    assert conf_digest(conf) == first
+    (conf / "b.yaml").write_bytes(b"")
+    second = conf_digest(conf)
+    (conf / "b.yaml").rename(conf / "c.yaml")
+    third = conf_digest(conf)
+    (conf / "a.yaml").write_bytes(b"x: 1\ny: 3\n")
+    assert len({first, second, third, conf_digest(conf)}) == 4

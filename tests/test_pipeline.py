@@ -1,0 +1,291 @@
+"""The pipeline as DVC sees it: its graph is true, and every way to run it, or to stop it, works."""
+
+import ast
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+import yaml
+from conftest import TINY_CARP, Copy
+
+from stages.params.whole import GROUPS
+
+ROOT = Path(__file__).parents[1]
+PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+STAGES: dict[str, Any] = PIPELINE["stages"]
+
+
+# --- dvc.yaml against the code
+
+
+def module_files(name: str) -> set[str]:
+    """The files that importing a module of ours runs: its own and its packages'."""
+    parts = name.split(".")
+    files = set()
+    for depth in range(1, len(parts) + 1):
+        path = Path(*parts[:depth])
+        for candidate in (path / "__init__.py", path.with_suffix(".py")):
+            if (ROOT / candidate).is_file():
+                files.add(candidate.as_posix())
+    return files
+
+
+def imported(file: str) -> set[str]:
+    """The files of ours that a file imports, at its top or inside a function."""
+    names = set()
+    for node in ast.walk(ast.parse((ROOT / file).read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{file}: relative import"
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+    return {
+        found
+        for name in names
+        if name.partition(".")[0] in ("finloop", "stages")
+        for found in module_files(name)
+    }
+
+
+def closure(files: set[str]) -> set[str]:
+    todo, seen = set(files), set()
+    while todo:
+        file = todo.pop()
+        seen.add(file)
+        todo |= imported(file) - seen
+    return seen
+
+
+def names(entries: list[Any]) -> dict[str, dict[str, Any]]:
+    """dvc.yaml's `path` or `path: {flags}` as path → flags."""
+    flat: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        flat |= entry if isinstance(entry, dict) else {entry: {}}
+    return flat
+
+
+def outputs(word: str) -> dict[str, dict[str, Any]]:
+    stage = STAGES[word]
+    return names([*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])])
+
+
+@pytest.mark.parametrize("word", STAGES)
+def test_deps_are_exactly_what_a_stage_imports(word):
+    own = f"stages/{word}.py"
+    start = own if (ROOT / own).is_file() else f"stages/{word}/__main__.py"
+    wanted = closure({start} | module_files(f"stages.{word}"))
+    listed = {dep for dep in STAGES[word]["deps"] if dep.endswith(".py")}
+    assert sorted(wanted - listed) == [], "imported, but not under deps"
+    assert sorted(listed - wanted) == [], "under deps, but not imported"
+
+
+def test_the_closure_sees_imports_of_imports_and_inside_functions():
+    assert "finloop/errors.py" in closure({"stages/run.py"})
+    assert {"stages/__init__.py", "stages/params/__init__.py"} <= module_files("stages.params.clip")
+    assert "finloop/files/atomic.py" in imported("stages/run.py")
+
+
+@pytest.mark.parametrize("word", STAGES)
+def test_a_stage_is_one_word_everywhere(word):
+    stage = STAGES[word]
+    assert stage["cmd"] == f"exec python -m stages.{word}"  # exec: see stages/run.py
+    if word == "params":
+        return
+    assert stage["params"] == [word]
+    assert word in GROUPS
+    assert f"data/{word}" in {
+        Path(out).parts[0] + "/" + Path(out).parts[1] for out in outputs(word)
+    }
+    assert f"reports/{word}/metrics.json" in outputs(word)
+
+
+def test_every_group_belongs_to_a_stage():
+    assert set(GROUPS) == set(STAGES) - {"params"}
+
+
+def test_nothing_runs_before_the_parameters_are_checked():
+    (checked,) = outputs("params")
+    made = {out: word for word in STAGES for out in outputs(word)}
+
+    def waits(word: str) -> bool:
+        deps = STAGES[word]["deps"]
+        return checked in deps or any(dep in made and waits(made[dep]) for dep in deps)
+
+    assert [word for word in STAGES if word != "params" and not waits(word)] == []
+
+
+@pytest.mark.parametrize("word", STAGES)
+def test_numbers_go_to_git_and_footage_to_the_cache(word):
+    for out, flags in outputs(word).items():
+        in_git = Path(out).suffix in (".json", ".csv")
+        assert flags.get("cache", True) != in_git, out
+
+
+def test_metrics_and_plots_show_what_stages_make():
+    made = {out for word in STAGES for out in outputs(word)}
+    reports = {out for out in made if out.endswith("metrics.json")}
+    assert set(PIPELINE["metrics"]) == reports
+    for plot in PIPELINE["plots"]:
+        for name, shape in plot.items() if isinstance(plot, dict) else [(plot, None)]:
+            sources = shape["y"] if shape and "y" in shape else [name]
+            assert set(sources) <= made, name
+
+
+# --- running
+
+
+def test_a_run_leaves_only_numbers_to_git(repo: Copy):
+    tracked = repo.git("ls-files", "data", "reports", "dvc_plots").split()
+    assert tracked
+    assert {Path(name).suffix for name in tracked} <= {".json", ".csv"}
+    assert repo.git("status", "--porcelain") == ""
+    assert repo.git("ls-files", ".dvc/plots_page.html")  # a temporary experiment has it too
+    for word in GROUPS:
+        assert json.loads(repo.text(f"reports/{word}/metrics.json"))
+
+
+def test_nothing_to_do_takes_about_a_second(repo: Copy):
+    start = time.monotonic()
+    text = repo.dvc("repro")
+    took_s = time.monotonic() - start
+    assert text.count("didn't change, skipping") == len(STAGES)
+    assert took_s < 5  # about 0.5 s alone; other tests may run beside this one
+
+
+def test_an_edited_conf_stops_a_plain_repro(repo: Copy):
+    with (repo.root / "conf/extract/default.yaml").open("a") as file:
+        file.write("# edited\n")
+    text = repo.dvc("repro", fails=True)
+    assert "make params" in text
+    assert "Running stage 'extract'" not in text
+    repo.compose()
+    assert "Stage 'extract' didn't change" in repo.dvc("repro")  # a comment is no new value
+
+
+def test_refused_overrides_leave_everything_as_it_was(repo: Copy):
+    before = repo.text("params.yaml")
+    for override, named in {
+        "clip.nosuch=1": "clip.nosuch",
+        "+clip.new=1": "clip.new: unknown",
+        "clip=typo": "clip/typo",
+        "clip.seed=abc": "clip.seed",
+    }.items():
+        text = repo.dvc("exp", "run", "-S", "clip=carp", "-S", override, fails=True)
+        assert named in text
+        assert "Traceback" not in text
+        assert "Running stage" not in text
+    assert repo.text("params.yaml") == before
+    assert repo.git("status", "--porcelain") == ""
+
+
+def overrides(*own: str) -> list[str]:
+    return [word for value in (*TINY_CARP, *own) for word in ("-S", value)]
+
+
+def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
+    text = repo.dvc("exp", "run", "--name", "noisier", *overrides("clip.noise=4"))
+    assert "Ran experiment(s): noisier" in text
+    changed = json.loads(repo.dvc("params", "diff", "--json"))
+    assert changed == {"params.yaml": {"clip.noise": {"old": 2.5, "new": 4.0, "diff": 1.5}}}
+    diff = json.loads(repo.dvc("metrics", "diff", "--json"))
+    assert {path for path, numbers in diff.items() if numbers} <= set(PIPELINE["metrics"])
+    assert any(
+        "old" in number and "new" in number for number in diff["reports/clip/metrics.json"].values()
+    )
+    for command in ("show", "diff"):
+        repo.dvc("plots", command)
+        page = repo.text("dvc_plots/index.html")
+        assert "vegaEmbed('" in page
+        assert "<script src" not in page  # nothing to load from anywhere
+    assert repo.git("status", "--porcelain", "dvc_plots") == ""
+    charts, drawn = page.count("vegaEmbed('"), drawn_offline(repo.root / "dvc_plots/index.html")
+    assert drawn in (None, charts)
+
+
+def drawn_offline(page: Path) -> int | None:
+    """How many charts a browser without network draws; None where there is no browser."""
+    browser = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
+    if browser is None:
+        return None
+    options = ("--headless", "--no-sandbox", "--disable-gpu", "--virtual-time-budget=9000")
+    no_network = "--host-resolver-rules=MAP * ~NOTFOUND"
+    profile = f"--user-data-dir={page.parent}/browser"
+    command = [browser, *options, no_network, profile, "--dump-dom", page.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+    return done.stdout.count('class="marks"')
+
+
+def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
+    before = repo.text("params.yaml")
+    repo.dvc("exp", "run", "--temp", "--name", "apart", *overrides("clip.seed=2"))
+    repo.dvc("exp", "run", "--queue", *overrides("clip.seed=3,4"))
+    repo.dvc("queue", "start")
+    deadline = time.monotonic() + 60
+    while "Queued" in (status := repo.dvc("queue", "status")) or "Running" in status:
+        assert time.monotonic() < deadline, status
+        time.sleep(0.3)
+    repo.dvc("queue", "stop")
+    assert status.count("Success") == 2
+    assert repo.text("params.yaml") == before
+    assert repo.git("status", "--porcelain") == ""
+    repo.dvc("exp", "apply", "apart")
+    assert yaml.safe_load(repo.text("params.yaml"))["clip"]["seed"] == 2
+    assert "up to date" in repo.dvc("status")
+    assert repo.dvc("repro").count("didn't change, skipping") == len(STAGES)
+
+
+# --- stopping
+
+
+def running(dvc: subprocess.Popen[str], word: str) -> psutil.Process:
+    """Wait for the process of a stage that a DVC command has started."""
+    deadline = time.monotonic() + 60
+    while dvc.poll() is None and time.monotonic() < deadline:
+        for child in psutil.Process(dvc.pid).children(recursive=True):
+            try:
+                if child.cmdline()[-2:] == ["-m", f"stages.{word}"]:
+                    return child
+            except psutil.NoSuchProcess:
+                continue
+        time.sleep(0.005)
+    raise AssertionError(f"{word} never ran: {dvc.communicate()[0]}")
+
+
+def blow_ctrl_c(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
+    os.killpg(dvc.pid, signal.SIGINT)  # as a terminal does: to all
+
+
+def blow_kill_stage(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
+    stage.kill()
+
+
+def blow_kill_dvc(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
+    dvc.kill()
+
+
+@pytest.mark.parametrize("blow", [blow_ctrl_c, blow_kill_stage, blow_kill_dvc])
+def test_a_stopped_run_goes_on_to_the_same_end(repo: Copy, blow: Any):
+    wanted = repo.text("dvc.lock")  # the digest of every artifact of a run without a stop
+    for name in ("data", "reports", ".dvc/cache"):
+        shutil.rmtree(repo.root / name)
+    (repo.root / "dvc.lock").unlink()
+    for word in GROUPS:
+        with repo.start("dvc", "repro") as dvc:
+            stage = running(dvc, word)
+            time.sleep(0.3)
+            blow(dvc, stage)
+            text, _ = dvc.communicate(timeout=60)
+        assert dvc.returncode != 0
+        assert "Traceback" not in text
+        psutil.wait_procs([stage], timeout=5)
+        assert not stage.is_running(), "the stage outlived DVC"
+    repo.dvc("repro")
+    assert repo.text("dvc.lock") == wanted
+    assert repo.git("status", "--porcelain") == ""

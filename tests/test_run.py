@@ -1,0 +1,218 @@
+"""The door of every stage: one message per error, progress, metrics, threads, an end with DVC."""
+
+import errno
+import json
+import math
+import os
+import pty
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+from finloop.errors import FinloopError
+from stages import run as door
+
+ROOT = Path(__file__).parents[1]
+
+
+def fails(error: BaseException):
+    def main() -> None:
+        raise error
+
+    return main
+
+
+def ended(main, capsys) -> tuple[object, str]:
+    """Exit status and what stderr shows (SystemExit's text is printed by the interpreter)."""
+    with pytest.raises(SystemExit) as end:
+        door.run(main)
+    code, text = end.value.code, capsys.readouterr().err
+    return (1, text + code) if isinstance(code, str) else (code, text)
+
+
+def test_a_stage_that_returns_ends_well(capsys):
+    assert ended(lambda: None, capsys) == (0, "")
+
+
+def test_a_foreseen_error_is_one_message(capsys):
+    code, text = ended(fails(FinloopError("an empty clip", "a frame", "another clip")), capsys)
+    assert code == 1
+    assert text == "finloop: an empty clip\n  wanted: a frame\n  do:     another clip"
+
+
+@pytest.mark.parametrize(
+    ("error", "said"),
+    [
+        (MemoryError("Unable to allocate 9 GiB"), "out of memory (Unable to allocate 9 GiB)"),
+        (MemoryError(), "out of memory\n"),
+        (OSError(errno.ENOSPC, "No space left", "data/clip/clip.mp4"), "disk is full (data/clip/"),
+        (OSError(errno.EDQUOT, "Quota exceeded"), "disk is full"),
+    ],
+)
+def test_a_machine_at_its_limit_is_one_message(error, said, capsys):
+    code, text = ended(fails(error), capsys)
+    assert code == 1
+    assert said in text
+    assert "Traceback" not in text
+
+
+def test_a_full_disk_is_recognised_when_it_happens(capsys):
+    def main() -> None:
+        with Path("/dev/full").open("w") as file:
+            file.write("x")
+
+    assert "disk is full" in ended(main, capsys)[1]
+
+
+def test_a_bug_keeps_its_traceback_and_is_named_last(capsys):
+    code, text = ended(fails(ZeroDivisionError("1/0")), capsys)
+    assert code == 1
+    assert text.startswith("Traceback")
+    assert text.splitlines()[-3].startswith(
+        "finloop: an error in the program itself: ZeroDivisionError: 1/0"
+    )
+
+
+def test_ctrl_c_is_not_an_error_in_the_program(capsys):
+    code, text = ended(fails(KeyboardInterrupt()), capsys)
+    assert code == 130
+    assert "interrupted" in text
+    assert "Traceback" not in text
+
+
+def test_progress_in_a_log_is_a_few_lines(monkeypatch, capsys):
+    now = iter(np.arange(0, 1e6, 0.1))  # every look at the clock finds 0.1 s gone
+    monkeypatch.setattr(door.time, "monotonic", lambda: next(now))
+    with door.progress("extract", total=500) as advance:
+        for _ in range(499):
+            advance()
+        advance(n=1)
+    lines = capsys.readouterr().err.splitlines()
+    assert 3 <= len(lines) <= 10
+    assert lines[-1].startswith("extract: 500 of 500 frames, ")
+
+
+def test_progress_without_a_known_end(capsys):
+    with door.progress("clip", total=None, unit="bytes") as advance:
+        advance(3)
+    assert capsys.readouterr().err == "clip: 3 bytes, 0 s\n"
+
+
+def test_progress_on_a_terminal_is_a_bar():
+    code = (
+        "from stages.run import progress\n"
+        "with progress('extract', total=3) as advance: [advance() for _ in range(3)]"
+    )
+    ours, theirs = pty.openpty()
+    env = os.environ | {"COLUMNS": "100", "TERM": "xterm"}
+    with subprocess.Popen([sys.executable, "-c", code], stderr=theirs, env=env, cwd=ROOT) as child:
+        child.wait()
+    os.close(theirs)
+    shown = os.read(ours, 100_000).decode()
+    os.close(ours)
+    assert "3/3" in shown
+    assert "━━━" in shown
+
+
+def test_metrics_are_flat_sorted_and_short(tmp_path):
+    path = tmp_path / "reports/x/metrics.json"
+    numbers = {
+        "tracks": np.int64(8),
+        "b_px": 1 / 3,
+        "a_deg": np.float32(2.5),
+        "no_truth": None,
+        "no_fish": math.nan,
+        "none": math.inf,
+    }
+    door.save_metrics(path, numbers)
+    assert path.read_text() == '{\n  "a_deg": 2.5,\n  "b_px": 0.333333,\n  "tracks": 8\n}\n'
+    assert json.loads(path.read_text())["tracks"] == 8
+
+
+def test_a_metric_is_a_number(tmp_path):
+    with pytest.raises(TypeError, match="metric note: a number is wanted, got 'x'"):
+        door.save_metrics(tmp_path / "metrics.json", {"note": "x"})  # type: ignore[dict-item]
+
+
+def in_stage(code: str, **env: str) -> subprocess.CompletedProcess[str]:
+    clean = {key: value for key, value in os.environ.items() if key not in door.THREAD_VARIABLES}
+    return subprocess.run(
+        [sys.executable, "-c", code], env=clean | env, cwd=ROOT, capture_output=True, text=True
+    )
+
+
+def test_threads_are_set_before_numpy():
+    code = (
+        "import sys, os, stages.run as door\n"
+        "print('numpy' in sys.modules, {os.environ[v] for v in door.THREAD_VARIABLES})"
+    )
+    assert in_stage(code).stdout == "False {'2'}\n"
+    assert in_stage(code, FINLOOP_THREADS="3").stdout == "False {'3'}\n"
+
+
+def test_a_python_without_the_packages_says_what_to_do():
+    code = (
+        "import importlib.util as util\n"
+        "util.find_spec = lambda name: None if name == 'numpy' else object()\n"
+        "import stages.run"
+    )
+    done = in_stage(code)
+    assert done.returncode == 1
+    assert "lacks numpy" in done.stderr
+    assert "make repro" in done.stderr
+
+
+def test_a_temporary_experiment_brings_what_its_repository_has_compiled(tmp_path):
+    compiled = "finloop/__pycache__/extract_backbone.trace-1.py311.nbi"
+    repository, experiment = tmp_path / "repository", tmp_path / "experiment"
+    (repository / compiled).parent.mkdir(parents=True)
+    (repository / compiled).write_bytes(b"code")
+    experiment.mkdir()
+    env = {"PYTHONPATH": str(ROOT), "DVC_STAGE": "extract", "DVC_ROOT": str(repository)}
+    for _ in range(2):  # the second time there is nothing to bring
+        subprocess.run(
+            [sys.executable, "-c", "import stages.run"],
+            env=os.environ | env,
+            cwd=experiment,
+            check=True,
+        )
+        assert (experiment / compiled).read_bytes() == b"code"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="PR_SET_PDEATHSIG is Linux's")
+@pytest.mark.parametrize("by_dvc", [True, False])
+def test_a_stage_ends_with_dvc_however_dvc_ends(by_dvc):
+    stage = "import stages.run, time; print('up', flush=True); time.sleep(60)"
+    parent_code = (
+        "import subprocess, sys\n"
+        f"child = subprocess.Popen([sys.executable, '-c', {stage!r}], stdout=subprocess.PIPE)\n"
+        "child.stdout.readline()\n"
+        "print(child.pid, flush=True)\n"
+        "child.wait()"
+    )
+    env = {key: value for key, value in os.environ.items() if key != "DVC_STAGE"}
+    if by_dvc:
+        env["DVC_STAGE"] = "extract"
+    command = [sys.executable, "-c", parent_code]
+    with subprocess.Popen(command, env=env, cwd=ROOT, stdout=subprocess.PIPE, text=True) as parent:
+        assert parent.stdout is not None
+        child = psutil.Process(int(parent.stdout.readline()))
+        parent.kill()
+    until = time.monotonic() + (5 if by_dvc else 0.5)
+    while alive(child) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert alive(child) != by_dvc
+    if not by_dvc:
+        child.kill()
+
+
+def alive(process: psutil.Process) -> bool:
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False

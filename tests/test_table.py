@@ -1,0 +1,152 @@
+"""Tables keep to their schema, and everything that is wrong is said at once."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from finloop.errors import FinloopError
+from finloop.files.table import (
+    Column,
+    Schema,
+    lists_to_array,
+    load_table,
+    save_table,
+    schema_of,
+)
+
+SCHEMA = Schema(
+    (
+        Column("frame", "int32", "1"),
+        Column("x_px", "float64", "px"),
+        Column("speed", "float32", "px/s", nullable=True),
+        Column("type", "int8", "1", nullable=True),
+        Column("name", "string", "1"),
+        Column("seen", "bool", "1"),
+        Column("line_px", "float32", "px", length=3),
+    )
+)
+
+
+def table(**changes) -> pd.DataFrame:
+    columns = {
+        "frame": [0, 1],
+        "x_px": [0.1, 2.0],
+        "speed": [1.5, np.nan],
+        "type": pd.array([1, None], "Int8"),
+        "name": ["a", "b"],
+        "seen": [True, False],
+        "line_px": list(np.arange(6, dtype=np.float32).reshape(2, 3)),
+    }
+    return pd.DataFrame(columns | changes)
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "a.parquet"
+    save_table(path, table(), SCHEMA)
+    back = load_table(path, SCHEMA)
+    assert list(back.columns) == [column.name for column in SCHEMA.columns]
+    kinds = {name: str(kind) for name, kind in back.dtypes.items()}
+    assert kinds["frame"] == "int32"
+    assert kinds["x_px"] == "float64"
+    assert kinds["speed"] == "float32"
+    assert kinds["type"] == "Int8"
+    assert kinds["seen"] == "bool"
+    assert back["x_px"].tolist() == [0.1, 2.0]
+    assert back["speed"].isna().tolist() == [False, True]
+    assert back["type"].isna().tolist() == [False, True]
+    np.testing.assert_array_equal(lists_to_array(back["line_px"]), [[0, 1, 2], [3, 4, 5]])
+    assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
+
+
+def test_missing_is_null_and_never_nan_in_the_file(tmp_path):
+    path = tmp_path / "a.parquet"
+    save_table(path, table(), SCHEMA)
+    raw = pq.read_table(path)
+    assert raw["speed"].null_count == 1
+    assert raw.schema.field("x_px").metadata[b"unit"] == b"px"
+    assert not raw.schema.field("x_px").nullable
+
+
+def test_empty_table(tmp_path):
+    path = tmp_path / "a.parquet"
+    save_table(path, table().iloc[:0], SCHEMA)
+    back = load_table(path, SCHEMA)
+    assert len(back) == 0
+    assert list(back.columns) == [column.name for column in SCHEMA.columns]
+    assert lists_to_array(back["line_px"]).shape[0] == 0
+
+
+def test_columns_are_put_in_order(tmp_path):
+    path = tmp_path / "a.parquet"
+    save_table(path, table()[["x_px", *table().columns.drop("x_px")]], SCHEMA)
+    assert pq.read_schema(path).names == [column.name for column in SCHEMA.columns]
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"frame": [0.5, 1]}, "frame: not int32"),
+        ({"frame": [0, 2**40]}, "frame: not int32"),
+        ({"frame": ["a", "b"]}, "frame: not int32"),
+        ({"x_px": [np.nan, 1]}, "x_px: 1 null or NaN"),
+        ({"x_px": [None, None]}, "x_px: 2 null or NaN"),
+        ({"name": [None, "b"]}, "name: 1 null or NaN"),
+        ({"line_px": [[1, 2, 3], [1, np.nan, 3]]}, "line_px: 1 null or NaN"),
+        ({"line_px": [[1, 2], [1, 2]]}, "line_px: not lists of 3 float32"),
+        ({"line_px": [[1, 2, 3], [1, 2]]}, "line_px: not lists of 3 float32"),
+        ({"other": [0, 0]}, "other: not in the schema"),
+    ],
+)
+def test_what_does_not_fit_is_refused_on_saving(tmp_path, changes, said):
+    with pytest.raises(FinloopError, match=said):
+        save_table(tmp_path / "a.parquet", table(**changes), SCHEMA)
+    assert not list(tmp_path.iterdir())
+
+
+def test_all_problems_are_said_at_once(tmp_path):
+    bad = table(frame=["a", "b"], x_px=[np.nan, 1.0], other=[1, 2]).drop(columns="seen")
+    with pytest.raises(FinloopError) as caught:
+        save_table(tmp_path / "a.parquet", bad, SCHEMA)
+    for problem in ("frame: not", "x_px: 1 null", "other: not in", "seen: missing"):
+        assert problem in str(caught.value)
+
+
+def test_all_problems_are_said_at_once_on_loading(tmp_path):
+    path = tmp_path / "a.parquet"
+    fields = [
+        pa.field("frame", pa.int64(), True, {"unit": "1"}),
+        pa.field("x_px", pa.float64(), True, {"unit": "mm"}),
+        pa.field("other", pa.int8()),
+    ]
+    columns = [pa.array([1]), pa.array([None], pa.float64()), pa.array([1], pa.int8())]
+    pq.write_table(pa.Table.from_arrays(columns, schema=pa.schema(fields)), path)
+    with pytest.raises(FinloopError) as caught:
+        load_table(path, SCHEMA)
+    for problem in (
+        "frame: int64, wanted int32",
+        "x_px: in 'mm', wanted 'px'",
+        "x_px: 1 null",
+        "other: not in",
+        "seen: missing",
+        "line_px: missing",
+    ):
+        assert problem in str(caught.value)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no table"])
+def test_unreadable_tables_are_said(tmp_path, content):
+    path = tmp_path / "a.parquet"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FinloopError, match="cannot be read as a table"):
+        load_table(path, SCHEMA)
+
+
+def test_schema_from_tuples():
+    made = schema_of([("frame", "int32", "1", 0), ("line_px", "float32", "px", 65)])
+    assert made.columns == (
+        Column("frame", "int32", "1"),
+        Column("line_px", "float32", "px", length=65),
+    )
