@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+_GREW = 1.15  # a silhouette that takes in part of a neighbour, or gives it up, changes by more
 _CLEARLY = 1.5  # a long step counts only if any other pairing is this many times as far
 
 Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
@@ -75,10 +76,12 @@ class Linker:
             if not spot.isolated:
                 continue
             track = owner.get(i)
-            if track is not None and _holds_any(spot.box, (t.expected for t in alone)):
-                continue  # it has swallowed a neighbour
-            if track is not None and self._has_split(track.spot, i, spots, owner):
-                track = None
+            if track is not None and spot.area_px > _GREW * track.spot.area_px:
+                if _holds_any(spot.box, (t.expected for t in alone)):
+                    continue  # it has swallowed a neighbour
+            elif track is not None and track.spot.area_px > _GREW * spot.area_px:
+                if self._has_split(track.spot, i, spots, owner):
+                    track = None
             if track is None:
                 track = _Track(self._next, spot)
                 self._next += 1

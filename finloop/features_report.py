@@ -56,27 +56,22 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
 
 
 def forwards(features: pd.DataFrame) -> dict[str, float]:
-    """How often a fish that moves is headed within 90° of its way: a swap of head and tail is not.
+    """How often a moving fish is headed within 90° of its way: where head and tail are exchanged, not.
 
-    The way is the displacement over the next Δ (where that is known), the heading that in between.
+    The way is the displacement over Δ, the heading that in the middle of it.
     """
-    moving = features[features["displacement"] > _MOVING]
-    if moving.empty:
-        return {"moving_fish_frames": 0}
-    return {
-        "moving_fish_frames": len(moving),
-        "headed_along_travel_pct": float(100 * (_off_course(features, moving) <= 90).mean()),
-        "heading_off_travel_median_deg": float(np.median(_off_course(features, moving))),
-    }
-
-
-def _off_course(features: pd.DataFrame, moving: pd.DataFrame) -> np.ndarray:
-    """Angle (rows,) between the heading and the way over the next Δ, degrees in [0, 180]."""
     delta = _delta(features)
+    start = np.flatnonzero(features["displacement"] > _MOVING)
+    if start.size == 0:
+        return {"moving_fish_frames": 0}
     x, y = features["x_px"].to_numpy(), features["y_px"].to_numpy()
-    at = moving.index.to_numpy()
-    way = np.degrees(np.arctan2(-(y[at + delta] - y[at]), x[at + delta] - x[at]))
-    return np.abs(wrap_deg(moving["heading_deg"].to_numpy() - way))
+    way = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))
+    off = np.abs(wrap_deg(features["heading_deg"].to_numpy()[start + delta // 2] - way))
+    return {
+        "moving_fish_frames": int(start.size),
+        "headed_along_travel_pct": float(100 * (off <= 90).mean()),
+        "heading_off_travel_median_deg": float(np.median(off)),
+    }
 
 
 def _delta(features: pd.DataFrame) -> int:

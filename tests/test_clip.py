@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 import pandas as pd
 import pytest
+import tifffile
 import yaml
 from hypothesis import given
 from hypothesis import strategies as st
@@ -516,11 +517,29 @@ def test_pictures_of_sixteen_bits(tmp_path, suffix, colour):
     np.testing.assert_allclose(frame, (pictures[0] - 500.0) * 255 / 4000, atol=0.8)
 
 
-def test_a_stack_of_pages(tmp_path):
+@pytest.mark.parametrize("depth", [np.uint8, np.uint16, np.float32])
+def test_a_stack_of_pages(tmp_path, depth):
     path = tmp_path / "stack.tif"
-    assert cv2.imwritemulti(str(path), [picture(k)[..., 0] for k in range(11)])
+    pages = np.array([picture(k)[..., 0] for k in range(11)]).astype(depth)
+    tifffile.imwrite(path, pages, photometric="minisblack", compression="deflate")
     footage = open_footage(path, frame_rate_hz=10)
-    assert numbers(read(footage)[1]) == list(range(11))
+    frames = read(footage)[1]
+    if depth == np.uint8:
+        np.testing.assert_array_equal(frames, pages)
+    else:  # 40 is black now, and 255 white
+        np.testing.assert_allclose(frames, (pages - 40.0) * 255 / 215, atol=0.6)
+
+
+def test_a_stack_in_colour_and_of_another_shape(tmp_path):
+    path = tmp_path / "stack.tif"
+    pages = np.random.default_rng(0).integers(0, 256, (3, 20, 30, 3), dtype=np.uint8)
+    tifffile.imwrite(path, pages, photometric="rgb")
+    np.testing.assert_array_equal(read(open_footage(path, frame_rate_hz=10))[1], pages)
+    with tifffile.TiffWriter(path) as stack:
+        for one in (pages[0, ..., 0], pages[1, ..., 0], pages[2, :10, :, 0]):
+            stack.write(one, contiguous=False)
+    with pytest.raises(FinloopError, match="page 3, is 30×10 pixels"):
+        read(open_footage(path, frame_rate_hz=10))
 
 
 # --- bad input: one clear message each
@@ -577,6 +596,15 @@ def single(folder: Path) -> Path:
     return make_film(folder / "film.avi", [picture(0)])
 
 
+def lzw_stack(folder: Path) -> Path:
+    cv2.imwritemulti(str(folder / "stack.tif"), [picture(k)[..., 0] for k in range(3)])
+    return folder / "stack.tif"
+
+
+def text_as_stack(folder: Path) -> Path:
+    return text_as_film(folder).rename(folder / "stack.tif")
+
+
 BAD = {
     "nothing there": (lambda folder: folder / "none.mp4", "there is nothing at"),
     "empty": (empty, "is empty: 0 bytes"),
@@ -587,6 +615,8 @@ BAD = {
     "empty folder": (empty_folder, "holds no pictures"),
     "one picture": (one_picture, "a single frame"),
     "one picture's file": (one_picture_file, "a single frame"),
+    "compressed stack": (lzw_stack, "page 1, cannot be read: .*LZW"),
+    "text as stack": (text_as_stack, "cannot be read as a TIFF"),
     "several kinds": (mixed_folder, r"several kinds: 1 \.bmp, 3 \.png"),
 }
 

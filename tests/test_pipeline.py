@@ -190,15 +190,15 @@ def overrides(*own: str) -> list[str]:
 
 
 def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
-    text = repo.dvc("exp", "run", "--name", "noisier", *overrides("clip.noise=4"))
-    assert "Ran experiment(s): noisier" in text
+    text = repo.dvc("exp", "run", "--name", "surer", *overrides("extract.noise_sigmas=7"))
+    assert "Ran experiment(s): surer" in text
     changed = json.loads(repo.dvc("params", "diff", "--json"))
-    assert changed == {"params.yaml": {"clip.noise": {"old": 2.5, "new": 4.0, "diff": 1.5}}}
+    assert changed == {
+        "params.yaml": {"extract.noise_sigmas": {"old": 5.0, "new": 7.0, "diff": 2.0}}
+    }
     diff = json.loads(repo.dvc("metrics", "diff", "--json"))
-    assert {path for path, numbers in diff.items() if numbers} <= set(PIPELINE["metrics"])
-    assert any(
-        "old" in number and "new" in number for number in diff["reports/clip/metrics.json"].values()
-    )
+    threshold = diff["reports/extract/metrics.json"]["threshold_grey"]
+    assert threshold["new"] == pytest.approx(threshold["old"] * 7 / 5, rel=1e-3)
     for command in ("show", "diff"):
         repo.dvc("plots", command)
         page = repo.text("dvc_plots/index.html")
@@ -224,8 +224,8 @@ def drawn_offline(page: Path) -> int | None:
 
 def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
     before = repo.text("params.yaml")
-    repo.dvc("exp", "run", "--temp", "--name", "apart", *overrides("clip.seed=2"))
-    repo.dvc("exp", "run", "--queue", *overrides("clip.seed=3,4"))
+    repo.dvc("exp", "run", "--temp", "--name", "apart", *overrides("features.delta_s=0.3"))
+    repo.dvc("exp", "run", "--queue", *overrides("features.delta_s=0.4,0.5"))
     repo.dvc("queue", "start")
     deadline = time.monotonic() + 60
     while "Queued" in (status := repo.dvc("queue", "status")) or "Running" in status:
@@ -236,7 +236,7 @@ def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
     assert repo.text("params.yaml") == before
     assert repo.git("status", "--porcelain") == ""
     repo.dvc("exp", "apply", "apart")
-    assert yaml.safe_load(repo.text("params.yaml"))["clip"]["seed"] == 2
+    assert yaml.safe_load(repo.text("params.yaml"))["features"]["delta_s"] == 0.3
     assert "up to date" in repo.dvc("status")
     assert repo.dvc("repro").count("didn't change, skipping") == len(STAGES)
 

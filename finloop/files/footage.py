@@ -8,7 +8,7 @@ time each is shown. Nothing is held but a few frames.
 import math
 import re
 from collections import Counter, deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
@@ -28,6 +28,7 @@ from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.reformatter import ColorRange, Colorspace
 from av.video.stream import VideoStream
+from tifffile import TiffFile, TiffFileError
 
 from finloop.clip import (
     CHROMA_FRACTION,
@@ -136,7 +137,7 @@ class Footage:
     renumbered: bool = False  # frame k is shown at k / frame_rate, whatever its stamp
     stamp_s: float = 0.0  # stamp of the first frame
     last_s: float = 0.0  # time of the last frame the file promises, 0 = its first
-    pictures: tuple[tuple[Path, int], ...] = ()  # file and page, where it is no film
+    pictures: bool = False  # a folder or a stack, no film
 
     def frames(self, loss: Loss) -> Iterator[tuple[float, np.ndarray]]:
         """Give time (s, 0 = first frame of the film) and picture of each frame of the range.
@@ -283,7 +284,7 @@ def _limited(footage: Footage, times: np.ndarray, start_s: float, end_s: float) 
     return replace(footage, frames_expected=round((shown[-1] - shown[0]) / step) + 1)
 
 
-def _in_range(footage: Footage, time_s: float) -> bool:
+def _in_range(footage: Footage, time_s: float | Fraction) -> bool:
     slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
     return footage.start_s - slack <= time_s < footage.end_s - slack
 
@@ -603,67 +604,100 @@ def _jump(container: InputContainer, stream: VideoStream, footage: Footage) -> N
 # --- pictures ---------------------------------------------------------------------------------
 
 
+class _Album(NamedTuple):
+    """The pictures of a folder or the pages of a stack, by number."""
+
+    length: int
+    name: Callable[[int], str]
+    load: Callable[[int], np.ndarray]  # (h, w) grey or (h, w, 3) RGB, as stored
+    threads: int
+
+
+@contextmanager
+def _album(path: Path) -> Iterator[_Album]:
+    """Open a folder or a stack."""
+    if path.is_dir():
+        files = _listed(path)
+
+        def load(k: int) -> np.ndarray:
+            return _load_picture(files[k])
+
+        yield _Album(len(files), lambda k: str(files[k]), load, THREADS)
+        return
+    try:
+        with TiffFile(path) as stack:
+
+            def load_page(k: int) -> np.ndarray:
+                return _page(stack, k)
+
+            name = f"{path}, page {{}},"
+            yield _Album(len(stack.pages), lambda k: name.format(k + 1), load_page, 1)
+    except (TiffFileError, OSError) as error:
+        raise FinloopError(
+            came=f"{path} cannot be read as a TIFF: {error}",
+            wanted="a TIFF with a page for each frame",
+            do="save it as a folder of pictures",
+        ) from error
+
+
 def _open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
     """Look at a folder of pictures or a stack; also give the times of its frames."""
-    pictures = _listed(path)
-    if not pictures:
-        kinds = " ".join(sorted(PICTURE_SUFFIXES))
-        raise FinloopError(
-            came=f"the folder {path} holds no pictures",
-            wanted=f"the frames of one film, all of one kind: {kinds}",
-            do="give that folder, or the film itself",
-        )
-    if len(pictures) < 2:
-        raise _too_few(path, 1)
-    if rate is None:
-        raise FinloopError(
-            came=f"{path} is {len(pictures)} pictures, which do not say how fast they were taken",
-            wanted="their frame rate",
-            do="give it: -S clip.frame_rate_hz=30.0",
-        )
-    chosen = np.unique(np.linspace(0, len(pictures) - 1, SAMPLES).astype(int))
-    samples = [_thinned(_load_picture(*pictures[k])) for k in chosen]
-    first = _load_picture(*pictures[0])
+    with _album(path) as album:
+        if album.length < 2:
+            raise _too_few(path, album.length)
+        if rate is None:
+            raise FinloopError(
+                came=f"{path}: {album.length} pictures, which do not say how fast they were taken",
+                wanted="their frame rate",
+                do="give it: -S clip.frame_rate_hz=30.0",
+            )
+        first = album.load(0)
+        chosen = np.unique(np.linspace(0, album.length - 1, SAMPLES).astype(int))
+        samples = [_thinned(album.load(int(k))) for k in chosen]
+        times = np.arange(album.length) / float(rate)
     levels = None if first.dtype == np.uint8 else deep_levels(samples)
     if colour is None:
         shown = [_fitted(sample, True, levels) for sample in samples]
         colour = chroma_fraction(shown) > CHROMA_FRACTION
-    times = np.arange(len(pictures)) / float(rate)
     footage = Footage(
         path=path,
         width_px=first.shape[1],
         height_px=first.shape[0],
         frame_rate=rate,
         colour=colour,
-        frames_expected=len(pictures),
+        frames_expected=len(times),
         levels=levels,
         renumbered=True,
         last_s=float(times[-1]),
-        pictures=pictures,
+        pictures=True,
     )
     return footage, times
 
 
-def _listed(path: Path) -> tuple[tuple[Path, int], ...]:
-    """List the pictures of a folder in natural order, or the pages of a stack."""
-    if path.is_file():
-        return tuple((path, page) for page in range(cv2.imcount(str(path))))
+def _listed(folder: Path) -> list[Path]:
+    """List the pictures of a folder in natural order."""
     files = [
         file
-        for file in path.iterdir()
+        for file in folder.iterdir()
         if file.suffix.lower() in PICTURE_SUFFIXES and not file.name.startswith(".")
     ]
     kinds = Counter(file.suffix.lower() for file in files)
+    if not files:
+        raise FinloopError(
+            came=f"the folder {folder} holds no pictures",
+            wanted=f"the frames of one film, all of one kind: {' '.join(sorted(PICTURE_SUFFIXES))}",
+            do="give that folder, or the film itself",
+        )
     if len(kinds) > 1:
         raise FinloopError(
-            came=f"{path} holds pictures of several kinds: "
+            came=f"{folder} holds pictures of several kinds: "
             + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())),
             wanted="the frames of one film and no other picture",
             do="move the others away (a mask, a background, a preview)",
         )
-    return tuple((file, 0) for file in sorted(files, key=_natural))
+    return sorted(files, key=_natural)
 
 
 def _natural(path: Path) -> list[tuple[int, str]]:
@@ -674,23 +708,39 @@ def _natural(path: Path) -> list[tuple[int, str]]:
     ]
 
 
-def _load_picture(path: Path, page: int) -> np.ndarray:
+def _load_picture(path: Path) -> np.ndarray:
     """Read one picture as it is stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    data = np.fromfile(path, np.uint8)
     flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
-    if path.suffix.lower() in TIFF_SUFFIXES:
-        pages = cv2.imreadmulti(str(path), page, 1, flags=flags)[1]
-        picture = pages[0] if pages else None
-    else:
-        data = np.fromfile(path, np.uint8)
-        picture = cv2.imdecode(data, flags) if data.size else None
+    picture = cv2.imdecode(data, flags) if data.size else None
     if picture is None:
-        where = f"{path}, page {page + 1}," if page else f"{path}"
         raise FinloopError(
-            came=f"{where} cannot be read as a picture",
+            came=f"{path} cannot be read as a picture",
             wanted="every file of the folder whole",
             do="copy it again, or move it away",
         )
     return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+
+
+def _page(stack: TiffFile, number: int) -> np.ndarray:
+    """Read one page of a stack: (h, w) grey or (h, w, 3) RGB."""
+    try:
+        picture = stack.pages[number].asarray()
+    except ValueError as error:  # a compression that is not supported
+        raise FinloopError(
+            came=f"{stack.filehandle.path}, page {number + 1}, cannot be read: {error}",
+            wanted="a stack that is not compressed, or by deflate",
+            do="save it so, or as a folder of pictures",
+        ) from error
+    if picture.ndim == 3 and picture.shape[2] in (3, 4):
+        return picture[..., :3]
+    if picture.ndim == 2:
+        return picture
+    raise FinloopError(
+        came=f"{stack.filehandle.path}, page {number + 1}, has the shape {picture.shape}",
+        wanted="pages of height × width, grey or RGB",
+        do="split its channels, or save it as a folder of pictures",
+    )
 
 
 def _fitted(picture: np.ndarray, colour: bool, levels: tuple[float, float] | None) -> np.ndarray:
@@ -706,37 +756,33 @@ def _fitted(picture: np.ndarray, colour: bool, levels: tuple[float, float] | Non
 
 def _picture_frames(footage: Footage) -> Iterator[tuple[float, np.ndarray]]:
     """Stream a folder or stack; see `Footage.frames`."""
-    size = (footage.width_px, footage.height_px)
-    times = [k / float(footage.frame_rate) for k in range(len(footage.pictures))]
-    shown = [
-        (time, picture)
-        for time, picture in zip(times, footage.pictures, strict=True)
-        if _in_range(footage, time)
-    ]
+    size = footage.width_px, footage.height_px
+    with _album(footage.path) as album:
 
-    def load(item: tuple[float, tuple[Path, int]]) -> tuple[float, np.ndarray]:
-        time, (path, page) = item
-        picture = _load_picture(path, page)
-        if (picture.shape[1], picture.shape[0]) != size:
-            raise _other_size(str(path), (picture.shape[1], picture.shape[0]), size)
-        if (picture.dtype == np.uint8) == (footage.levels is not None):
-            raise FinloopError(
-                came=f"{path} has {picture.dtype} levels, the pictures before it have others",
-                wanted="pictures of one depth",
-                do="move it away, or convert all alike",
-            )
-        return time, _fitted(picture, footage.colour, footage.levels)
+        def load(number: int) -> tuple[float, np.ndarray]:
+            picture = album.load(number)
+            if picture.shape[1::-1] != size:
+                raise _other_size(album.name(number), picture.shape[1::-1], size)
+            if (picture.dtype == np.uint8) == (footage.levels is not None):
+                raise FinloopError(
+                    came=f"{album.name(number)} has {picture.dtype} levels, those before it others",
+                    wanted="pictures of one depth",
+                    do="move it away, or convert all alike",
+                )
+            shown = _fitted(picture, footage.colour, footage.levels)
+            return number / float(footage.frame_rate), shown
 
-    yield from _ahead(load, shown)
+        wanted = [k for k in range(album.length) if _in_range(footage, k / footage.frame_rate)]
+        yield from _ahead(load, wanted, album.threads)
 
 
-def _ahead(work: Callable[[S], T], items: Sequence[S]) -> Iterator[T]:
-    """Do `work` on all cores a few items ahead of the one that is wanted, in order."""
-    with ThreadPoolExecutor(THREADS) as pool:
+def _ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
+    """Do `work` in threads, a few items ahead of the one that is wanted, in order."""
+    with ThreadPoolExecutor(threads) as pool:
         waiting: deque[Future[T]] = deque()
         for item in items:
             waiting.append(pool.submit(work, item))
-            if len(waiting) > 2 * THREADS:
+            if len(waiting) > 2 * threads:
                 yield waiting.popleft().result()
         while waiting:
             yield waiting.popleft().result()
