@@ -24,7 +24,8 @@ HEAD = """<!DOCTYPE html>
 <title>finloop: plots</title>
 <style>
   body { font-family: sans-serif; margin: 2em; }
-  img { max-width: 90vw; }
+  img { max-width: 43vw; }  /* two revisions side by side; one alone takes the page */
+  body > div > div:only-of-type > img { max-width: 90vw; }
 </style>
 <!-- Vega, Vega-Lite, Vega-Embed: (c) University of Washington Interactive Data Lab and
      contributors, BSD-3-Clause; with parts of D3: (c) Mike Bostock, ISC and BSD-3-Clause. -->

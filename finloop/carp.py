@@ -13,33 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.carp_draw import OVERSAMPLE, Drawing, blurred, draw
-from finloop.carp_motion import POINTS, Motion, crowded, midline, room_of, simulate
+from finloop.carp_motion import Motion, crowded, midline, room_of, simulate
 from finloop.carp_skin import Look, floor, look
 
 Float = NDArray[np.float64]
 Image = NDArray[np.float32]
 Row = dict[str, Any]
-
-# Column, dtype, unit, length (0: a number; else a list of that many).
-TRUTH_COLUMNS: tuple[tuple[str, str, str, int], ...] = (
-    ("fish_id", "int32", "1", 0),
-    ("frame", "int32", "1", 0),
-    ("x_px", "float64", "px", 0),
-    ("y_px", "float64", "px", 0),
-    ("head_x_px", "float64", "px", 0),
-    ("head_y_px", "float64", "px", 0),
-    ("tail_x_px", "float64", "px", 0),
-    ("tail_y_px", "float64", "px", 0),
-    ("heading_deg", "float64", "deg", 0),
-    ("body_length_px", "float64", "px", 0),
-    ("bend", "float64", "1", 0),
-    ("curvature_deg", "float64", "deg", 0),
-    ("swimming_type", "int8", "1", 0),
-    ("mask_area_px", "float64", "px^2", 0),
-    ("fins_open", "float32", "1", 0),
-    ("backbone_x_px", "float32", "px", POINTS),
-    ("backbone_y_px", "float32", "px", POINTS),
-)
 
 SHADOW_OFFSET = (0.050, 0.075)  # of the shadow on the floor, body lengths right and down
 SHADOW_BLUR = 0.040
@@ -203,7 +182,7 @@ def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
     Yields
     ------
     frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
-    rows : one dictionary a fish, keys as in `TRUTH_COLUMNS`, sorted by fish_id
+    rows : one dictionary a fish, keys as in `finloop.truth.TRUTH`, sorted by fish_id
     """
     poses, skins, lamp = motion(params), looks(params), light(params)
     noise_rng = _streams(params)[3]

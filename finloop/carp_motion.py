@@ -21,10 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.carp_skin import half_width
+from finloop.truth import POINTS
 
 Float = NDArray[np.float64]
 
-POINTS = 65  # of a midline, head to tail, equal arc length
 SEGMENTS = POINTS - 1
 
 # Kinematics of a calm carp: tail amplitude about 0.1 L, one wave on the body, 0.65 L a beat.

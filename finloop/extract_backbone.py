@@ -307,7 +307,7 @@ def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
         # a fin on one side moves one flank only: never by more than the body is wide there
-        typical = np.median(width[1:-1])
+        typical = np.quantile(width, 0.8)
         shift = _median3(np.minimum(np.maximum(shift, -typical), typical))
         shift[0] = shift[-1] = 0.0
         for i in range(points):

@@ -76,12 +76,10 @@ class Linker:
             if not spot.isolated:
                 continue
             track = owner.get(i)
-            if track is not None and spot.area_px > _GREW * track.spot.area_px:
-                if _holds_any(spot.box, (t.expected for t in alone)):
-                    continue  # it has swallowed a neighbour
-            elif track is not None and track.spot.area_px > _GREW * spot.area_px:
-                if self._has_split(track.spot, i, spots, owner):
-                    track = None
+            if track is not None and _has_swallowed(track, spot, alone):
+                continue
+            if track is not None and self._has_split(track.spot, i, spots, owner):
+                track = None
             if track is None:
                 track = _Track(self._next, spot)
                 self._next += 1
@@ -112,7 +110,9 @@ class Linker:
     def _has_split(
         self, before: Spot, mine: int, spots: list[Spot], owner: dict[int, _Track]
     ) -> bool:
-        """Whether a spot that nobody owned came out of the box that this track's fish had before."""
+        """Whether `mine` has shrunk, and a spot that nobody owned came out of where it was."""
+        if before.area_px <= _GREW * spots[mine].area_px:
+            return False
         born = (
             (s.x_px, s.y_px)
             for i, s in enumerate(spots)
@@ -120,6 +120,12 @@ class Linker:
             and not any(_holds_any(b.box, [(s.x_px, s.y_px)]) for b in self._before if b != before)
         )  # fmt: skip
         return _holds_any(before.box, born)
+
+
+def _has_swallowed(track: _Track, spot: Spot, alone: list[_Track]) -> bool:
+    """Whether a track's spot has grown, over where a track without a spot was expected."""
+    grown = spot.area_px > _GREW * track.spot.area_px
+    return grown and _holds_any(spot.box, (other.expected for other in alone))
 
 
 def _others(cost: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -66,7 +66,7 @@ def wrap_deg(angle: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def orientation(heading_deg: NDArray[np.floating]) -> NDArray[np.int8]:
-    """Orientation number 1-24 (§3.3, Table 1): number 1 is centred on 0°, counting anticlockwise."""
+    """Orientation number 1-24 (§3.3, Table 1): 1 is centred on 0°, counting anticlockwise."""
     sector = 360 / ORIENTATIONS
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % ORIENTATIONS + 1).astype(np.int8)
 

@@ -22,7 +22,7 @@ _G = np.array([245, 56, 1]) / 360
 
 
 def control_points(backbone: NDArray[np.floating]) -> NDArray[np.float64]:
-    """The six control points (rows, 6, 2) of backbones (rows, n, 2), n equal arc steps from the head."""
+    """The six control points (rows, 6, 2) of backbones (rows, n, 2), equal steps from the head."""
     n = backbone.shape[1]
     at = CONTROL_ARCS * (n - 1)
     low = np.minimum(at.astype(int), n - 2)

@@ -55,7 +55,7 @@ def _blunt(half_width: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def _forward(backbone: NDArray[np.floating], length: float) -> NDArray[np.float64]:
-    """Log odds (frames,) that the first point is the head, from the travel to and from each frame."""
+    """Log odds (frames,) that the first point is the head, from the travel around each frame."""
     if len(backbone) < 2:
         return np.zeros(len(backbone))
     middle = backbone.mean(1)

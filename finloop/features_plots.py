@@ -1,4 +1,4 @@
-"""Pictures of a feature table: Fig. 7, trajectories, orientation rose, contact sheet of cut-outs."""
+"""Pictures of a feature table: Fig. 7, trajectories, orientation rose, contact sheet."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -90,7 +90,7 @@ def rose(features: pd.DataFrame) -> Figure:
 
 
 class Specimen(NamedTuple):
-    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, film around it."""
+    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, film around."""
 
     row: pd.Series
     backbone: NDArray[np.floating]

@@ -1,4 +1,4 @@
-"""Numbers about a feature table: Table 1, measures against ground truth, plausibility of headings."""
+"""Numbers about a feature table: Table 1, errors against ground truth, plausibility."""
 
 import numpy as np
 import pandas as pd
@@ -56,7 +56,7 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
 
 
 def forwards(features: pd.DataFrame) -> dict[str, float]:
-    """How often a moving fish is headed within 90° of its way: where head and tail are exchanged, not.
+    """How often a moving fish is headed within 90° of its way; a swap of head and tail is not.
 
     The way is the displacement over Δ, the heading that in the middle of it.
     """
@@ -120,6 +120,7 @@ def against_truth(
         "truth_heading_error_median_deg": float(np.median(off)),
         "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
         "truth_head_tail_swaps": int(swapped.sum()),
+        "truth_identity_changes": _identity_changes(found["track_id"], true["fish_id"]),
         "truth_swimming_type_agreement_pct": float(100 * agree.mean()),
         **{
             f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == kind].mean())
@@ -129,6 +130,12 @@ def against_truth(
         "truth_motion_area_bend_rank_correlation": _rank(area, true["bend"].abs()),
         "truth_motion_area_curvature_rank_correlation": _rank(area, true["curvature_deg"].abs()),
     }
+
+
+def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
+    """How often a track passes from one fish to another."""
+    same_track = np.diff(track.to_numpy()) == 0
+    return int((same_track & (np.diff(fish.to_numpy()) != 0)).sum())
 
 
 def _rank(a: np.ndarray, b: pd.Series) -> float:

@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from finloop.carp import TRUTH_COLUMNS, CarpFilm, film
+from finloop.carp import CarpFilm, film
 from finloop.clip import circle_arena, psnr_db, rectangle_arena, segments_of
 from finloop.errors import FinloopError
 from finloop.files.atomic import whole_folder
 from finloop.files.footage import Loss, open_footage, record
-from finloop.files.table import save_table, schema_of
+from finloop.files.table import save_table
 from finloop.files.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -31,6 +31,7 @@ from finloop.files.video import (
     save_mask,
 )
 from finloop.files.wheel import cache_folder, zebrafish_clips
+from finloop.truth import TRUTH
 from stages.params import load
 from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
 
@@ -130,7 +131,7 @@ def main() -> None:
         save_mask(folder / ARENA_NAME, arena)
         if reel.truth:
             truth = pd.DataFrame(reel.truth).sort_values(["fish_id", "frame"], ignore_index=True)
-            save_table(folder / TRUTH_NAME, truth, schema_of(TRUTH_COLUMNS))
+            save_table(folder / TRUTH_NAME, truth, TRUTH)
         coded = read_spread(clip, list(tally.kept), colour=facts.colour)
         numbers = {
             "frames": facts.frames,

@@ -1,4 +1,4 @@
-"""Stage `extract`: the normalised clip becomes background, tracks, outlines, backbones, cut-outs."""
+"""Stage `extract`: the normalised clip becomes background, tracks, backbones, cut-outs."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 

@@ -1,4 +1,4 @@
-"""Stage `features`: tracks become the feature table, Fig. 7, Table 1 and pictures to judge it by."""
+"""Stage `features`: tracks become the feature table, Fig. 7, Table 1 and pictures."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.carp import TRUTH_COLUMNS
 from finloop.extract_table import tracks_schema
 from finloop.features import FEATURES, Settings, features
 from finloop.features_plots import (
@@ -25,8 +24,9 @@ from finloop.features_report import against_truth, summary, table1
 from finloop.files.cutouts import CutoutStore, open_cutouts
 from finloop.files.picture import load_picture, save_figure, save_picture
 from finloop.files.scene import load_scene
-from finloop.files.table import load_table, save_csv, save_table, schema_of
+from finloop.files.table import load_table, save_csv, save_table
 from finloop.files.video import FACTS_NAME, TRUTH_NAME, load_facts
+from finloop.truth import TRUTH
 from stages.params import load
 from stages.params.features import OPTIONS
 
@@ -64,7 +64,7 @@ def main() -> None:
     metrics = summary(table)
     truth = CLIP / TRUTH_NAME
     if truth.exists():
-        true = load_table(truth, schema_of(TRUTH_COLUMNS))
+        true = load_table(truth, TRUTH)
         metrics |= against_truth(table, backbones, true)
     save_csv(REPORT / "table1.csv", table1(table), decimals=3)
     fig7 = longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]

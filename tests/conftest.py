@@ -73,6 +73,14 @@ class Copy:
         self.dvc("checkout", "--force", "--quiet")
 
 
+def alive(process: psutil.Process) -> bool:
+    """Whether a process still runs; one that only waits to be collected does not."""
+    try:
+        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
 @pytest.fixture(scope="session")
 def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
     """The repository, copied and run once on a drawn carp of two seconds, all committed."""

@@ -8,7 +8,6 @@ import pytest
 from scipy.spatial.distance import cdist
 
 from finloop.carp import (
-    TRUTH_COLUMNS,
     CarpFilm,
     bend_of,
     curvature_of,
@@ -24,6 +23,7 @@ from finloop.carp import (
 from finloop.carp_draw import blurred, draw
 from finloop.carp_motion import POINTS, midline, turn_bend, turn_progress
 from finloop.carp_skin import Look, half_width, look
+from finloop.truth import TRUTH
 
 SMALL = CarpFilm(frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3)
 POSES = [  # amplitude, bend (radians), axis (radians), beat
@@ -388,13 +388,13 @@ def test_frames_and_rows_have_the_promised_form():
         assert picture.shape == (240, 320, 3) and picture.dtype == np.uint8
         assert [row["fish_id"] for row in rows] == [0, 1]
         for row in rows:
-            assert list(row) == [name for name, *_ in TRUTH_COLUMNS]
+            assert list(row) == [column.name for column in TRUTH.columns]
             assert row["frame"] == number
-            for name, dtype, _, length in TRUTH_COLUMNS:
-                value = np.asarray(row[name])
-                assert value.shape == ((length,) if length else ())
+            for column in TRUTH.columns:
+                value = np.asarray(row[column.name])
+                assert value.shape == ((column.length,) if column.length else ())
                 assert np.all(np.isfinite(value))
-                assert not length or value.dtype == dtype
+                assert not column.length or value.dtype == column.dtype
     picture, _ = next(film(replace(params, colour=False)))
     assert picture.shape == (240, 320)
 

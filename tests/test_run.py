@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pytest
+from conftest import alive
 
 from finloop.errors import FinloopError
 from stages import run as door
@@ -209,10 +210,3 @@ def test_a_stage_ends_with_dvc_however_dvc_ends(by_dvc):
     assert alive(child) != by_dvc
     if not by_dvc:
         child.kill()
-
-
-def alive(process: psutil.Process) -> bool:
-    try:
-        return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
-    except psutil.NoSuchProcess:
-        return False

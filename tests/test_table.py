@@ -13,7 +13,6 @@ from finloop.files.table import (
     lists_to_array,
     load_table,
     save_table,
-    schema_of,
 )
 
 SCHEMA = Schema(
@@ -142,11 +141,3 @@ def test_unreadable_tables_are_said(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(FinloopError, match="cannot be read as a table"):
         load_table(path, SCHEMA)
-
-
-def test_schema_from_tuples():
-    made = schema_of([("frame", "int32", "1", 0), ("line_px", "float32", "px", 65)])
-    assert made.columns == (
-        Column("frame", "int32", "1"),
-        Column("line_px", "float32", "px", length=65),
-    )

@@ -185,7 +185,9 @@ def test_nothing_is_left_of_an_unfinished_clip(tmp_path):
     path = write(tmp_path / "clip.mp4", noise(2, (16, 16)))
     before = path.read_bytes()
     with pytest.raises(KeyboardInterrupt), VideoWriter(path, 16, 16, RATE) as writer:
-        writer.write(noise(1, (16, 16))[0])
+        for frame in noise(20, (16, 16)):
+            writer.write(frame)
+        assert len(list(tmp_path.iterdir())) == 2  # so there is something to remove
         raise KeyboardInterrupt
     assert path.read_bytes() == before
     assert list(tmp_path.iterdir()) == [path]
@@ -250,6 +252,24 @@ def test_too_few_frames_are_said(tmp_path, film):
                 target.mux(packet)
     with pytest.raises(FinloopError, match="normalised clip"):
         list(read_frames(short))
+
+
+def test_an_early_end_is_said(tmp_path, film):
+    """The index is whole, the data behind it are not."""
+    short = tmp_path / "clip.mp4"
+    options = {"movflags": "faststart"}
+    with av.open(str(film[0])) as source, av.open(str(short), "w", options=options) as target:
+        stream = target.add_stream_from_template(source.streams.video[0])
+        for packet in source.demux(video=0):
+            if packet.dts is not None:
+                packet.stream = stream
+                target.mux(packet)
+    with av.open(str(short)) as container:
+        at = [packet.pos for packet in container.demux(video=0)][50]
+    short.write_bytes(short.read_bytes()[:at])
+    with pytest.raises(FinloopError, match="it ends before frame"):
+        list(read_frames(short))
+    assert len(list(read_frames(short, stop=20))) == 20
 
 
 # --- facts and masks

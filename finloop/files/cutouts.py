@@ -2,8 +2,8 @@
 
 An Arrow IPC file, memory-mapped on reading: opening it costs nothing, any cut-out is reached at
 once, and only those looked at are decompressed (zstd, each cut-out by itself). Any Arrow reader of
-any language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or RGB + alpha,
-colour premultiplied by alpha.
+any language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or
+RGB + alpha, colour premultiplied by alpha.
 """
 
 from collections.abc import Iterator
@@ -38,7 +38,7 @@ _CODEC = pa.Codec("zstd", compression_level=1)
 
 
 class Cutout(NamedTuple):
-    """One stored picture: (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
+    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
 
     track_id: int
     frame: int
@@ -95,7 +95,7 @@ class CutoutWriter:
 
 @dataclass(frozen=True)
 class CutoutStore:
-    """An open store. `index`: one row per cut-out in the file's order, the columns of the schema."""
+    """An open store. `index`: a row per cut-out in the file's order, its place and size."""
 
     index: pd.DataFrame
     _pixels: pa.ChunkedArray

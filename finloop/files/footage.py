@@ -62,6 +62,9 @@ HD_HEIGHT = 720  # from here on, a film that does not state its colour matrix ha
 SEEK_MARGIN_S = 1.0
 
 _LUMA_FIRST = ("yuv4", "yuvj4", "yuva4", "nv1", "nv2", "gray")  # formats whose plane 0 is Y
+# What PyAV raises where a container cannot be followed further; the second if damage looks like the
+# beginning of another stream.
+_BROKEN_OFF = (av.error.FFmpegError, IndexError)
 
 _WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
 _WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
@@ -318,7 +321,8 @@ def _film(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
     try:
         if path.stat().st_size == 0:
             raise FinloopError(f"{path} is empty: 0 bytes", _WANTED, "copy or record it again")
-        with av.open(str(path)) as container:
+        # Titles are often not in UTF-8.
+        with av.open(str(path), metadata_errors="replace") as container:
             streams = _picture_streams(container)
             if not streams:
                 kinds = " and ".join(sorted({stream.type for stream in container.streams}))
@@ -356,8 +360,8 @@ def _stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndarray,
                 stamp = packet.dts if packet.pts is None else packet.pts
                 if packet.size and stamp is not None and not packet.is_discard:
                     ticks.append(stamp)
-        except av.error.FFmpegError:
-            pass  # broken off: `Loss` tells how much is missing
+        except _BROKEN_OFF:
+            pass  # `Loss` tells how much is missing
         promised = max(len(ticks), stream.frames)
     return np.sort(np.array(ticks, np.float64)) * float(stream.time_base or 1), promised
 
@@ -540,8 +544,8 @@ def _decoded(
     while True:
         try:
             packet = next(packets, None)
-        except av.error.FFmpegError:
-            return  # broken off; `_film_frames` counts what is missing
+        except _BROKEN_OFF:
+            return  # `_film_frames` counts what is missing
         if packet is None:
             return
         try:

@@ -4,7 +4,7 @@ Files are Parquet. The units travel in the file (in the metadata of each field),
 opened without this program still says what its numbers mean.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,11 +68,6 @@ class Schema:
                 for column in self.columns
             ]
         )
-
-
-def schema_of(columns: Iterable[tuple[str, str, str, int]]) -> Schema:
-    """Make a schema of tuples (name, dtype, unit, length), no column of which may have holes."""
-    return Schema(tuple(Column(*column[:3], length=column[3]) for column in columns))
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:

@@ -1,0 +1,59 @@
+"""Accuracy on the drawn carp against its ground truth: ten seeds, and harder films.
+
+`python -m benchmarks.accuracy [--quick]` prints a table and writes reports/accuracy.csv.
+"""
+
+import argparse
+import tempfile
+from pathlib import Path
+
+import pandas as pd
+
+from benchmarks.pipeline import ROOT, STAGES, prepare, stage
+
+FILMS = {
+    **{f"seed {seed}": [f"clip.seed={seed}"] for seed in range(1, 11)},
+    "fins always open": ["clip.fins=1.0"],
+    "light drift 15 %": ["clip.light_drift=0.15"],
+    "doubled noise": ["clip.noise=5.0"],
+    "grey film": ["clip.colour=false"],
+    "three fish": ["clip.fish=3"],
+    "60 px long": ["clip.body_length_px=60"],
+}
+COLUMNS = {
+    "truth_found_pct": "found %",
+    "tracks": "tracks",
+    "truth_centre_error_median_px": "centre px",
+    "truth_backbone_error_mean_pct": "backbone %",
+    "truth_body_length_bias_pct": "length bias %",
+    "truth_heading_error_median_deg": "heading °",
+    "truth_heading_error_p95_deg": "heading p95 °",
+    "truth_head_tail_swaps": "swaps",
+    "truth_swimming_type_agreement_pct": "type %",
+    "truth_motion_area_bend_rank_correlation": "area~bend",
+    "truth_identity_changes": "identity changes",
+}
+
+
+def main() -> None:
+    """Run every film through the pipeline and print what was measured."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="300 frames a film instead of 1500")
+    given = parser.parse_args()
+    rows = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        for name, overrides in FILMS.items():
+            length = ["clip.frames=300"] if given.quick else []
+            prepare(Path(scratch), ["clip=carp", *length, *overrides])
+            for word in STAGES:
+                metrics = stage(Path(scratch), word)
+            rows[name] = {title: metrics[key] for key, title in COLUMNS.items()}
+            print(name, rows[name], flush=True)
+    table = pd.DataFrame(rows).T
+    print(table.to_string(float_format="{:.3g}".format))
+    if not given.quick:
+        table.round(4).to_csv(ROOT / "reports/accuracy.csv", index_label="film")
+
+
+if __name__ == "__main__":
+    main()

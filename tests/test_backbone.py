@@ -1,0 +1,403 @@
+"""The backbone: lengths of skeletons drawn by hand, laws of what is traced through drawn shapes."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+from scipy.sparse import csr_matrix
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial.distance import cdist
+from skimage.morphology import skeletonize
+
+from finloop.extract_backbone import longest_geodesic, resample, smoother, to_outline, trace
+
+ROOT2 = np.sqrt(2)
+SIZE = (161, 171)  # of the pictures that shapes are drawn into
+FLOOR = 6.0
+ANGLES = [0, 17, 45, 61, 90, 133]
+
+
+# -- the longest geodesic, on skeletons drawn by hand ---------------------------------------------
+
+
+def skeleton(drawing):
+    return np.array([[letter != "." for letter in line] for line in drawing.split()])
+
+
+def longest(pixels, weight=None):
+    ones = np.ones(pixels.shape, np.float32)
+    return longest_geodesic(pixels, ones if weight is None else weight)
+
+
+def steps(line):
+    return np.hypot(*np.diff(line, axis=0).T)
+
+
+STROKE = """
+    .......
+    .#####.
+    .......
+"""
+CORNER = """
+    .#.....
+    ..#....
+    ..#....
+"""
+TEE = """
+    #######
+    ...#...
+    ...#...
+    .......
+    .......
+"""
+LONG_TEE = """
+    ..###..
+    ...#...
+    ...#...
+    ...#...
+    ...#...
+"""
+WYE = """
+    #.....#
+    .#...#.
+    ..#.#..
+    ...#...
+    ...#...
+"""
+FORK = """
+    .......
+    ....##.
+    ####...
+    ....#..
+    .....#.
+"""
+
+
+@pytest.mark.parametrize(
+    ("drawing", "length"),
+    [
+        ("#", 0),
+        ("##", 1),
+        (STROKE, 4),
+        (CORNER, 1 + ROOT2),
+        (TEE, 6),  # along the bar
+        (LONG_TEE, 3 + ROOT2),  # down the stem, from one end of the bar by a diagonal step
+        (WYE, 6 * ROOT2),  # from arm to arm
+        (FORK, 3 + 2 * ROOT2),  # the lower prong
+    ],
+)
+def test_lengths_of_skeletons_drawn_by_hand(drawing, length):
+    pixels = skeleton(drawing)
+    for view in (pixels, pixels.T, pixels[::-1], pixels[:, ::-1]):
+        assert steps(longest(np.ascontiguousarray(view))).sum() == pytest.approx(length)
+
+
+def test_side_branches_are_pruned():
+    # Fig. 4 of the paper: A is where the numbering starts, the pixels of the branches to B and C get
+    # smaller numbers than D does; A to D stays. Small letters mark what has to go.
+    drawing = """
+        .....b......
+        .....b......
+        AAAAAAADDDDD
+        ........c...
+        .........c..
+    """
+    letters = np.array([list(line) for line in drawing.split()])
+    path = longest(letters != ".")
+    kept = np.zeros(letters.shape, bool)
+    kept[path[:, 1].astype(int), path[:, 0].astype(int)] = True
+    assert np.array_equal(kept, np.isin(letters, ["A", "D"]))
+    assert sorted(path[[0, -1], 0]) == [0, 11]
+
+
+def test_a_long_thin_fin_loses_to_a_short_thick_head():
+    # Body to the left; ahead of the joint a head (h) and a fin (f) that is longer.
+    drawing = """
+        .........ffff
+        ........f....
+        #######hhh...
+    """
+    letters = np.array([list(line) for line in drawing.split()])
+    paper = longest(letters != ".")
+    assert 12 in paper[[0, -1], 0]  # weights of one: the paper's rule is taken in by the fin
+    width = np.select([letters == "#", letters == "h", letters == "f"], [4, 4, 1]).astype(np.float32)
+    ours = longest(letters != ".", width)
+    assert sorted(ours[[0, -1], 0]) == [0, 9]
+    assert np.all(ours[:, 1] == 2)
+
+
+def test_of_separate_pieces_the_one_with_the_most_pixels():
+    pieces = skeleton("""
+        ########.
+        .........
+        ##..#####
+    """)
+    path = longest(pieces)
+    assert np.all(path[:, 1] == 0)
+    assert len(path) == 8
+
+
+def test_a_loop_has_an_end_too():
+    ring = skeleton("""
+        .###.
+        #...#
+        #...#
+        .###.
+    """)
+    assert steps(longest(ring)).sum() == pytest.approx(3 + 2 * ROOT2)  # half of the way round
+
+
+def test_nothing_has_no_path():
+    assert longest(np.zeros((4, 5), bool)).shape == (0, 2)
+
+
+def blob(seed):
+    """A random patch without holes."""
+    noise = np.random.default_rng(seed).standard_normal((40, 40))
+    patches = ndimage.label(ndimage.gaussian_filter(noise, 3) > 0.02)[0]
+    largest = patches == 1 + np.argmax(np.bincount(patches.ravel())[1:])
+    return ndimage.binary_fill_holes(largest)
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("weighted", [False, True])
+def test_the_path_is_a_walk_and_no_pair_is_farther_apart(seed, weighted):
+    mask = blob(seed)
+    pixels = skeletonize(mask)
+    distance = ndimage.distance_transform_edt(mask) if weighted else np.ones(mask.shape)
+    path = longest(pixels, distance.astype(np.float32)).astype(int)
+    assert pixels[path[:, 1], path[:, 0]].all()
+    assert len(np.unique(path, axis=0)) == len(path)
+    assert np.abs(np.diff(path, axis=0)).max() == 1
+
+    places = np.argwhere(pixels)[:, ::-1]  # every pair, by another library
+    weight = distance[places[:, 1], places[:, 0]]
+    edge = np.abs(places[:, None] - places).max(-1) == 1
+    length = np.hypot(*(places[:, None] - places).T) * (weight[:, None] + weight) / 2
+    best = dijkstra(csr_matrix(np.where(edge, length, 0)), directed=False)
+    best = best[np.isfinite(best)].max()
+    along = distance[path[:, 1], path[:, 0]]
+    mine = (steps(path) * (along[1:] + along[:-1]) / 2).sum()
+    # A skeleton's joints are little triangles, on which two sweeps may miss a pixel.
+    assert 0.99 * best <= mine <= best + 1e-4
+
+
+# -- a backbone through a drawn shape ------------------------------------------------------------
+
+
+def shape(bend=0.0, degrees=0.0, length=80.0, end=1.0, thick=7.0):
+    """Midline (n, 2) of a body that bends by `bend` radians, and its half width, `end` at the ends.
+
+    y is down: positive angles and bends are anticlockwise as seen.
+    """
+    share = np.linspace(0, 1, 161)
+    direction = np.radians(degrees) + bend * (share - 0.5)
+    line = np.stack([np.cos(direction), -np.sin(direction)], 1).cumsum(0) * length / 161
+    line += np.array([78.3, 83.6]) - line.mean(0)
+    return line, end + thick * np.sin(np.pi * (1 - share) ** 1.6) ** 0.8
+
+
+def drawn(line, half_width, contrast=100.0):
+    """Mask and difference image of discs strung on a line, soft over one pixel."""
+    y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+    inside = np.full(SIZE, -9.0)
+    for (px, py), width in zip(line, half_width, strict=True):
+        inside = np.maximum(inside, width - np.hypot(x - px, y - py))
+    field = (contrast * np.clip(inside + 0.5, 0, 1)).astype(np.float32)
+    return field > contrast / 2, field
+
+
+def whole(line, half_width):
+    """The midline carried on straight to the tips of the drawn shape, in steps of 0.1 px."""
+    ends = []
+    for at, inner, width in ((0, 1, half_width[0]), (-1, -2, half_width[-1])):
+        out = (line[at] - line[inner]) / np.hypot(*(line[at] - line[inner]))
+        ends.append(line[at] + out * np.arange(0, width + 0.05, 0.1)[:, None])
+    return resample(np.vstack([ends[0][::-1], line, ends[1]]), 1000)
+
+
+def backbone(mask, field, points=33, floor=FLOOR):
+    found = trace(np.ascontiguousarray(mask), np.ascontiguousarray(field), points, floor)
+    assert found is not None
+    return found
+
+
+def apart(one, other):
+    """Distances between the points of two backbones, whichever their first ends are."""
+    both = [np.hypot(*(one - other).T), np.hypot(*(one - other[::-1]).T)]
+    return min(both, key=np.mean)
+
+
+@pytest.mark.parametrize("degrees", ANGLES)
+@pytest.mark.parametrize("bend", [0.0, 0.8, -1.6])
+@pytest.mark.parametrize(("end", "thick"), [(1.0, 7.0), (6.0, 0.0)], ids=["fish", "capsule"])
+def test_a_backbone_is_as_long_as_the_midline_and_lies_on_it(degrees, bend, end, thick):
+    line, half_width = shape(bend, degrees, end=end, thick=thick)
+    found = backbone(*drawn(line, half_width))
+    true = whole(line, half_width)
+    assert found.length_px == pytest.approx(steps(true).sum(), rel=0.01)
+    assert found.length_px == pytest.approx(steps(found.points_px).sum())
+    off = cdist(found.points_px, true).min(1)
+    assert off.mean() < 0.2
+    assert off.max() < 1.0
+    assert apart(found.points_px[[0, -1]], true[[0, -1]]).max() < 1.0
+    assert np.ptp(steps(found.points_px)) < 0.05 * steps(found.points_px).mean()
+    middle = half_width[80]
+    assert found.half_width_px[16] == pytest.approx(middle, abs=0.2)
+    assert found.half_width_px.shape == (33,)
+
+
+def test_thinning_alone_is_too_short():
+    # That is why the path is carried on to the outline (the paper does not).
+    line, half_width = shape(0.8, 17)
+    mask, field = drawn(line, half_width)
+    true = steps(whole(line, half_width)).sum()
+    assert steps(longest(skeletonize(mask))).sum() < 0.98 * true
+    assert abs(backbone(mask, field).length_px - true) < 0.01 * true
+
+
+def test_nothing_depends_on_the_number_of_points_but_their_number():
+    mask, field = drawn(*shape(1.2, 30))
+    few, many = backbone(mask, field, 17), backbone(mask, field, 65)
+    assert few.points_px.shape == (17, 2)
+    assert few.length_px == pytest.approx(many.length_px, rel=0.01)
+    assert apart(few.points_px, many.points_px[::4]).mean() < 0.3
+
+
+VIEWS = {  # a picture, and the points in it, seen otherwise
+    "turned by 90°": (np.rot90, lambda p: np.stack([p[:, 1], SIZE[1] - 1 - p[:, 0]], 1)),
+    "upside down": (lambda z: z[::-1, ::-1], lambda p: np.array(SIZE)[::-1] - 1 - p),
+    "mirrored": (lambda z: z[:, ::-1], lambda p: p * (-1, 1) + (SIZE[1] - 1, 0)),
+    "rows as columns": (lambda z: z.T, lambda p: p[:, ::-1]),
+}
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("degrees", ANGLES)
+def test_another_view_of_a_fish_has_the_same_backbone(view, degrees):
+    see, go = VIEWS[view]
+    mask, field = drawn(*shape(1.2, degrees))
+    one, other = backbone(mask, field), backbone(see(mask), see(field))
+    # Not exactly: thinning takes pixels off one side first.
+    assert apart(go(one.points_px), other.points_px).mean() < 0.15
+    assert other.length_px == pytest.approx(one.length_px, rel=0.005)
+
+
+def test_the_same_fish_elsewhere_has_the_same_backbone_there():
+    mask, field = drawn(*shape(1.2, 30))
+    one, other = backbone(mask, field), backbone(mask[3:, 7:], field[3:, 7:])
+    assert np.allclose(other.points_px + (7, 3), one.points_px, atol=1e-9)
+
+
+def test_contrast_does_not_matter():
+    mask, field = drawn(*shape(1.2, 30))
+    one, other = backbone(mask, field), backbone(mask, 2 * field)
+    assert np.allclose(one.points_px, other.points_px)
+    assert np.allclose(one.half_width_px, other.half_width_px)
+
+
+def test_a_haze_below_the_floor_does_not_lengthen_a_pale_fish():
+    mask, field = drawn(*shape(0.0, 0), contrast=10.0)
+    clear = backbone(mask, field)
+    hazy = np.maximum(field, 0.95 * FLOOR).astype(np.float32)
+    assert backbone(mask, hazy).length_px == pytest.approx(clear.length_px, rel=0.02)
+    assert backbone(mask, hazy, floor=0.0).length_px > 1.3 * clear.length_px
+
+
+@pytest.mark.parametrize("long", [8, 15, 22])
+@pytest.mark.parametrize("degrees", ANGLES)
+def test_an_open_fin_does_not_move_the_backbone(degrees, long):
+    line, half_width = shape(0.8, degrees)
+    plain = backbone(*drawn(line, half_width))
+    at, along = line[50], (line[51] - line[50]) / np.hypot(*(line[51] - line[50]))
+    tip = at + (along[::-1] * (-1, 1)) * (half_width[50] + long) + 6 * along
+    fin = np.linspace(at, tip, 60)
+    finned = backbone(*drawn(np.vstack([line, fin]), np.append(half_width, np.full(60, 1.5))))
+    assert apart(plain.points_px, finned.points_px).max() < 0.3
+    assert finned.length_px == pytest.approx(plain.length_px, rel=0.002)
+
+
+def blank(*filled):
+    mask = np.zeros((20, 24), bool)
+    for part in filled:
+        mask[part] = True
+    return mask
+
+
+RADIUS = np.hypot(*np.mgrid[-10:10, -12:12])
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        pytest.param(blank(), id="nothing"),
+        pytest.param(blank(np.s_[5, 5]), id="a pixel"),
+        pytest.param(blank(np.s_[5:7, 5:7]), id="2x2"),
+        pytest.param(blank(np.s_[5, 3:7]), id="four pixels"),
+        pytest.param(RADIUS < 7.5, id="a disc"),
+        pytest.param(blank(np.s_[5:15, 5:15]), id="a square"),
+        pytest.param(np.ones((20, 24), bool), id="everything"),
+    ],
+)
+def test_what_has_no_length_has_no_backbone(mask):
+    assert trace(mask, 100 * mask.astype(np.float32), 33, FLOOR) is None
+
+
+@pytest.mark.parametrize(
+    "mask",
+    [
+        pytest.param(blank(np.s_[5, 3:15]), id="one pixel wide"),
+        pytest.param(np.eye(20, 24, dtype=bool), id="a diagonal from corner to corner"),
+        pytest.param(blank(np.s_[:3, :]), id="along the edge"),
+        pytest.param((RADIUS < 8.5) & (RADIUS > 5), id="a ring"),
+        pytest.param(blank(np.s_[5], np.s_[12:14, 5:9]), id="two pieces"),
+    ],
+)
+@pytest.mark.parametrize("field", ["mask", "nothing"])
+def test_what_is_no_fish_still_ends_well(mask, field):
+    found = trace(mask, (100.0 if field == "mask" else 0.0) * mask.astype(np.float32), 33, FLOOR)
+    if found is not None:
+        assert np.isfinite(found.points_px).all()
+        assert np.isfinite(found.half_width_px).all()
+        assert 0 < found.length_px < 60
+
+
+# -- its parts --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("points", [13, 33, 65])
+def test_the_smoother_lets_parabolas_pass(points):
+    matrix, s = smoother(points), np.linspace(-1, 1, points)
+    for power in range(3):
+        assert np.allclose(matrix @ s**power, s**power, atol=1e-6)
+    assert np.allclose(matrix, matrix[::-1, ::-1], atol=1e-6)  # no end is favoured
+
+
+@pytest.mark.parametrize("points", [17, 33, 65])
+def test_the_smoother_takes_out_a_zigzag_and_leaves_a_wave(points):
+    zigzag = (-1.0) ** np.arange(points)
+    assert np.abs(smoother(points) @ zigzag)[4:-4].max() < 0.2
+    wave = np.sin(2 * np.pi * np.linspace(0, 1, points))  # as long as the fish
+    assert np.abs(smoother(points) @ wave - wave).max() < 0.15
+
+
+def test_resampling_gives_equal_steps_along_the_same_line():
+    line = np.array([[0, 0], [3, 0], [3, 4], [10, 4.0]])  # 14 long, corners at 3 and 7
+    out = resample(line, 15)
+    assert np.allclose(out[[0, 3, 7, 14]], line)
+    assert np.allclose(steps(out), 1)
+    assert np.allclose(resample(line[::-1], 15), out[::-1])
+    assert np.allclose(resample(out, 15), out)
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_the_outline_of_a_soft_disc_is_its_circle(turn):
+    y, x = np.mgrid[:40, :40]
+    centre, radius = np.array([19.3, 20.6]), 11.4
+    alpha = 255 * np.clip(radius - np.hypot(x - centre[0], y - centre[1]) + 0.5, 0, 1)
+    angle = turn * np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    ring = np.stack([np.cos(angle), np.sin(angle)], 1)
+    for inset in (0.1, 0.7, 1.5):
+        inside = centre + (radius - inset) * ring
+        edge = to_outline(alpha.astype(np.float32), inside)
+        assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.1)
+        assert np.allclose(edge, centre + radius * ring, atol=0.15)
