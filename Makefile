@@ -16,7 +16,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 .PHONY: help demo test setup params repro lint params-check bench clean
 
 help: ## list the targets
-	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' Makefile | column -t -s '|'
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
 
 demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to open
 	@dvc repro
@@ -43,9 +43,9 @@ $(VENV):
 	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 130 packages, some minutes ..."
 	@rm -f $(VENV)/origin
 	@$(PYTHON) -m venv --clear $(VENV)
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
+	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
 # DVC runs a stage as `python ...`: this makes $(VENV)/bin/dvc find the right one without PATH.
-	@$(BIN)/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' | while read -r site; do \
+	@$(VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' | while read -r site; do \
 	echo 'import os, sys; os.environ["PATH"] = os.path.join(sys.prefix, "bin") + os.pathsep + os.environ.get("PATH", os.defpath)' > "$$site/finloop_path.pth"; done
 	@$(ORIGIN) > $(VENV)/origin
 

@@ -35,15 +35,12 @@ COLUMNS = {
 }
 
 
-def main() -> None:
+def main(quick: bool = False) -> None:
     """Run every film through the pipeline and print what was measured."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="300 frames a film instead of 1500")
-    given = parser.parse_args()
     rows = {}
     with tempfile.TemporaryDirectory() as scratch:
         for name, overrides in FILMS.items():
-            length = ["clip.frames=300"] if given.quick else []
+            length = ["clip.frames=300"] if quick else []
             prepare(Path(scratch), ["clip=carp", *length, *overrides])
             for word in STAGES:
                 metrics = stage(Path(scratch), word)
@@ -51,9 +48,11 @@ def main() -> None:
             print(name, rows[name], flush=True)
     table = pd.DataFrame(rows).T
     print(table.to_string(float_format="{:.3g}".format))
-    if not given.quick:
+    if not quick:
         table.round(4).to_csv(ROOT / "reports/accuracy.csv", index_label="film")
 
 
 if __name__ == "__main__":
-    main()
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="300 frames a film instead of 1500")
+    main(parser.parse_args().quick)

@@ -22,7 +22,7 @@ from skimage.morphology import skeletonize
 
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
-_STEP = 0.25  # px, sampling step along flanks and at the ends
+_STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # in half widths, how far inside an end its direction is taken
 _FORK = 3.0  # a path's end is cut where it is nearer to the tip than this share of its half width
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
@@ -53,8 +53,7 @@ def trace(
     """
     half_width = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
     path = longest_geodesic(skeletonize(mask), half_width)
-    path = _trimmed(path, half_width)
-    if len(path) < 4:
+    if len(path) < 4 or len(path := _trimmed(path, half_width)) < 4:
         return None
     xy, width = _refine(field, path, smoother(points), points, floor)
     length = float(np.hypot(*np.diff(xy, axis=0).T).sum())

@@ -19,6 +19,8 @@ from finloop.errors import FinloopError
 
 Image = NDArray[np.uint8]
 _GRID = 16  # every 16th pixel in both directions is enough to measure the light
+_STRIP = 64  # rows
+_NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
 _MEMORY = 2**29  # bytes that the frames of a median may take
 _ONE_SIDED = 0.9  # share of changed pixels on one side from which a polarity is called one-sided
 
@@ -49,14 +51,15 @@ def sample_size(asked: int, frames: int, shape: tuple[int, ...]) -> int:
 
 def median_background(frames: Iterable[Image]) -> Image:
     """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
-    stack = np.stack(list(frames))
-    for frame in stack[1:]:
-        gain = light(frame, stack[0])
-        if gain != 1.0:
-            cv2.convertScaleAbs(frame, dst=frame, alpha=1.0 / gain)
-    middle = len(stack) // 2
-    stack.partition(middle, axis=0)
-    return np.ascontiguousarray(stack[middle])
+    first, *others = frames
+    alike = [first, *(lit(frame, 1 / light(frame, first)) for frame in others)]
+    middle = len(alike) // 2
+    out = np.empty_like(first)
+    for top in range(0, len(first), _STRIP):  # a strip of every frame at a time stays in the cache
+        strip = np.stack([frame[top : top + _STRIP] for frame in alike])
+        strip.partition(middle, axis=0)
+        out[top : top + _STRIP] = strip[middle]
+    return out
 
 
 def flat_background(frames: Sequence[Image]) -> Image:
@@ -94,10 +97,15 @@ def light(frame: Image, background: Image) -> float:
     return 1.0 if abs(gain - 1.0) * float(np.median(tank[lit])) < 0.5 or gain <= 0 else gain
 
 
+def lit(picture: Image, gain: float) -> Image:
+    """The picture as it would be in a light `gain` times as strong."""
+    return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
+
+
 def difference(frame: Image, background: Image, polarity: Polarity) -> Image:
     """Difference image, (h, w) uint8, smoothed over 3x3 pixels; colour: the strongest channel."""
     gain = light(frame, background)
-    tank = background if gain == 1.0 else cv2.convertScaleAbs(background, alpha=gain)
+    tank = lit(background, gain)
     if polarity == "dark":
         change = cv2.subtract(tank, frame)
     elif polarity == "bright":
@@ -125,7 +133,7 @@ def survey_noise(
     the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels.
     """
     residues = []
-    for frame in frames:
+    for frame in frames[:: max(1, len(frames) // _NOISE_FRAMES)]:
         gain = light(frame, background)
         change = frame.astype(np.float32) - gain * background.astype(np.float32)
         change = cv2.GaussianBlur(change, (3, 3), 0.85)[::2, ::2]

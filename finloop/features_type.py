@@ -20,7 +20,7 @@ def turn(heading_deg: NDArray[np.floating], span: int) -> NDArray[np.float64]:
     heading = np.unwrap(np.asarray(heading_deg, float), period=360)
     last = len(heading) - 1
     frame = np.arange(len(heading))
-    before = np.clip(frame - span // 2, 0, last)
+    before = np.clip(frame - span // 2, 0, max(last - 1, 0))
     after = np.clip(frame - span // 2 + span, 0, last)
     return (heading[after] - heading[before]) * span / np.maximum(after - before, 1)
 

@@ -46,14 +46,14 @@ CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/e
 LONG = 60  # frames of a long track
 
 
-def sample(facts: VideoFacts, asked: int) -> list[Image]:
+def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:
     """Frames spread evenly over the clip, key frames where it is long enough to choose."""
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     count = sample_size(asked, facts.frames, shape)
     numbers = np.linspace(0, facts.frames - 1, count).round().astype(int)
     if facts.frames >= count * KEY_FRAME_EVERY:
         numbers = numbers // KEY_FRAME_EVERY * KEY_FRAME_EVERY
-    return list(read_spread(CLIP / CLIP_NAME, numbers.tolist(), colour=facts.colour))
+    return list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
 
 
 def film(facts: VideoFacts, scene: Scene, settings: Settings) -> Iterator[tuple[Image, Scene]]:

@@ -110,19 +110,22 @@ def test_side_branches_are_pruned():
 
 
 def test_a_long_thin_fin_loses_to_a_short_thick_head():
-    # Body to the left; ahead of the joint a head (h) and a fin (f) that is longer.
+    # Body, ahead of the joint a head (h), and aside a fin (f) that is longer.
     drawing = """
-        .........ffff
-        ........f....
-        #######hhh...
+        .......f...
+        .......f...
+        .......f...
+        .......f...
+        .......f...
+        ########hh.
     """
     letters = np.array([list(line) for line in drawing.split()])
     paper = longest(letters != ".")
-    assert 12 in paper[[0, -1], 0]  # weights of one: the paper's rule is taken in by the fin
-    width = np.select([letters == "#", letters == "h", letters == "f"], [4, 4, 1]).astype(np.float32)
+    assert 0 in paper[[0, -1], 1]  # weights of one: the paper's rule is taken in by the fin
+    width = np.where(letters == "f", 1, 4).astype(np.float32)
     ours = longest(letters != ".", width)
     assert sorted(ours[[0, -1], 0]) == [0, 9]
-    assert np.all(ours[:, 1] == 2)
+    assert ours[:, 1].min() >= 4
 
 
 def test_of_separate_pieces_the_one_with_the_most_pixels():
@@ -193,15 +196,17 @@ def shape(bend=0.0, degrees=0.0, length=80.0, end=1.0, thick=7.0):
     direction = np.radians(degrees) + bend * (share - 0.5)
     line = np.stack([np.cos(direction), -np.sin(direction)], 1).cumsum(0) * length / 161
     line += np.array([78.3, 83.6]) - line.mean(0)
-    return line, end + thick * np.sin(np.pi * (1 - share) ** 1.6) ** 0.8
+    return line, end + thick * np.sin(np.pi * (1 - share) ** 1.6)
 
 
 def drawn(line, half_width, contrast=100.0):
     """Mask and difference image of discs strung on a line, soft over one pixel."""
-    y, x = np.mgrid[: SIZE[0], : SIZE[1]]
     inside = np.full(SIZE, -9.0)
     for (px, py), width in zip(line, half_width, strict=True):
-        inside = np.maximum(inside, width - np.hypot(x - px, y - py))
+        left, top = int(px) - 10, int(py) - 10
+        y, x = np.ogrid[top : top + 22, left : left + 22]
+        here = inside[top : top + 22, left : left + 22]
+        np.maximum(here, width - np.hypot(x - px, y - py), out=here)
     field = (contrast * np.clip(inside + 0.5, 0, 1)).astype(np.float32)
     return field > contrast / 2, field
 
@@ -221,10 +226,9 @@ def backbone(mask, field, points=33, floor=FLOOR):
     return found
 
 
-def apart(one, other):
-    """Distances between the points of two backbones, whichever their first ends are."""
-    both = [np.hypot(*(one - other).T), np.hypot(*(one - other[::-1]).T)]
-    return min(both, key=np.mean)
+def aside(one, other):
+    """Distances of the points of one line from another line."""
+    return cdist(one, resample(np.asarray(other), 1000)).min(1)
 
 
 @pytest.mark.parametrize("degrees", ANGLES)
@@ -236,23 +240,23 @@ def test_a_backbone_is_as_long_as_the_midline_and_lies_on_it(degrees, bend, end,
     true = whole(line, half_width)
     assert found.length_px == pytest.approx(steps(true).sum(), rel=0.01)
     assert found.length_px == pytest.approx(steps(found.points_px).sum())
-    off = cdist(found.points_px, true).min(1)
-    assert off.mean() < 0.2
-    assert off.max() < 1.0
-    assert apart(found.points_px[[0, -1]], true[[0, -1]]).max() < 1.0
+    assert aside(found.points_px, true).mean() < 0.2
+    assert aside(found.points_px, true).max() < 1.0
+    assert cdist(found.points_px[[0, -1]], true[[0, -1]]).min(1).max() < 1.5
     assert np.ptp(steps(found.points_px)) < 0.05 * steps(found.points_px).mean()
     middle = half_width[80]
     assert found.half_width_px[16] == pytest.approx(middle, abs=0.2)
     assert found.half_width_px.shape == (33,)
 
 
-def test_thinning_alone_is_too_short():
+def test_thinning_alone_stops_short_of_the_head():
     # That is why the path is carried on to the outline (the paper does not).
-    line, half_width = shape(0.8, 17)
+    line, half_width = shape(0.8, 90, end=2.0)
     mask, field = drawn(line, half_width)
-    true = steps(whole(line, half_width)).sum()
-    assert steps(longest(skeletonize(mask))).sum() < 0.98 * true
-    assert abs(backbone(mask, field).length_px - true) < 0.01 * true
+    head = whole(line, half_width)[0]
+    found, thinned = backbone(mask, field).points_px, longest(skeletonize(mask))
+    assert cdist([head], thinned).min() > 3.0
+    assert cdist([head], found).min() < 1.0
 
 
 def test_nothing_depends_on_the_number_of_points_but_their_number():
@@ -260,7 +264,7 @@ def test_nothing_depends_on_the_number_of_points_but_their_number():
     few, many = backbone(mask, field, 17), backbone(mask, field, 65)
     assert few.points_px.shape == (17, 2)
     assert few.length_px == pytest.approx(many.length_px, rel=0.01)
-    assert apart(few.points_px, many.points_px[::4]).mean() < 0.3
+    assert aside(few.points_px, many.points_px).mean() < 0.1
 
 
 VIEWS = {  # a picture, and the points in it, seen otherwise
@@ -278,7 +282,7 @@ def test_another_view_of_a_fish_has_the_same_backbone(view, degrees):
     mask, field = drawn(*shape(1.2, degrees))
     one, other = backbone(mask, field), backbone(see(mask), see(field))
     # Not exactly: thinning takes pixels off one side first.
-    assert apart(go(one.points_px), other.points_px).mean() < 0.15
+    assert aside(go(one.points_px), other.points_px).mean() < 0.1
     assert other.length_px == pytest.approx(one.length_px, rel=0.005)
 
 
@@ -312,7 +316,7 @@ def test_an_open_fin_does_not_move_the_backbone(degrees, long):
     tip = at + (along[::-1] * (-1, 1)) * (half_width[50] + long) + 6 * along
     fin = np.linspace(at, tip, 60)
     finned = backbone(*drawn(np.vstack([line, fin]), np.append(half_width, np.full(60, 1.5))))
-    assert apart(plain.points_px, finned.points_px).max() < 0.3
+    assert aside(plain.points_px, finned.points_px).max() < 0.3
     assert finned.length_px == pytest.approx(plain.length_px, rel=0.002)
 
 

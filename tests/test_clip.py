@@ -475,6 +475,20 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     assert decoded < 60
 
 
+def test_a_title_in_another_encoding_is_no_obstacle(tmp_path):
+    path = tmp_path / "a.avi"
+    with av.open(str(path), "w") as container:
+        container.metadata["title"] = "Tuempel"
+        stream = container.add_stream("mjpeg", rate=25)
+        stream.width, stream.height, stream.pix_fmt = WIDTH, HEIGHT, "yuvj420p"
+        for number in range(3):
+            shown = av.VideoFrame.from_ndarray(picture(number), format="rgb24")
+            container.mux(stream.encode(shown))
+        container.mux(stream.encode(None))
+    path.write_bytes(path.read_bytes().replace(b"Tuempel", "Tümpel ".encode("latin-1")))
+    assert len(read(open_footage(path))[1]) == 3
+
+
 # --- pictures
 
 

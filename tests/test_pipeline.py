@@ -81,9 +81,11 @@ def test_deps_are_exactly_what_a_stage_imports(word):
     own = f"stages/{word}.py"
     start = own if (ROOT / own).is_file() else f"stages/{word}/__main__.py"
     wanted = closure({start} | module_files(f"stages.{word}"))
-    listed = {dep for dep in STAGES[word]["deps"] if dep.endswith(".py")}
+    deps = STAGES[word]["deps"]
+    listed = {dep for dep in deps if dep.endswith(".py")}
     assert sorted(wanted - listed) == [], "imported, but not under deps"
     assert sorted(listed - wanted) == [], "under deps, but not imported"
+    assert len(deps) == len(set(deps)), "twice under deps"
 
 
 def test_the_closure_sees_imports_of_imports_and_inside_functions():

@@ -104,11 +104,18 @@ class CutoutStore:
         return len(self.index)
 
     def __getitem__(self, row: int) -> Cutout:
-        """Cut-out number `row` of the index."""
+        """Cut-out number `row` of the index; FinloopError if it is damaged."""
         at = self.index.iloc[row]
         shape = (int(at.height_px), int(at.width_px), int(at.channels))
         packed = self._pixels[row].as_buffer()
-        raw = _CODEC.decompress(packed, decompressed_size=int(np.prod(shape)))
+        try:
+            raw = _CODEC.decompress(packed, decompressed_size=int(np.prod(shape)))
+        except (OSError, pa.ArrowException) as error:
+            raise FinloopError(
+                came=f"cut-out {row} of the store is damaged ({error})",
+                wanted="the file that the stage `extract` wrote",
+                do="make it again: `dvc repro --force extract`",
+            ) from error
         pixels = np.frombuffer(raw, np.uint8).reshape(shape)
         return Cutout(int(at.track_id), int(at.frame), int(at.x0_px), int(at.y0_px), pixels)
 

@@ -1,0 +1,184 @@
+"""Speed of `extract` + `features`, each as a ratio against a named limit or peer in the same run.
+
+`python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in turn,
+A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed drifts does
+not decide. Reading and writing files is included where the stage does it; pictures are not.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import os
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import av
+import cv2
+import numpy as np
+import pandas as pd
+from skan import Skeleton, summarize
+from skimage.graph import route_through_array
+from skimage.morphology import skeletonize
+
+from benchmarks.pipeline import ROOT, prepare, stage
+from finloop.carp import CarpFilm, film
+from finloop.extract import Settings, Tracker, rows, survey
+from finloop.extract_backbone import trace
+from finloop.extract_segment import silhouettes
+from finloop.extract_table import tracks_schema
+from finloop.features import FEATURES, features
+from finloop.features import Settings as FeatureSettings
+from finloop.files.cutouts import Cutout, CutoutWriter
+from finloop.files.table import TableWriter, load_table, save_table
+from finloop.files.video import load_facts, read_frames
+from finloop.files.wheel import cache_folder, zebrafish_clips
+from stages.extract import sample
+
+PAIRS = 5
+THREADS = int(os.environ["OMP_NUM_THREADS"])
+
+
+def settings(scratch: Path) -> tuple[Settings, FeatureSettings]:
+    """The defaults of conf/, as the stages get them."""
+    import yaml
+
+    values = yaml.safe_load((scratch / "params.yaml").read_text(encoding="utf-8"))
+    return Settings(**values["extract"]), FeatureSettings(**values["features"])
+
+
+def timed(work: Callable[[], Any]) -> tuple[float, Any]:
+    """Seconds that `work` took, and what it returned."""
+    start = time.perf_counter()
+    result = work()
+    return time.perf_counter() - start, result
+
+
+def paired(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[float, float, float, Any]:
+    """Median seconds of both and median of the ratios ours / theirs; ours' result."""
+    ours(), theirs()
+    times = []
+    for _ in range(PAIRS):
+        mine, result = timed(ours)
+        times.append((mine, timed(theirs)[0]))
+    return (
+        median(a for a, _ in times),
+        median(b for _, b in times),
+        median(a / b for a, b in times),
+        result,
+    )
+
+
+def decode(path: Path) -> int:
+    """Only decode a film to grey frames, with as many threads as the stages use."""
+    count = 0
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        stream.thread_type = "AUTO"
+        stream.codec_context.thread_count = THREADS
+        for frame in container.decode(stream):
+            np.frombuffer(memoryview(frame.planes[0]), np.uint8)
+            count += 1
+    return count
+
+
+def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSettings) -> int:
+    """What the two stages do, pictures left out; returns the number of fish-frames."""
+    facts = load_facts(clip / "facts.json")
+    arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
+    scene, typical = survey(sample(facts, how.samples, clip), arena, how)
+    tracker = Tracker(arena, typical, how)
+    frames = ((frame, scene) for frame in read_frames(clip / "clip.mp4"))
+    cuts = [start for start, _ in facts.segments[1:]]
+    with (
+        TableWriter(out / "tracks.parquet", tracks_schema(how.points)) as table,
+        CutoutWriter(out / "cutouts.arrow") as cutouts,
+    ):
+        for found in tracker.run(frames, cuts):
+            if found:
+                table.write(rows(found))
+            for f in found:
+                cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.cutout))
+    tracks = load_table(out / "tracks.parquet", tracks_schema(how.points))
+    measured, _ = features(tracks, facts.frame_rate_hz, then)
+    save_table(out / "features.parquet", measured, FEATURES)
+    return len(measured)
+
+
+def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Masks and difference images of the drawn carp, default size."""
+    frames = [frame for frame, _ in film(CarpFilm(frames=count, colour=False))]
+    arena = np.full(frames[0].shape, 255, np.uint8)
+    scene, _ = survey(frames[:: max(1, count // 41)], arena, how)
+    return [
+        (s.mask, s.field)
+        for frame in frames
+        for s in silhouettes(frame, scene, arena, 200, how.outline_share)
+    ]
+
+
+def skan_lengths(masks: list[np.ndarray]) -> float:
+    """The peer skan: branch lengths of each skeleton."""
+    return sum(
+        float(summarize(Skeleton(skeletonize(m)), separator="-")["branch-distance"].max())
+        for m in masks
+    )
+
+
+def longest_paths(masks: list[np.ndarray]) -> int:
+    """The peer scikit-image: thinning, then the longest path between end points of the skeleton."""
+    total = 0
+    for mask in masks:
+        skeleton = skeletonize(mask)
+        neighbours = cv2.filter2D(
+            skeleton.astype(np.uint8), -1, np.ones((3, 3)), borderType=cv2.BORDER_CONSTANT
+        )
+        ends = np.argwhere(skeleton & (neighbours == 2))
+        cost = np.where(skeleton, 1.0, 1e6)
+        paths = [
+            route_through_array(cost, a, b, geometric=True)
+            for i, a in enumerate(ends)
+            for b in ends[i + 1 :]
+        ]
+        total += len(max(paths, key=lambda path: path[1])[0]) if paths else 0
+    return total
+
+
+def main() -> None:
+    """Measure, print, write."""
+    results = []
+    cv2.setNumThreads(1)
+    with tempfile.TemporaryDirectory() as folder:
+        scratch = Path(folder)
+        prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
+        how, then = settings(scratch)
+        stage(scratch, "clip")
+        clip, source = scratch / "data/clip", zebrafish_clips("A", cache_folder())[0]
+        for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
+            mine, theirs, ratio, fish = paired(
+                lambda: extract_and_features(clip, scratch, how, then), lambda p=path: decode(p)
+            )
+            print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
+            results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))
+        outlines = carp_outlines(200, how)
+        masks = [mask for mask, _ in outlines]
+        for name, work in (
+            ("skan.summarize", lambda: skan_lengths(masks)),
+            ("scikit-image + longest path", lambda: longest_paths(masks)),
+        ):
+            mine, theirs, ratio, _ = paired(
+                lambda: [trace(m, f, how.points, 6.0) for m, f in outlines], work
+            )
+            print(f"backbones of a 110 px carp, one core: {len(masks) / mine:.0f}/s; "
+                  f"{name}: {len(masks) / theirs:.0f}/s")
+            results.append((f"backbones / {name}", mine, theirs, ratio))
+    table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
+    print(table.to_string(index=False))
+    table.to_csv(ROOT / "reports/speed.csv", index=False)
+    print(f"{THREADS} threads")
+
+
+if __name__ == "__main__":
+    main()

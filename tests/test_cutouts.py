@@ -1,0 +1,248 @@
+"""The cut-out store and the other files of `extract`: round trips, and what is damaged is said."""
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from matplotlib.figure import Figure
+
+from finloop.errors import FinloopError
+from finloop.extract_table import SceneFacts
+from finloop.files.atomic import whole_file
+from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.files.picture import load_picture, save_figure, save_picture
+from finloop.files.scene import load_scene, save_scene
+
+BATCHES = 600  # cut-outs: two full batches in the file, and a part of one
+
+
+def pictures(count, channels=2):
+    """Cut-outs of all sizes with random pixels, premultiplied."""
+    rng = np.random.default_rng(0)
+    for k in range(count):
+        pixels = rng.integers(0, 256, (*rng.integers(1, 30, 2), channels), np.uint8)
+        pixels[..., :-1] = np.minimum(pixels[..., :-1], pixels[..., -1:])
+        yield Cutout(k % 7, k // 7, int(rng.integers(2000)), int(rng.integers(2000)), pixels)
+
+
+def stored(path, cutouts):
+    with CutoutWriter(path) as writer:
+        for cutout in cutouts:
+            writer.write(cutout)
+    return path
+
+
+def same(one, other):
+    return one[:4] == other[:4] and np.array_equal(one.pixels, other.pixels)
+
+
+# -- the store ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("count", [0, 1, 256, BATCHES])
+@pytest.mark.parametrize("channels", [2, 4])
+def test_round_trip(tmp_path, count, channels):
+    given = list(pictures(count, channels))
+    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
+        assert len(store) == len(store.index) == count
+        assert all(same(store[k], cutout) for k, cutout in enumerate(given))
+        assert store.index["track_id"].tolist() == [cutout.track_id for cutout in given]
+        assert store.index["frame"].tolist() == [cutout.frame for cutout in given]
+
+
+def test_any_order(tmp_path):
+    given = list(pictures(BATCHES))
+    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
+        for k in np.random.default_rng(1).permutation(BATCHES):
+            assert same(store[k], given[k])
+
+
+def test_a_view_of_a_larger_picture_can_be_stored(tmp_path):
+    whole = np.arange(2 * 30 * 40, dtype=np.uint32).astype(np.uint8).reshape(30, 40, 2)
+    part = Cutout(0, 0, 0, 0, whole[3:20:2, 5:30])
+    with open_cutouts(stored(tmp_path / "c.arrow", [part])) as store:
+        assert np.array_equal(store[0].pixels, whole[3:20:2, 5:30])
+
+
+def test_the_file_is_small(tmp_path):
+    flat = Cutout(0, 0, 0, 0, np.full((100, 100, 4), 7, np.uint8))
+    assert stored(tmp_path / "c.arrow", [flat] * 50).stat().st_size < 50 * 400
+
+
+def test_a_store_can_be_written_again_while_it_is_open(tmp_path):
+    given = list(pictures(20))
+    with open_cutouts(stored(tmp_path / "c.arrow", given)) as store:
+        stored(tmp_path / "c.arrow", given[:3])
+        assert same(store[19], given[19])
+    with open_cutouts(tmp_path / "c.arrow") as store:
+        assert len(store) == 3
+
+
+@pytest.mark.parametrize("written", [0, 1, BATCHES])
+@pytest.mark.parametrize("before", [False, True])
+def test_an_exception_while_writing_leaves_what_was_there(tmp_path, written, before):
+    path = tmp_path / "c.arrow"
+    if before:
+        stored(path, pictures(5))
+    with pytest.raises(KeyError), CutoutWriter(path) as writer:
+        for cutout in pictures(written):
+            writer.write(cutout)
+        raise KeyError
+    assert [p.name for p in tmp_path.iterdir()] == (["c.arrow"] if before else [])
+    if before:
+        with open_cutouts(path) as store:
+            assert len(store) == 5
+
+
+def test_a_cutout_that_cannot_be_stored_leaves_no_file(tmp_path):
+    flat = np.zeros((4, 4), np.uint8)  # no channels
+    with pytest.raises(ValueError), CutoutWriter(tmp_path / "c.arrow") as writer:
+        writer.write(Cutout(0, 0, 0, 0, flat))
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("harm", ["missing", "empty", "text", "cut short", "without its end"])
+def test_a_damaged_store_is_said(tmp_path, harm):
+    path = tmp_path / "c.arrow"
+    whole = stored(path, pictures(BATCHES)).read_bytes()
+    path.unlink()
+    if harm != "missing":
+        kept = {"empty": b"", "text": b"no store\n" * 99, "cut short": whole[: len(whole) // 2]}
+        path.write_bytes(kept.get(harm, whole[:-9]))
+    with pytest.raises(FinloopError, match=r"c\.arrow cannot be read.*\n.*\n.*extract"):
+        with open_cutouts(path):
+            pass
+
+
+def test_a_store_with_spoilt_pixels_is_said(tmp_path):
+    path = stored(tmp_path / "c.arrow", pictures(40))
+    data = bytearray(path.read_bytes())
+    begin = data.find(b"\x28\xb5\x2f\xfd")  # where zstd's first frame starts
+    data[begin : begin + 4] = b"\0\0\0\0"
+    path.write_bytes(data)
+    with open_cutouts(path) as store:
+        assert same(store[39], list(pictures(40))[39])
+        with pytest.raises(FinloopError, match=r"cut-out 0 .*\n.*\n.*extract"):
+            store[0]
+
+
+def test_another_arrow_file_is_refused(tmp_path):
+    path = tmp_path / "c.arrow"
+    table = pa.table({"track_id": pa.array([1], pa.int32()), "picture": ["x"]})
+    with pa.ipc.new_file(str(path), table.schema) as file:
+        file.write_table(table)
+    with pytest.raises(FinloopError, match="track_id, picture"), open_cutouts(path):
+        pass
+
+
+# -- a cut-out over a background ----------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tank", [(50, 60), (50, 60, 3)])
+def test_a_cutout_over_a_background(tank):
+    rng = np.random.default_rng(2)
+    background = rng.integers(0, 256, tank, np.uint8)
+    channels = 4 if len(tank) == 3 else 2
+    here = np.s_[7:17, 11:32]
+    pixels = np.zeros((10, 21, channels), np.uint8)
+    assert np.array_equal(Cutout(0, 0, 11, 7, pixels).over(background), background[here])
+    pixels[:] = 255  # nothing of the tank shines through
+    pixels[..., :-1] = rng.integers(0, 256, (10, 21, channels - 1))
+    opaque = Cutout(0, 0, 11, 7, pixels).over(background)
+    assert np.array_equal(opaque, pixels[..., :-1].reshape(opaque.shape))
+    pixels[..., -1] = 128
+    pixels[..., :-1] = 64  # half of the tank, and half of a 127.5
+    half = Cutout(0, 0, 11, 7, pixels).over(background)
+    assert np.abs(half - (64 + background[here] * (127 / 255))).max() <= 0.5
+
+
+# -- pictures, figures, facts -------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("shape", [(9, 14), (9, 14, 3)])
+def test_a_picture_comes_back_as_it_was(tmp_path, shape):
+    picture = np.random.default_rng(3).integers(0, 256, shape, np.uint8)
+    save_picture(tmp_path / "p.png", picture)
+    assert np.array_equal(load_picture(tmp_path / "p.png"), picture)
+    assert [p.name for p in tmp_path.iterdir()] == ["p.png"]
+
+
+def test_a_picture_with_alpha_keeps_its_colours(tmp_path):
+    picture = np.random.default_rng(4).integers(0, 256, (9, 14, 4), np.uint8)
+    save_picture(tmp_path / "p.png", picture)
+    assert np.array_equal(load_picture(tmp_path / "p.png"), picture[..., :3])
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no picture"])
+def test_an_unreadable_picture_is_said(tmp_path, content):
+    if content is not None:
+        (tmp_path / "p.png").write_bytes(content)
+    with pytest.raises(FinloopError, match=r"p\.png cannot be read"):
+        load_picture(tmp_path / "p.png")
+
+
+def test_a_figure_gives_the_same_bytes_again(tmp_path):
+    for name in ("one.png", "two.png"):
+        figure = Figure(figsize=(2, 1))
+        figure.subplots().plot([1, 3, 2])
+        save_figure(tmp_path / name, figure)
+    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+    assert load_picture(tmp_path / "one.png").shape == (110, 220, 3)
+
+
+FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, 33)
+
+
+def test_what_is_known_of_the_scene_comes_back(tmp_path):
+    save_scene(tmp_path / "scene.json", FACTS)
+    assert load_scene(tmp_path / "scene.json") == FACTS
+
+
+@pytest.mark.parametrize("content", [None, "", "[1]", '{"noise_grey": 1}', "{"])
+def test_unreadable_facts_are_said(tmp_path, content):
+    if content is not None:
+        (tmp_path / "scene.json").write_text(content)
+    with pytest.raises(FinloopError, match=r"scene\.json cannot be read.*\n.*\n.*extract"):
+        load_scene(tmp_path / "scene.json")
+
+
+# -- whole or not at all ------------------------------------------------------------------------
+
+
+def test_a_file_appears_when_it_is_whole(tmp_path):
+    path = tmp_path / "new" / "deep" / "file.txt"
+    with whole_file(path) as part:
+        part.write_text("half")
+        assert not path.exists()
+        assert part.parent == path.parent  # one file system: the last step is a rename
+        part.write_text("whole")
+    assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
+    assert path.read_text() == "whole"
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt])
+def test_what_fails_leaves_the_file_as_it_was(tmp_path, error):
+    path = tmp_path / "file.txt"
+    path.write_text("before")
+    with pytest.raises(error), whole_file(path) as part:
+        part.write_text("half")
+        raise error
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+    assert path.read_text() == "before"
+
+
+def test_what_a_killed_process_left_is_written_over(tmp_path):
+    path = tmp_path / "file.txt"
+    with whole_file(path) as part:
+        part.write_text("first")
+    part.write_text("of a process that was killed here")
+    with whole_file(path) as part:
+        part.write_text("whole")
+    assert [p.name for p in tmp_path.iterdir()] == ["file.txt"]
+    assert path.read_text() == "whole"
+
+
+def test_a_full_disk_is_said(tmp_path):
+    with pytest.raises(FinloopError, match="disk is full"), whole_file(tmp_path / "f") as part:
+        part.write_text("half")
+        raise OSError(28, "No space left on device")
+    assert not list(tmp_path.iterdir())

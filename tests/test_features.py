@@ -1,0 +1,809 @@
+"""Features: heading, bend, head and tail, swimming type, Table 1, pictures; laws and toy swimmers.
+
+A toy swimmer is a stiff arc with a half width per point, moved as asked; all of its numbers are
+known in closed form. y is down: what is anticlockwise and left is so as seen on screen.
+"""
+
+import itertools
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.integrate import quad
+from scipy.interpolate import BSpline
+
+import stages.clip
+import stages.extract
+import stages.features
+from finloop import features_area
+from finloop.errors import FinloopError
+from finloop.extract_picture import detections_picture
+from finloop.features import (
+    FEATURES,
+    ORIENTATIONS,
+    Settings,
+    delta_frames,
+    features,
+    heading,
+    orientation,
+    wrap_deg,
+)
+from finloop.features_area import bend, closed_spline, control_points, signed_area
+from finloop.features_head import _posterior, _viterbi, head_first
+from finloop.features_plots import (
+    Specimen,
+    contact_sheet,
+    figure7,
+    longest_track,
+    most_doubtful,
+    rose,
+    trajectories,
+)
+from finloop.features_report import against_truth, forwards, summary, table1
+from finloop.features_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
+from finloop.files.picture import load_picture, save_figure
+from finloop.files.table import load_table, save_table
+from stages.params import PARAMS
+from stages.params.compose import composed
+
+ROOT = Path(__file__).parents[1]
+RATE = 25.0
+SETTINGS = Settings(delta_s=0.2, turn_threshold_deg=16.0, bend_threshold=0.04, release=0.5)
+LENGTH = 60.0
+POINTS = 33
+WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt there
+
+
+def body(heading_deg, arc_deg=0.0, points=POINTS):
+    """A stiff body (points, 2), head first at the origin, its neck pointing along the heading.
+
+    An arc of `arc_deg`: from tail to head it turns that much to the left.
+    """
+    share = np.linspace(0, 1, points)
+    along = np.radians(heading_deg - arc_deg * share[:-1] - arc_deg / 2 / (points - 1))
+    step = LENGTH / (points - 1) * np.stack([np.cos(along), -np.sin(along)], 1)
+    return np.vstack([[0, 0], -np.cumsum(step, 0)])
+
+
+def swim(frames, speed=4.0, turn_deg=0.0, heading_deg=0.0, arc_deg=0.0, wag_deg=0.0):
+    """Backbones (frames, POINTS, 2), head first, `speed` px a frame along a circle or a line."""
+    at = np.arange(frames)
+    direction = heading_deg + turn_deg * at
+    wag = wag_deg * np.sin(2 * np.pi * 2 * at / RATE)  # the body beats to and fro, twice a second
+    half = np.radians(turn_deg) / 2
+    chord = speed * (np.sin(half) / half if half else 1.0)
+    way = np.radians(direction[:-1] + turn_deg / 2)
+    place = np.vstack([[0, 0], np.cumsum(chord * np.stack([np.cos(way), -np.sin(way)], 1), 0)])
+    shapes = np.stack([body(h, arc_deg + w) for h, w in zip(direction, wag, strict=True)])
+    return shapes + place[:, None] + (400, 300)
+
+
+def tracks_table(*tracks, start=0, width=WIDTH):
+    """A table of tracks out of backbones (frames, n, 2) each."""
+    rows = []
+    for number, lines in enumerate(tracks):
+        for frame, line in enumerate(lines):
+            rows.append(
+                {
+                    "track_id": number,
+                    "frame": start + frame,
+                    "x_px": line[:, 0].mean(),
+                    "y_px": line[:, 1].mean(),
+                    "length_px": np.hypot(*np.diff(line, axis=0).T).sum(),
+                    "backbone_x_px": line[:, 0].astype(np.float32),
+                    "backbone_y_px": line[:, 1].astype(np.float32),
+                    "half_width_px": np.asarray(width, np.float32),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+def shuffled(lines, width, rng):
+    """Each backbone with either end first; also which of them are head first."""
+    first = rng.random(len(lines)) < 0.5
+    width = np.broadcast_to(width, lines.shape[:2])
+    return (
+        np.where(first[:, None, None], lines, lines[:, ::-1]),
+        np.where(first[:, None], width, width[:, ::-1]),
+        first,
+    )
+
+
+# -- angles -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("degrees", "number"),
+    [(0, 1), (7.49, 1), (-7.49, 1), (7.51, 2), (15, 2), (22.51, 3), (-15, 24), (-7.51, 24),
+     (90, 7), (180, 13), (-179.9, 13), (-90, 19), (172.4, 12), (-172.4, 14)],
+)  # fmt: skip
+def test_orientation_numbers(degrees, number):
+    assert orientation(np.array([degrees])) == [number]
+
+
+def test_every_orientation_is_15_degrees_wide():
+    fine = np.arange(-179.95, 180, 0.1)
+    assert np.array_equal(np.unique(orientation(fine)), np.arange(1, ORIENTATIONS + 1))
+    assert np.all(np.bincount(orientation(fine))[1:] == 150)
+    assert np.all(orientation(wrap_deg(fine + 15)) == orientation(fine) % ORIENTATIONS + 1)
+
+
+def test_wrapping():
+    given = np.array([0, 180, -180, 540, 181, -181, 360, 720.5, -359])
+    assert np.allclose(wrap_deg(given), [0, 180, 180, 180, -179, 179, 0, 0.5, 1])
+    many = np.random.default_rng(0).uniform(-2000, 2000, 5000)
+    wrapped = wrap_deg(many)
+    assert wrapped.min() > -180
+    assert wrapped.max() <= 180
+    assert np.allclose(np.cos(np.radians(wrapped)), np.cos(np.radians(many)))
+    assert np.allclose(np.sin(np.radians(wrapped)), np.sin(np.radians(many)))
+
+
+@pytest.mark.parametrize(
+    ("toward", "degrees"), [((1, 0), 0), ((0, -1), 90), ((-1, 0), 180), ((0, 1), -90), ((1, -1), 45)]
+)
+def test_heading_is_anticlockwise_on_screen(toward, degrees):
+    line = np.linspace(1, 0, POINTS)[:, None] * np.array(toward)  # head first
+    assert heading(line[None]) == pytest.approx([degrees])
+
+
+@pytest.mark.parametrize("points", [13, 33, 34, 35])
+def test_the_tail_does_not_turn_the_heading(points):
+    straight, beating = body(30, points=points), body(30, points=points)
+    behind = np.arange(points) > np.ceil((points - 1) / 3)
+    beating[behind] += np.random.default_rng(1).normal(0, 9, (behind.sum(), 2))
+    assert heading(np.stack([straight, beating])) == pytest.approx([30, 30])
+
+
+@pytest.mark.parametrize("points", [13, 33, 34, 35])
+def test_the_heading_of_a_bent_fish_is_the_chord_of_its_front_third(points):
+    # The chord of a circle's arc lies half the arc's angle off its end.
+    assert heading(body(70, 60, points)[None]) == pytest.approx([70 - 60 / 6], abs=0.3)
+
+
+@pytest.mark.parametrize(
+    ("delta_s", "rate", "frames"),
+    [(0.2, 25, 5), (0.2, 28.07, 6), (0.2, 30, 6), (0.2, 100, 20), (0.2, 2, 1), (0.04, 25, 1)],
+)
+def test_delta_is_a_time(delta_s, rate, frames):
+    assert delta_frames(delta_s, rate) == frames
+
+
+# -- motion area ------------------------------------------------------------------------------------
+
+
+def test_coefficients_of_the_area_by_quadrature():
+    basis = BSpline.basis_element(np.arange(-2.0, 3), extrapolate=False)
+    slope = basis.derivative()
+
+    def value(spline, t):
+        return float(np.nan_to_num(spline(t)))
+
+    for k in range(1, 5):
+        integral = sum(
+            quad(lambda t, k=k: value(basis, t) * value(slope, t - k), a, a + 1)[0]
+            for a in range(-2, 2)
+        )
+        expected = features_area._G[k - 1] if k < 4 else 0.0
+        assert 2 * integral == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("count", [4, 5, 6, 7, 9])
+def test_the_area_is_that_of_the_curve(count, seed):
+    control = np.random.default_rng(seed).normal(0, 20, (count, 2))
+    x, y = closed_spline(control, 4000).T
+    polygon = -0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)  # y is down
+    assert signed_area(control[None])[0] == pytest.approx(polygon, rel=1e-6, abs=1e-4)
+
+
+def test_the_curve_is_the_uniform_cubic_b_spline():
+    control = np.random.default_rng(2).normal(size=(6, 2))
+    curve = closed_spline(control, 8).reshape(6, 8, 2)
+    knots = (control + 4 * np.roll(control, -1, 0) + np.roll(control, -2, 0)) / 6
+    assert np.allclose(curve[:, 0], knots)
+    assert np.abs(np.diff(np.vstack([*curve, curve[0, :1]]), axis=0)).max() < 1
+
+
+def test_anticlockwise_on_screen_is_plus():
+    square = np.array([[0, 0], [0, 1], [1, 1], [1, 0.0]])  # down, right, up: anticlockwise
+    assert signed_area(square[None])[0] > 0
+    assert signed_area(square[None, ::-1])[0] == pytest.approx(-signed_area(square[None])[0])
+
+
+def test_control_points_lie_at_their_shares():
+    line = np.stack([np.linspace(0, 30, 13), np.zeros(13)], 1)[None]
+    assert np.allclose(control_points(line)[0, :, 0], [0, 5, 10, 15, 25, 30])
+    line = np.stack([np.linspace(0, 30, 34), np.linspace(0, 60, 34)], 1)[None]
+    assert np.allclose(control_points(line)[0, :, 1], [0, 10, 20, 30, 50, 60])
+
+
+def bends(lines):
+    lines = np.asarray(lines)
+    return bend(lines, np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).sum(1))
+
+
+def test_a_straight_fish_is_not_bent():
+    assert bends([body(h) for h in range(0, 360, 17)]) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_bend_to_the_left_is_plus_and_grows_with_the_arc():
+    arcs = np.arange(-150, 151, 25)
+    found = bends([body(20, arc) for arc in arcs])
+    assert np.array_equal(np.sign(found.round(9)), np.sign(arcs))
+    assert np.all(np.diff(found) > 0)
+    assert found == pytest.approx(-found[::-1])
+
+
+def test_a_left_bend_drawn_by_hand():
+    # Heads up on screen, the tail points left: it swims as in a turn from right to up, to its left.
+    line = np.array([[10, 0], [10, 3], [9, 6], [7, 8], [4, 9.5], [0, 10.0]])
+    assert bends([line])[0] > 0.02
+
+
+def test_place_direction_and_size_do_not_change_the_bend():
+    fish = np.stack([body(10, 80), body(-140, -50)])
+    plain = bends(fish)
+    angle = np.radians(33)
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    assert bends(fish + (300, -20)) == pytest.approx(plain)
+    assert bends(fish @ turn) == pytest.approx(plain)
+    assert bends(3 * fish) == pytest.approx(plain)
+    assert signed_area(control_points(3 * fish)) == pytest.approx(
+        9 * signed_area(control_points(fish))
+    )
+    assert bends(fish * (-1, 1)) == pytest.approx(-plain)
+    assert bends(fish[:, ::-1] * (1, -1)).shape == plain.shape
+
+
+# -- head or tail -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_the_head_is_found_in_every_frame(seed):
+    rng = np.random.default_rng(seed)
+    lines = swim(80, speed=2.0, turn_deg=rng.uniform(-6, 6), wag_deg=40)
+    lines = lines + rng.normal(0, 0.02 * LENGTH, lines.shape)
+    width = WIDTH * rng.lognormal(0, 0.2, (80, 1)) + rng.normal(0, 0.5, (80, POINTS))
+    mixed, widths, first = shuffled(lines, width, rng)
+    found, confidence = head_first(mixed, widths, RATE)
+    assert np.array_equal(found, first)
+    assert confidence.min() > 0.9
+
+
+def test_a_symmetric_fish_is_told_by_its_way():
+    even = np.full(POINTS, 4.0)
+    mixed, widths, first = shuffled(swim(60, speed=3.0), even, np.random.default_rng(0))
+    found, confidence = head_first(mixed, widths, RATE)
+    assert np.array_equal(found, first)
+    assert confidence.min() > 0.9
+
+
+def test_a_fish_that_stays_is_told_by_its_shape():
+    mixed, widths, first = shuffled(swim(60, speed=0.0), WIDTH, np.random.default_rng(0))
+    found, confidence = head_first(mixed, widths, RATE)
+    assert np.array_equal(found, first)
+    assert confidence.min() > 0.9
+
+
+def test_a_single_frame_is_told_by_its_shape():
+    for order in (1, -1):
+        found, _ = head_first(swim(1)[:, ::order], WIDTH[None, ::order], RATE)
+        assert found == [order == 1]
+
+
+def test_a_fish_may_be_pushed_backwards_for_a_while():
+    lines = np.concatenate([swim(50), swim(50)[-1] + (swim(12) - swim(12)[0]) * (-0.5, 1)])
+    found, _ = head_first(lines, np.broadcast_to(WIDTH, (62, POINTS)), RATE)
+    assert found.all()
+
+
+def test_the_other_end_first_is_the_same_answer():
+    rng = np.random.default_rng(3)
+    mixed, widths, _ = shuffled(swim(40, speed=1.0), WIDTH, rng)
+    found, confidence = head_first(mixed, widths, RATE)
+    other, as_sure = head_first(mixed[:, ::-1], widths[:, ::-1], RATE)
+    assert np.array_equal(other, ~found)
+    assert as_sure == pytest.approx(confidence)
+
+
+def test_without_any_evidence_nothing_is_sure():
+    _, confidence = head_first(swim(40, speed=0.0), np.full((40, POINTS), 4.0), RATE)
+    assert confidence == pytest.approx(0.5)
+
+
+def test_confidence_grows_with_evidence():
+    def sureness(share, frames=40, speed=0.0, rate=RATE):
+        width = 4.0 + share * (WIDTH - WIDTH[::-1]) / 2
+        return head_first(swim(frames, speed), np.tile(width, (frames, 1)), rate)[1].mean()
+
+    shapes = [sureness(share) for share in (0, 0.05, 0.1, 0.2, 0.4)]
+    assert np.all(np.diff(shapes) > 0.01)
+    assert np.all(np.diff([sureness(0.05, frames) for frames in (5, 20, 80)]) > 0.01)  # more film
+    assert np.all(np.diff([sureness(0, speed=v) for v in (0, 0.2, 0.5, 1)]) > 0.01)
+    # The same film taken at four times the rate says hardly more, frame by frame four times less.
+    assert sureness(0.05, 160, rate=4 * RATE) == pytest.approx(sureness(0.05, 40), abs=0.02)
+
+
+def test_a_frame_that_contradicts_its_track_lowers_its_confidence_only():
+    widths = np.tile(WIDTH, (60, 1))
+    _, plain = head_first(swim(60, 1.0), widths, RATE)
+    widths[30] = widths[30, ::-1]
+    found, confidence = head_first(swim(60, 1.0), widths, RATE)
+    assert found.all()
+    assert np.all(confidence <= plain + 1e-12)
+
+
+def chain(seed, frames=8):
+    """Random evidence and moves; and the log probability of every sequence of states."""
+    rng = np.random.default_rng(seed)
+    emission = rng.normal(0, 2, (frames, 2))
+    same, swapped = rng.normal(-1, 1, frames - 1), rng.normal(-2, 1, frames - 1)
+    paths = np.array(list(itertools.product([0, 1], repeat=frames)))
+    moved = paths[:, 1:] != paths[:, :-1]
+    score = emission[np.arange(frames), paths].sum(1) + np.where(moved, swapped, same).sum(1)
+    return (emission, same, swapped), paths, score
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_viterbi_against_every_sequence(seed):
+    given, paths, score = chain(seed)
+    assert np.array_equal(_viterbi(*given), paths[score.argmax()])
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_posterior_against_every_sequence(seed):
+    given, paths, score = chain(seed)
+    weight = np.exp(score - score.max())
+    probability = (weight[:, None] * paths).sum(0) / weight.sum()
+    assert _posterior(*given) == pytest.approx(np.stack([1 - probability, probability], 1))
+
+
+def test_a_long_track_does_not_overflow():
+    (emission, same, swapped), _, _ = chain(0)
+    many = [np.tile(emission, (500, 1)) * 50, np.tile(same, 600)[:3999], np.tile(swapped, 600)[:3999]]
+    assert np.isfinite(_posterior(*many)).all()
+    assert _posterior(*many).sum(1) == pytest.approx(1)
+
+
+# -- swimming type ----------------------------------------------------------------------------------
+
+
+def kind(turned, bent, **changed):
+    given = {"turn_threshold_deg": 16.0, "bend_threshold": 0.04, "release": 0.5} | changed
+    return swimming_type(np.asarray(turned, float), np.asarray(bent, float), **given)
+
+
+@pytest.mark.parametrize("span", [1, 4, 5, 6])
+def test_a_steady_turn_is_the_same_everywhere(span):
+    # Near the ends as well, and across ±180°.
+    assert turn(wrap_deg(150 + 4.0 * np.arange(30)), span) == pytest.approx(4.0 * span)
+    assert turn(wrap_deg(-150 - 4.0 * np.arange(30)), span) == pytest.approx(-4.0 * span)
+
+
+def test_a_turn_is_centred_on_its_frame():
+    heading_deg = np.concatenate([np.zeros(20), np.full(20, 10.0)])
+    assert np.flatnonzero(turn(heading_deg, 4)).tolist() == [18, 19, 20, 21]
+    assert np.flatnonzero(turn(heading_deg, 5)).tolist() == [17, 18, 19, 20, 21]
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_the_turn_of_a_short_track(frames):
+    found = turn(3.0 * np.arange(frames), 5)
+    assert found == pytest.approx(0.0 if frames == 1 else 15.0)
+
+
+def test_both_cues_count_in_units_of_their_thresholds():
+    assert kind([15.9], [0.04]).tolist() == [STRAIGHT]
+    assert kind([16.1], [0.04]).tolist() == [LEFT]
+    assert kind([33.0], [0.0]).tolist() == [LEFT]
+    assert kind([33.0], [-0.04]).tolist() == [STRAIGHT]  # a tail beat against the turn
+    assert kind([-16.1], [-0.04]).tolist() == [RIGHT]
+    assert kind([16.1], [0.04], turn_threshold_deg=20.0).tolist() == [STRAIGHT]
+    assert kind([16.1], [0.04], bend_threshold=0.05).tolist() == [STRAIGHT]
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("release", [0.2, 0.5, 1.0])
+def test_hysteresis(seed, release):
+    rng = np.random.default_rng(seed)
+    score = np.convolve(rng.normal(0, 2.0, 300), np.hanning(9) / 3, "same")
+    found = kind(16 * score, 0.04 * score, release=release)
+    for sign in (LEFT, RIGHT):
+        above = np.concatenate([[False], sign * score > release, [False]])
+        edges = np.flatnonzero(np.diff(above))
+        for start, stop in edges.reshape(-1, 2):  # a run above release is a turn as a whole or not
+            assert np.all((found[start:stop] == sign) == ((sign * score[start:stop]).max() > 1))
+        assert not np.any((found == sign) & ~above[1:-1])
+
+
+def test_seen_in_a_mirror_left_is_right():
+    rng = np.random.default_rng(5)
+    turned, bent = rng.normal(0, 20, 200), rng.normal(0, 0.05, 200)
+    assert np.array_equal(kind(-turned, -bent), -kind(turned, bent))
+    assert set(kind(turned, bent)) == {LEFT, RIGHT, STRAIGHT}
+
+
+# -- the table --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turn_deg", [0.0, 4.0, -7.0])
+@pytest.mark.parametrize("rate", [25.0, 28.07, 60.0])
+def test_a_steady_swimmer_in_closed_form(turn_deg, rate):
+    frames, speed = 50, 3.0
+    lines = swim(frames, speed, turn_deg, heading_deg=100)
+    tracks = tracks_table(lines, start=7)
+    tracks[["x_px", "y_px"]] = lines[:, 0]  # any point fixed to the neck goes round the circle
+    table, backbones = features(tracks, rate, SETTINGS)
+    delta = delta_frames(0.2, rate)
+    assert table["frame"].tolist() == list(range(7, 57))
+    assert table["time_s"].to_numpy() == pytest.approx(np.arange(7, 57) / rate)
+    assert table["heading_deg"].to_numpy() == pytest.approx(
+        wrap_deg(100 + turn_deg * np.arange(frames)), abs=1e-3
+    )
+    half = np.radians(turn_deg) / 2
+    way = speed * delta if turn_deg == 0 else speed / half * np.sin(abs(half) * delta) * np.sign(half)
+    assert table["displacement"][:-delta].to_numpy() == pytest.approx(way / LENGTH, rel=1e-4)
+    assert table["included_angle_deg"][:-delta].to_numpy() == pytest.approx(
+        turn_deg * delta, abs=1e-3
+    )
+    assert table["displacement"].isna().sum() == table["included_angle_deg"].isna().sum() == delta
+    assert table["body_length_px"].to_numpy() == pytest.approx(LENGTH, rel=1e-5)
+    assert table[["head_x_px", "head_y_px"]].to_numpy() == pytest.approx(lines[:, 0], abs=1e-3)
+    assert table[["tail_x_px", "tail_y_px"]].to_numpy() == pytest.approx(lines[:, -1], abs=1e-3)
+    assert backbones == pytest.approx(lines, abs=1e-3)
+    straight = abs(turn_deg * delta) < 32
+    assert set(table["swimming_type"]) == {STRAIGHT if straight else np.sign(turn_deg)}
+
+
+def test_displacement_takes_the_length_of_the_whole_track():
+    tracks = tracks_table(swim(20, 3.0))
+    tracks.loc[8, "length_px"] = 90.0  # one frame measured badly
+    table, _ = features(tracks, RATE, SETTINGS)
+    assert table["displacement"][:15].to_numpy() == pytest.approx(15 / LENGTH)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 5, 6])
+def test_what_lies_beyond_the_end_of_a_track_is_null_and_not_zero(tmp_path, frames):
+    tracks = tracks_table(swim(frames), swim(12), swim(frames))
+    table, _ = features(tracks, RATE, SETTINGS)  # Δ = 5 frames
+    save_table(tmp_path / "t.parquet", table, FEATURES)
+    back = load_table(tmp_path / "t.parquet", FEATURES)
+    for column in ("displacement", "included_angle_deg"):
+        known = [max(0, frames - 5), 7, max(0, frames - 5)]
+        assert back.groupby("track_id")[column].count().tolist() == known
+    others = [c.name for c in FEATURES.columns if not c.nullable]
+    assert not back[others].isna().any().any()
+
+
+def test_the_table_is_sorted_and_fits_its_schema(tmp_path):
+    tracks = tracks_table(swim(9), swim(15, turn_deg=3, arc_deg=60), swim(11, heading_deg=90))
+    mixed = tracks.sample(frac=1, random_state=0)
+    table, backbones = features(mixed, RATE, SETTINGS)
+    plain, same = features(tracks, RATE, SETTINGS)
+    pd.testing.assert_frame_equal(table, plain)
+    assert np.array_equal(backbones, same)
+    assert table.set_index(["track_id", "frame"]).index.is_monotonic_increasing
+    assert list(table) == [c.name for c in FEATURES.columns]
+    save_table(tmp_path / "t.parquet", table, FEATURES)
+    back = load_table(tmp_path / "t.parquet", FEATURES)
+    assert np.allclose(back.astype(float), table.astype(float), rtol=1e-6, equal_nan=True)
+
+
+def test_motion_area_is_the_size_of_the_bend_and_relative_to_the_largest():
+    tracks = tracks_table(swim(9, arc_deg=-70), swim(9, arc_deg=40), swim(9))
+    table, _ = features(tracks, RATE, SETTINGS)
+    assert table["motion_area"].to_numpy() == pytest.approx(table["bend"].abs().to_numpy())
+    assert table["motion_area_rel"].groupby(table["track_id"]).max().tolist() == pytest.approx(
+        [1, bends([body(0, 40)])[0] / bends([body(0, 70)])[0], 0], abs=1e-4
+    )
+    assert np.sign(table["bend"].round(6)).groupby(table["track_id"]).mean().tolist() == [-1, 1, 0]
+
+
+def test_fish_that_are_never_bent_have_no_relative_area():
+    flat = np.linspace(60, 0, POINTS)[:, None] * np.array([1.0, 0.0]) + np.arange(9)[:, None, None]
+    flat[..., 1] = 0
+    table, _ = features(tracks_table(flat), RATE, SETTINGS)
+    assert table["motion_area_rel"].tolist() == [0] * 9
+
+
+SEEN = {  # points seen otherwise; the heading then; the sign of left
+    "shifted": (lambda p: p + (-120, 35), lambda h: h, 1),
+    "turned by 90°": (lambda p: p[..., ::-1] * (1, -1), lambda h: h + 90, 1),
+    "turned by 180°": (lambda p: -p, lambda h: h + 180, 1),
+    "mirrored": (lambda p: p * (-1, 1), lambda h: 180 - h, -1),
+}
+
+
+@pytest.mark.parametrize("view", SEEN)
+def test_the_same_film_seen_otherwise(view):
+    see, point, side = SEEN[view]
+    rng = np.random.default_rng(6)
+    films = [
+        shuffled(swim(40, 3, turn_deg, heading_deg, wag_deg=50), WIDTH, rng)
+        for turn_deg, heading_deg in ((2, 0), (-6, 77), (8, 200))
+    ]
+
+    def measured(change):
+        tracks = tracks_table(*(change(lines) for lines, _, _ in films))
+        tracks["half_width_px"] = [w for _, widths, _ in films for w in widths]
+        return features(tracks, RATE, SETTINGS)[0]
+
+    one, other = measured(lambda p: p), measured(see)
+    assert {LEFT, RIGHT, STRAIGHT} == set(one["swimming_type"])
+    assert wrap_deg(other["heading_deg"] - point(one["heading_deg"])) == pytest.approx(0, abs=1e-3)
+    for column in ("bend", "included_angle_deg"):
+        assert np.allclose(other[column], side * one[column], atol=1e-3, equal_nan=True)
+    assert np.array_equal(other["swimming_type"], side * one["swimming_type"])
+    for column in ("displacement", "motion_area", "motion_area_rel", "body_length_px",
+                   "head_confidence", "time_s"):  # fmt: skip
+        assert np.allclose(other[column], one[column], rtol=1e-3, atol=1e-4, equal_nan=True)
+    if view.startswith("turned"):
+        sectors = 6 if "90" in view else 12
+        clear = np.abs(one["heading_deg"] / 15 - np.floor(one["heading_deg"] / 15) - 0.5) > 0.01
+        moved = (one["orientation"] - 1 + sectors) % ORIENTATIONS + 1
+        assert np.array_equal(other["orientation"][clear], moved[clear])
+
+
+# -- Table 1 and the other numbers ------------------------------------------------------------------
+
+
+def toy_table():
+    """Two tracks of a few frames: orientations 1 and 7, all types."""
+    return pd.DataFrame(
+        {
+            "track_id": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1],
+            "frame": [0, 1, 2, 3, 0, 1, 2, 3, 4, 5],
+            "orientation": np.int8([1, 1, 1, 1, 1, 7, 7, 7, 7, 7]),
+            "swimming_type": np.int8([0, 0, 1, 1, -1, 0, 0, 0, -1, -1]),
+            "motion_area": [0.01, 0.02, 0.04, 0.08, 0.05, 0.01, 0.01, 0.01, 0.1, 0.02],
+        }
+    )
+
+
+def test_table_1_by_hand():
+    table = table1(toy_table()).set_index("orientation")
+    assert table.index.tolist() == list(range(1, 25))
+    assert table.loc[1].to_dict() == pytest.approx(
+        {"straight_pct": 40, "right_pct": 20, "max_area_right": 0.5, "left_pct": 40,
+         "max_area_left": 1.0, "amount_pct": 50}
+    )  # fmt: skip
+    assert table.loc[7].to_dict() == pytest.approx(
+        {"straight_pct": 60, "right_pct": 40, "max_area_right": 1.0, "left_pct": 0,
+         "max_area_left": 0.0, "amount_pct": 50}
+    )  # fmt: skip
+    others = table.drop([1, 7])
+    assert others.pop("amount_pct").tolist() == [0] * 22
+    assert others.isna().all().all()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_table_1_sums_to_100(seed):
+    rng = np.random.default_rng(seed)
+    many = pd.DataFrame(
+        {
+            "orientation": rng.integers(1, 25, 90 + seed),
+            "swimming_type": rng.integers(-1, 2, 90 + seed),
+            "motion_area": rng.random(90 + seed),
+        }
+    )
+    table = table1(many)
+    seen = table["amount_pct"] > 0
+    shares = table.loc[seen, ["straight_pct", "right_pct", "left_pct"]].sum(axis=1)
+    assert shares.to_numpy() == pytest.approx(100)
+    assert table["amount_pct"].sum() == pytest.approx(100)
+    assert table["max_area_left"].max() == table["max_area_right"].max() == 1.0
+
+
+def test_table_1_of_a_clip_without_turns():
+    table = table1(toy_table().assign(swimming_type=0)).set_index("orientation")
+    assert table.loc[[1, 7], "straight_pct"].tolist() == [100, 100]
+    assert table.loc[[1, 7], ["max_area_left", "max_area_right"]].to_numpy().tolist() == [[0, 0]] * 2
+
+
+def test_the_summary():
+    tracks = tracks_table(swim(70, 3.0), swim(20, 3.0, turn_deg=8.0, arc_deg=60))
+    numbers = summary(features(tracks, RATE, SETTINGS)[0])
+    assert numbers["fish_frames"] == 90
+    assert numbers["tracks"] == 2
+    assert numbers["fish_frames_in_tracks_of_60_frames"] == 70
+    assert numbers["straight_pct"] == pytest.approx(100 * 70 / 90)
+    assert numbers["left_pct"] == pytest.approx(100 * 20 / 90)
+    assert numbers["right_pct"] == 0
+    assert numbers["orientations_seen"] == 11  # 0° to 152°, less the chord of the bent neck
+    assert numbers["displacement_median_body_lengths"] == pytest.approx(15 / 60)
+    assert numbers["headed_along_travel_pct"] == 100
+
+
+def test_the_summary_of_one_frame():
+    numbers = summary(features(tracks_table(swim(1)), RATE, SETTINGS)[0])
+    assert numbers["fish_frames"] == 1
+    assert np.isnan(numbers["displacement_median_body_lengths"])
+    assert numbers["moving_fish_frames"] == 0
+
+
+def test_how_many_swim_forwards():
+    tracks = tracks_table(swim(30, 3.0, 1.0), swim(20, 3.0, heading_deg=45), swim(9, 0.0))
+    table, _ = features(tracks, RATE, SETTINGS)
+    found = forwards(table)
+    assert found["moving_fish_frames"] == 25 + 15
+    assert found["headed_along_travel_pct"] == 100
+    assert found["heading_off_travel_median_deg"] < 15
+    swapped = table.copy()
+    swapped.loc[swapped["track_id"] == 1, "heading_deg"] = -135.0
+    assert forwards(swapped)["headed_along_travel_pct"] == pytest.approx(100 * 25 / 40)
+    assert forwards(features(tracks_table(swim(9, 0.0)), RATE, SETTINGS)[0]) == {
+        "moving_fish_frames": 0
+    }
+
+
+def truth_of(table, backbones):
+    """The truth that this table would be perfect against; backbones at 65 points."""
+    at = np.linspace(0, POINTS - 1, 65)
+    low = np.minimum(at.astype(int), POINTS - 2)
+    lines = backbones[:, low] * (low + 1 - at)[:, None] + backbones[:, low + 1] * (at - low)[:, None]
+    same = ["frame", "x_px", "y_px", "heading_deg", "body_length_px", "bend", "swimming_type"]
+    return table[same].assign(
+        fish_id=table["track_id"],
+        curvature_deg=table["bend"],
+        backbone_x_px=list(lines[..., 0]),
+        backbone_y_px=list(lines[..., 1]),
+    )
+
+
+@pytest.fixture(scope="module")
+def known():
+    """A table of two swimmers, its backbones, and the truth that it agrees with."""
+    wagging = swim(40, 3.0, 4.0, wag_deg=60), swim(30, 3.0, -6.0, 90, arc_deg=-40) + (300, 0)
+    table, backbones = features(tracks_table(*wagging), RATE, SETTINGS)
+    return table, backbones, truth_of(table, backbones)
+
+
+def test_against_itself_nothing_is_wrong(known):
+    found = against_truth(*known)
+    assert found["truth_found_pct"] == 100
+    for name in ("centre_error_median_px", "centre_error_p95_px", "heading_error_median_deg",
+                 "heading_error_p95_deg", "head_tail_swaps", "identity_changes"):  # fmt: skip
+        assert found[f"truth_{name}"] == 0
+    assert found["truth_backbone_error_mean_pct"] == pytest.approx(0, abs=1e-4)
+    assert found["truth_body_length_bias_pct"] == 0
+    assert found["truth_swimming_type_agreement_pct"] == 100
+    assert found["truth_motion_area_bend_rank_correlation"] == pytest.approx(1)
+
+
+def test_errors_are_counted(known):
+    table, backbones, truth = known
+    moved = table.assign(
+        x_px=table["x_px"] + 3.0,
+        y_px=table["y_px"] - 4.0,
+        heading_deg=wrap_deg(table["heading_deg"] + 7),
+        body_length_px=table["body_length_px"] * 1.02,
+        swimming_type=np.where(table["track_id"] == 1, 0, table["swimming_type"]),
+    )
+    lines = backbones + np.float32([0.03, 0.04]) * LENGTH
+    swapped = np.arange(len(table)) % 7 == 0
+    lines[swapped] = lines[swapped][:, ::-1]
+    found = against_truth(moved, lines, truth)
+    assert found["truth_centre_error_median_px"] == pytest.approx(5)
+    assert found["truth_heading_error_median_deg"] == pytest.approx(7, abs=1e-4)
+    assert found["truth_body_length_bias_pct"] == pytest.approx(2)
+    assert found["truth_head_tail_swaps"] == swapped.sum()
+    assert found["truth_backbone_error_mean_pct"] == pytest.approx(5, abs=1e-3)  # swaps set aside
+    right = (moved["swimming_type"] == truth["swimming_type"]).mean()
+    assert found["truth_swimming_type_agreement_pct"] == pytest.approx(100 * right)
+    assert found["truth_right_recall_pct"] == 0
+
+
+def test_lost_and_confused_fish_are_counted(known):
+    table, backbones, truth = known
+    keep = (table["frame"] % 2 == 0).to_numpy()
+    found = against_truth(table[keep].reset_index(drop=True), backbones[keep], truth)
+    assert found["truth_found_pct"] == pytest.approx(100 * keep.mean())
+    # One track that passes from one fish to the other and back.
+    both = table[table["frame"] < 30].sort_values(["frame", "track_id"])
+    passing = both.iloc[[2 * k + (10 <= k < 20) for k in range(30)]]
+    lines = backbones[passing.index]
+    passing = passing.assign(track_id=0).reset_index(drop=True)
+    assert against_truth(passing, lines, truth)["truth_identity_changes"] == 2
+
+
+# -- pictures ---------------------------------------------------------------------------------------
+
+
+def specimen(table, backbones, row, colour=False):
+    line = backbones[row]
+    x0, y0 = np.floor(line.min(0)).astype(int) - 5
+    width, height = np.ceil(np.ptp(line, axis=0)).astype(int) + 10
+    film = np.full((height, width, 3) if colour else (height, width), 90, np.uint8)
+    return Specimen(table.iloc[row], line, film, int(x0), int(y0))
+
+
+@pytest.mark.parametrize("count", [1, 5, 6, 7])
+@pytest.mark.parametrize("colour", [False, True])
+def test_the_size_of_a_contact_sheet(known, count, colour):
+    table, backbones, _ = known
+    shown = (specimen(table, backbones, row, colour) for row in range(count))
+    sheet = contact_sheet(shown, columns=3, size=150)
+    assert sheet.shape == (24 + 150 * -(-count // 3), 450, 3)
+    assert sheet.dtype == np.uint8
+
+
+def test_what_a_contact_sheet_draws(known):
+    table, backbones, _ = known
+    tile = contact_sheet([specimen(table, backbones, 5)], columns=1, size=300)[24:]
+    def places(colour):
+        return np.argwhere(np.abs(tile - np.array(colour)).max(-1) < 60)[:, ::-1]
+
+    backbone, spline, control, arrow = map(
+        places, ((255, 220, 0), (255, 60, 60), (255, 255, 255), (0, 255, 90))
+    )
+    assert min(map(len, (backbone, spline, control, arrow))) > 20
+    angle = np.radians(table["heading_deg"].iloc[5])  # the arrow leaves the head along the heading
+    assert (arrow.mean(0) - backbone.mean(0)) @ (np.cos(angle), -np.sin(angle)) > 50
+    assert np.ptp(backbone, axis=0).max() > 200  # head to tail, as large as the tile allows
+
+
+def test_the_most_doubtful_come_first(known):
+    table, _, _ = known
+    doubt = table.assign(head_confidence=1.0)
+    doubt.loc[[3, 50, 11, 12, 13, 14], "head_confidence"] = [0.5, 0.6, 0.7, 0.71, 0.72, 0.73]
+    chosen = most_doubtful(doubt, 12)
+    assert len(chosen) == 12
+    assert chosen[:4].tolist() == [3, 50, 11, 12]  # no more than three of a track
+    assert set(chosen) & {13, 14} == set()
+    areas = table["motion_area"].to_numpy()[chosen[6:]]
+    assert areas[0] == table["motion_area"].max()
+    assert np.all(np.diff(areas) <= 0)
+    assert set(most_doubtful(table.iloc[:1], 48)) == {0}
+
+
+VARIANTS = {
+    "two tracks": lambda: [swim(40, 3.0, 4.0, wag_deg=60), swim(30, 3.0, -6.0, 90, -40)],
+    "one row": lambda: [swim(1)],
+    "one track": lambda: [swim(12, 3.0, 8.0, arc_deg=60)],
+    "no turning": lambda: [swim(12), swim(7, heading_deg=90)],
+    "thirty tracks": lambda: [swim(3, heading_deg=12 * k) for k in range(30)],
+}
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_figures_of_any_table(tmp_path, variant):
+    table, _ = features(tracks_table(*VARIANTS[variant]()), RATE, SETTINGS)
+    empty = np.full((600, 800), 120, np.uint8)
+    for name, figure, size in (
+        ("fig7", figure7(table), (495, 1100)),
+        ("rose", rose(table), (660, 660)),
+        ("trajectories", trajectories(table, empty), (825, 1100)),
+    ):
+        save_figure(tmp_path / f"{name}.png", figure)
+        picture = load_picture(tmp_path / f"{name}.png")
+        assert picture.shape == (*size, 3)
+        assert picture.std() > 5
+
+
+def test_the_same_table_gives_the_same_figures(tmp_path, known):
+    table, _, _ = known
+    empty = np.full((600, 800, 3), 120, np.uint8)
+    for draw in (figure7, rose, lambda table: trajectories(table, empty)):
+        for name in ("one.png", "two.png"):
+            save_figure(tmp_path / name, draw(table.copy()))
+        assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
+
+
+def test_fig_7_shows_the_longest_track(known):
+    table, _, _ = known
+    assert set(longest_track(table)["track_id"]) == {0}
+    upper, lower = figure7(table).axes
+    area, = upper.lines
+    assert area.get_ydata() == pytest.approx(table["motion_area_rel"][:40].to_numpy())
+    kind_line, = lower.lines
+    assert np.array_equal(kind_line.get_ydata(), table["swimming_type"][:40])
+
+
+def test_the_rose_adds_up_to_100(known):
+    table, _, _ = known
+    axes, = rose(table).axes
+    assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100)
