@@ -1,16 +1,16 @@
 """Speed of `extract` + `features`, each as a ratio against a named limit or peer in the same run.
 
-`python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in turn,
-A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed drifts does
+`python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in
+turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed drifts does
 not decide. Reading and writing files is included where the stage does it; pictures are not.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import os
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -25,7 +25,7 @@ from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.carp import CarpFilm, film
-from finloop.extract import Settings, Tracker, rows, survey
+from finloop.extract import Detector, Settings, detected, rows, survey, tracks
 from finloop.extract_backbone import trace
 from finloop.extract_segment import silhouettes
 from finloop.extract_table import tracks_schema
@@ -33,12 +33,12 @@ from finloop.features import FEATURES, features
 from finloop.features import Settings as FeatureSettings
 from finloop.files.cutouts import Cutout, CutoutWriter
 from finloop.files.table import TableWriter, load_table, save_table
-from finloop.files.video import load_facts, read_frames
+from finloop.files.video import KEY_FRAME_EVERY, load_facts
 from finloop.files.wheel import cache_folder, zebrafish_clips
-from stages.extract import sample
+from stages.extract import batches, reader, sample
+from stages.run import THREADS
 
 PAIRS = 5
-THREADS = int(os.environ["OMP_NUM_THREADS"])
 
 
 def settings(scratch: Path) -> tuple[Settings, FeatureSettings]:
@@ -89,20 +89,20 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
     scene, typical = survey(sample(facts, how.samples, clip), arena, how)
-    tracker = Tracker(arena, typical, how)
-    frames = ((frame, scene) for frame in read_frames(clip / "clip.mp4"))
-    cuts = [start for start, _ in facts.segments[1:]]
+    read = partial(reader, clip / "clip.mp4", facts.colour)
+    detector = Detector(arena, typical, how)
+    found = detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
+    linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
     with (
         TableWriter(out / "tracks.parquet", tracks_schema(how.points)) as table,
         CutoutWriter(out / "cutouts.arrow") as cutouts,
     ):
-        for found in tracker.run(frames, cuts):
-            if found:
-                table.write(rows(found))
-            for f in found:
-                cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.cutout))
-    tracks = load_table(out / "tracks.parquet", tracks_schema(how.points))
-    measured, _ = features(tracks, facts.frame_rate_hz, then)
+        for lot in batches(some for _, some in linked):
+            table.write(rows(lot))
+            for f in lot:
+                cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout))
+    table = load_table(out / "tracks.parquet", tracks_schema(how.points))
+    measured, _ = features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)
     return len(measured)
 
@@ -171,8 +171,10 @@ def main() -> None:
             mine, theirs, ratio, _ = paired(
                 lambda: [trace(m, f, how.points, 6.0) for m, f in outlines], work
             )
-            print(f"backbones of a 110 px carp, one core: {len(masks) / mine:.0f}/s; "
-                  f"{name}: {len(masks) / theirs:.0f}/s")
+            print(
+                f"backbones of a 110 px carp, one core: {len(masks) / mine:.0f}/s; "
+                f"{name}: {len(masks) / theirs:.0f}/s"
+            )
             results.append((f"backbones / {name}", mine, theirs, ratio))
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
     print(table.to_string(index=False))

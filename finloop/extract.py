@@ -1,16 +1,15 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
 The order of things: `survey` looks at frames spread over the clip and says what tank, noise and a
-typical fish are; `tracks` streams the film once, finds the fish of each frame on every core, and
-links them in order. Memory holds a few frames and the fish of `least_frames` frames, however long
-the clip.
+typical fish are; `detected` streams the film once and finds the fish of each frame, on every core;
+`tracks` links them in order. Memory holds some stretches of detections and the fish of
+`least_frames` frames, however long the clip.
 """
 
-import os
-from collections import Counter, deque
-from collections.abc import Iterable, Iterator, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Literal, NamedTuple
 
 import cv2
@@ -18,22 +17,24 @@ import numpy as np
 import pandas as pd
 
 from finloop.errors import FinloopError
+from finloop.extract_backbone import trace
 from finloop.extract_background import (
     Image,
     Polarity,
     Scene,
     flat_background,
     median_background,
+    relit,
     survey_noise,
 )
 from finloop.extract_segment import (
     Fish,
     Silhouette,
     measure,
-    premultiplied,
     silhouettes,
 )
 from finloop.extract_tracks import Linker, Spot
+from finloop.parallel import ordered_map
 
 
 @dataclass(frozen=True)
@@ -65,17 +66,17 @@ class Typical(NamedTuple):
 
 
 class Found(NamedTuple):
-    """One fish of one frame in a track, with its cut-out (h, w, 2 or 4) uint8 premultiplied."""
+    """One fish of one frame in a track."""
 
     track_id: int
     frame: int
     fish: Fish
-    cutout: Image
 
 
 Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
 """Whether a silhouette is one isolated fish, or why not."""
 
+_STRETCH = 240  # frames that a process works on at a time, at most
 _SPECK = 0.125  # of a typical fish's area: what is smaller is not even a neighbour
 
 
@@ -108,7 +109,9 @@ def survey(sample: Sequence[Image], arena: Image, settings: Settings) -> tuple[S
     found = [
         s
         for frame in sample
-        for s in silhouettes(frame, scene, arena, settings.least_area_px, settings.outline_share)
+        for s in silhouettes(
+            frame, relit(scene, frame), arena, settings.least_area_px, settings.outline_share
+        )
     ]
     return scene, typical_fish(found, scene, settings)
 
@@ -123,8 +126,8 @@ def typical_fish(found: Sequence[Silhouette], scene: Scene, settings: Settings) 
     weight = np.cumsum(areas)
     area = float(areas[np.searchsorted(weight, 0.5 * weight[-1])])
     alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
-    fish = [measure(s, settings.points, scene.threshold) for s in alike]
-    lengths = [f.backbone.length_px for f in fish if f is not None]
+    lines = [trace(s.mask, s.field, settings.points, scene.threshold) for s in alike]
+    lengths = [line.length_px for line in lines if line is not None]
     if not lengths:
         raise _no_fish(found, scene)
     return Typical(area, float(np.median(lengths)), float(np.median([s.contrast for s in alike])))
@@ -158,71 +161,89 @@ def follow(frames: Iterable[Image], scene: Scene, rate_hz: float) -> Iterator[tu
         yield frame, scene
 
 
-class Tracker:
-    """Streams film and gives the fish that are in tracks; `tally` counts the verdicts."""
+class Detected(NamedTuple):
+    """One frame's silhouettes: what each is, where, and the `Fish` of those that are one."""
 
-    def __init__(self, arena: Image, typical: Typical, settings: Settings) -> None:
-        self._arena, self._typical, self._settings = arena, typical, settings
-        self.tally: Counter[Verdict] = Counter()
+    verdicts: list[Verdict]
+    spots: list[Spot]
+    fish: list[Fish | None]
 
-    def run(
-        self, film: Iterable[tuple[Image, Scene]], cuts: Sequence[int] = (), start: int = 0
-    ) -> Iterator[list[Found]]:
-        """For each frame of `film`, numbered from `start`, the fish whose tracks are long enough by
-        then; a track begins to appear, all its fish at once, when it has `least_frames` frames.
 
-        Tracks end at `cuts`, the numbers of the first frames of further segments.
-        """
-        linker = Linker(
-            self._settings.gate_body_lengths * self._typical.length_px,
-            self._settings.step_area_ratio,
-        )
-        waiting: dict[int, list[Found]] = {}
-        grown: set[int] = set()
-        for number, (found, fish, cutouts, verdicts) in enumerate(self._detected(film), start):
-            self.tally += Counter(verdicts)
-            if number in cuts:
-                linker.cut()
-            ids = linker.step([_spot(s, f) for s, f in zip(found, fish, strict=True)])
-            ready: list[Found] = []
-            for track, one, cutout in zip(ids, fish, cutouts, strict=True):
-                if track is None or one is None or cutout is None:
-                    continue
-                waiting.setdefault(track, []).append(Found(track, number, one, cutout))
-                if track in grown or len(waiting[track]) >= self._settings.least_frames:
-                    grown.add(track)
-                    ready += waiting.pop(track)
-            alive = {track for track in ids if track is not None}
-            waiting = {track: fishes for track, fishes in waiting.items() if track in alive}
-            grown &= alive
-            yield ready
+@dataclass(frozen=True)
+class Detector:
+    """Finds the fish of one frame, knowing the arena, a typical fish and the settings."""
 
-    def _detected(self, film: Iterable[tuple[Image, Scene]]):  # type: ignore[no-untyped-def]
-        """Detections of every frame in order, worked out on every core a few frames ahead."""
-        workers = int(os.environ.get("OMP_NUM_THREADS", "2"))
-        pending: deque[Future] = deque()
-        with ThreadPoolExecutor(workers) as pool:
-            for frame, scene in film:
-                pending.append(pool.submit(self._detect, frame, scene))
-                if len(pending) > 2 * workers:
-                    yield pending.popleft().result()
-            while pending:
-                yield pending.popleft().result()
+    arena: Image
+    typical: Typical
+    settings: Settings
 
-    def _detect(
-        self, frame: Image, scene: Scene
-    ) -> tuple[list[Silhouette], list[Fish | None], list[Image | None], list[Verdict]]:
-        """All silhouettes of a frame; a `Fish` and its cut-out for each that is an isolated one."""
-        settings = self._settings
-        least = max(settings.least_area_px, _SPECK * self._typical.area_px)
-        found = list(silhouettes(frame, scene, self._arena, least, settings.outline_share))
-        verdicts = [judge(s, self._typical, settings) for s in found]
+    def __call__(self, frame: Image, scene: Scene) -> Detected:
+        """All silhouettes of `frame`; those that are isolated fish are measured."""
+        settings = self.settings
+        least = max(settings.least_area_px, _SPECK * self.typical.area_px)
+        scene = relit(scene, frame)
+        found = list(silhouettes(frame, scene, self.arena, least, settings.outline_share))
+        verdicts = [judge(s, self.typical, settings) for s in found]
         fish = [
-            measure(s, settings.points, scene.threshold) if verdict == "fish" else None
+            measure(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(found, verdicts, strict=True)
         ]
-        cutouts = [None if f is None else premultiplied(frame, scene.background, f) for f in fish]
-        return found, fish, cutouts, verdicts
+        spots = [_spot(s, f) for s, f in zip(found, fish, strict=True)]
+        return Detected(verdicts, spots, fish)
+
+
+Reader = Callable[[int, int], Iterator[Image]]
+"""Gives the frames start … stop − 1 of a clip; may be sent to another process."""
+
+
+def detected(
+    read: Reader, frames: int, scene: Scene, detector: Detector, workers: int, stride: int = 1
+) -> Iterator[Detected]:
+    """Detections of every frame in order, worked out on `workers` processes.
+
+    Each reads stretches of the clip by itself, which begin at multiples of `stride` (the distance
+    of key frames, so that no frame is decoded for nothing).
+    """
+    length = min(_STRETCH, max(1, frames // (4 * workers)))
+    length = max(1, length // stride) * stride
+    spans = [(start, min(start + length, frames)) for start in range(0, frames, length)]
+    work = partial(_stretch, read, scene, detector)
+    return (one for stretch in ordered_map(work, spans, workers) for one in stretch)
+
+
+def _stretch(
+    read: Reader, scene: Scene, detector: Detector, span: tuple[int, int]
+) -> list[Detected]:
+    return [detector(frame, scene) for frame in read(*span)]
+
+
+def tracks(
+    detections: Iterable[Detected], typical: Typical, settings: Settings, cuts: Sequence[int] = ()
+) -> Iterator[tuple[Counter[Verdict], list[Found]]]:
+    """For each frame its verdicts, and the fish whose tracks are long enough by then.
+
+    A track begins to appear, all its fish at once, when it has `least_frames` frames. Tracks end at
+    `cuts`, the numbers of the first frames of further segments.
+    """
+    linker = Linker(settings.gate_body_lengths * typical.length_px, settings.step_area_ratio)
+    waiting: dict[int, list[Found]] = {}
+    grown: set[int] = set()
+    for number, (verdicts, spots, fish) in enumerate(detections):
+        if number in cuts:
+            linker.cut()
+        ids = linker.step(spots)
+        ready: list[Found] = []
+        for track, one in zip(ids, fish, strict=True):
+            if track is None or one is None:
+                continue
+            waiting.setdefault(track, []).append(Found(track, number, one))
+            if track in grown or len(waiting[track]) >= settings.least_frames:
+                grown.add(track)
+                ready += waiting.pop(track)
+        alive = {track for track in ids if track is not None}
+        waiting = {track: fishes for track, fishes in waiting.items() if track in alive}
+        grown &= alive
+        yield Counter(verdicts), ready
 
 
 def _spot(silhouette: Silhouette, fish: Fish | None) -> Spot:

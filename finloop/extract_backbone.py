@@ -44,7 +44,7 @@ class Backbone(NamedTuple):
 
 
 def trace(
-    mask: NDArray[np.bool_], field: NDArray[np.float32], points: int, floor: float
+    mask: NDArray[np.bool_], field: NDArray[np.uint8], points: int, floor: float
 ) -> Backbone | None:
     """Backbone of the silhouette `mask` (h, w) with `points` points; None if it has no extent.
 
@@ -52,21 +52,12 @@ def trace(
     `floor` (grey levels) it is taken for noise.
     """
     half_width = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    path = longest_geodesic(skeletonize(mask), half_width)
-    if len(path) < 4 or len(path := _trimmed(path, half_width)) < 4:
+    path = trimmed(longest_geodesic(skeletonize(mask), half_width), half_width)
+    if len(path) < 4:
         return None
     xy, width = _refine(field, path, smoother(points), points, floor)
     length = float(np.hypot(*np.diff(xy, axis=0).T).sum())
     return Backbone(xy, width, length) if np.isfinite(length) else None
-
-
-def _trimmed(path: NDArray[np.float64], half_width: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The path without its forks: within half a body width of a blunt end the skeleton runs aside
-    into a corner of the outline, so what lies nearer to an end than that is cut off."""
-    x, y = path.astype(np.intp).T
-    wide = half_width[y, x] > _FORK * np.arange(len(path))
-    wide_back = half_width[y, x][::-1] > _FORK * np.arange(len(path))
-    return path[int(np.argmin(wide)) : len(path) - int(np.argmin(wide_back))]
 
 
 @lru_cache
@@ -127,6 +118,22 @@ def longest_geodesic(
         node = previous[node]
         length += 1
     return path[:length].copy()
+
+
+@njit(cache=True, nogil=True)
+def trimmed(path: NDArray[np.float64], half_width: NDArray[np.float32]) -> NDArray[np.float64]:
+    """The path without its forks: within half a body width of a blunt end the skeleton runs aside
+    into a corner of the outline, so what lies nearer to an end than that is cut off."""
+    first, last = 0, len(path) - 1
+    while (
+        first < len(path) and half_width[int(path[first, 1]), int(path[first, 0])] > _FORK * first
+    ):
+        first += 1
+    while last >= 0 and (
+        half_width[int(path[last, 1]), int(path[last, 0])] > _FORK * (len(path) - 1 - last)
+    ):
+        last -= 1
+    return path[first : max(last + 1, first)].copy()
 
 
 @njit(cache=True, nogil=True)
@@ -248,24 +255,52 @@ def _flank(field, x, y, nx, ny, half, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def to_outline(alpha: NDArray[np.float32], inside: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Move the points of a closed chain of pixels just inside the outline, (m, 2) x, y, outwards to
-    where `alpha` (h, w; 255 = fish) crosses one half."""
-    count = len(inside)
+def ring(alpha: NDArray[np.uint8], chain: NDArray[np.int32], points: int) -> NDArray[np.float64]:
+    """The outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
+
+    `chain` (m, 2) are the pixels just inside it, in order, closed. They are spread evenly, moved
+    outwards along the normal to the crossing, and spread evenly again.
+    """
+    inside = _closed(chain.astype(np.float64), points)
     area = 0.0
-    for i in range(count):
-        j = (i + 1) % count
+    for i in range(points):
+        j = (i + 1) % points
         area += inside[i, 0] * inside[j, 1] - inside[j, 0] * inside[i, 1]
     out = inside.copy()
-    for i in range(count):
-        before, after = inside[i - 1], inside[(i + 1) % count]
+    for i in range(points):
+        before, after = inside[i - 1], inside[(i + 1) % points]
         tx, ty = after[0] - before[0], after[1] - before[1]
         norm = np.copysign(max(np.hypot(tx, ty), 1e-9), area)
         nx, ny = ty / norm, -tx / norm
         far = _flank(alpha, inside[i, 0], inside[i, 1], nx, ny, 127.5, 3.0)
         out[i, 0] += far * nx
         out[i, 1] += far * ny
-    return out
+    return _closed(out, points)
+
+
+@njit(cache=True, nogil=True)
+def _closed(xy, points):  # type: ignore[no-untyped-def]
+    """`points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
+    line = np.empty((len(xy) + 1, 2))
+    line[:-1] = xy
+    line[-1] = xy[0]
+    return resample(line, points + 1)[:-1].copy()
+
+
+@njit(cache=True, nogil=True)
+def upper_level(patch: NDArray[np.uint8], threshold: float, share: float) -> float:
+    """The level below which `share` of the pixels of `patch` that exceed `threshold` lie."""
+    count = np.zeros(256, np.int64)
+    for y in range(patch.shape[0]):
+        for x in range(patch.shape[1]):
+            count[patch[y, x]] += 1
+    start = int(np.floor(threshold)) + 1
+    wanted, seen = share * count[start:].sum(), 0
+    for level in range(start, 256):
+        seen += count[level]
+        if seen > wanted:
+            return float(level)
+    return float(start)
 
 
 @njit(cache=True, nogil=True)

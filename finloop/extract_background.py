@@ -7,7 +7,7 @@ deviation of the smoothed difference image where no fish is; the threshold is a 
 """
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import cv2
@@ -19,6 +19,7 @@ from finloop.errors import FinloopError
 
 Image = NDArray[np.uint8]
 _GRID = 16  # every 16th pixel in both directions is enough to measure the light
+_SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
 _STRIP = 64  # rows
 _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
 _MEMORY = 2**29  # bytes that the frames of a median may take
@@ -102,25 +103,23 @@ def lit(picture: Image, gain: float) -> Image:
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
-def difference(frame: Image, background: Image, polarity: Polarity) -> Image:
+def relit(scene: Scene, frame: Image) -> Scene:
+    """The scene in the light of `frame`."""
+    return replace(scene, background=lit(scene.background, light(frame, scene.background)))
+
+
+def difference(frame: Image, scene: Scene) -> Image:
     """Difference image, (h, w) uint8, smoothed over 3x3 pixels; colour: the strongest channel."""
-    gain = light(frame, background)
-    tank = lit(background, gain)
-    if polarity == "dark":
-        change = cv2.subtract(tank, frame)
-    elif polarity == "bright":
-        change = cv2.subtract(frame, tank)
+    if scene.polarity == "dark":
+        change = cv2.subtract(scene.background, frame)
+    elif scene.polarity == "bright":
+        change = cv2.subtract(frame, scene.background)
     else:
-        change = cv2.absdiff(frame, tank)
+        change = cv2.absdiff(frame, scene.background)
     if change.ndim == 3:
         red, green, blue = cv2.split(change)
         change = cv2.max(cv2.max(red, green), blue)
-    return smooth(change)
-
-
-def smooth(change: Image) -> Image:
-    """The 3x3 Gaussian that every difference image goes through."""
-    return cv2.GaussianBlur(change, (3, 3), 0.85)
+    return cv2.GaussianBlur(change, _SMOOTH, 0.85)
 
 
 def survey_noise(
@@ -136,7 +135,7 @@ def survey_noise(
     for frame in frames[:: max(1, len(frames) // _NOISE_FRAMES)]:
         gain = light(frame, background)
         change = frame.astype(np.float32) - gain * background.astype(np.float32)
-        change = cv2.GaussianBlur(change, (3, 3), 0.85)[::2, ::2]
+        change = cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2]
         residues.append(change if change.ndim == 2 else _strongest(change))
     residue = np.stack(residues)
     noise = float(np.quantile(np.abs(residue), 0.6827))

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.extract import Settings, Typical, judge
-from finloop.extract_background import Image, Scene
+from finloop.extract_background import Image, Scene, relit
 from finloop.extract_segment import Silhouette, silhouettes
 
 _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
@@ -31,7 +31,8 @@ def detections_picture(
     panels = []
     for frame, number in zip(frames, numbers, strict=True):
         panel = frame.copy() if frame.ndim == 3 else cv2.cvtColor(frame, cv2.COLOR_GRAY2RGB)
-        for s in silhouettes(frame, scene, arena, settings.least_area_px, settings.outline_share):
+        lit = relit(scene, frame)
+        for s in silhouettes(frame, lit, arena, settings.least_area_px, settings.outline_share):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
         panels.append(_titled(panel, f"frame {number}"))

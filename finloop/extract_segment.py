@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.extract_backbone import Backbone, resample, to_outline, trace
+from finloop.extract_backbone import Backbone, ring, trace, upper_level
 from finloop.extract_background import Image, Scene, difference
 from finloop.extract_table import OUTLINE_POINTS
 
@@ -24,7 +24,7 @@ _CONTRAST = 0.8  # quantile of the difference inside a candidate that stands for
 class Silhouette:
     """A connected patch of one frame that may be one fish, several, or none.
 
-    x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) float32, the
+    x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. area_px: pixels of the mask. at_border: it touches the edge of the picture or
     of the arena.
     """
@@ -32,7 +32,7 @@ class Silhouette:
     x0: int
     y0: int
     mask: NDArray[np.bool_]
-    field: NDArray[np.float32]
+    field: Image
     contrast: float
     area_px: float
     at_border: bool
@@ -43,18 +43,19 @@ class Fish:
     """One isolated fish in one frame. Coordinates in px of the picture, pixel centres at integers.
 
     backbone.points_px and outline_px are in picture coordinates too; outline_px is (m, 2), closed,
-    its first point not repeated. alpha: (h, w) uint8, 255 = fish, soft at the outline.
+    its first point not repeated. cutout: (h, w, 2 or 4) uint8, premultiplied, its upper left pixel
+    at (x0, y0).
     """
 
     x_px: float
     y_px: float
     area_px: float
     contrast: float
-    x0: int
-    y0: int
-    alpha: Image
     backbone: Backbone
     outline_px: NDArray[np.float64]
+    x0: int
+    y0: int
+    cutout: Image
 
 
 def silhouettes(
@@ -62,9 +63,10 @@ def silhouettes(
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out of the background.
 
+    The `scene` is the frame's own, in its light (`relit`).
     `arena` (h, w) uint8 is 255 inside. `share` of a patch's own contrast is where its edge is put.
     """
-    change = difference(frame, scene.background, scene.polarity)
+    change = difference(frame, scene)
     cv2.bitwise_and(change, arena, dst=change)
     candidates = cv2.threshold(change, int(scene.threshold), 255, cv2.THRESH_BINARY)[1]
     height, width = change.shape
@@ -75,12 +77,7 @@ def silhouettes(
         left, top = max(x - _PAD, 0), max(y - _PAD, 0)
         right, bottom = min(x + w + _PAD, width), min(y + h + _PAD, height)
         patch = change[top:bottom, left:right]
-        above = patch[patch > scene.threshold]
-        contrast = float(
-            np.partition(above, int(_CONTRAST * (above.size - 1)))[
-                int(_CONTRAST * (above.size - 1))
-            ]
-        )
+        contrast = upper_level(patch, scene.threshold, _CONTRAST)
         level = max(int(scene.threshold), int(share * contrast))
         yield from _parts(patch, left, top, level, contrast, arena, least_area)
 
@@ -103,7 +100,7 @@ def _parts(
         if area < least:
             continue
         yield Silhouette(
-            left + x, top + y, mask.astype(bool), field.astype(np.float32), contrast, area,
+            left + x, top + y, mask.astype(bool), field, contrast, area,
             _touches_border(mask, left + x, top + y, arena),
         )  # fmt: skip
 
@@ -122,64 +119,64 @@ def _touches_border(mask: Image, x0: int, y0: int, arena: Image) -> bool:
     return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
 
 
-def measure(silhouette: Silhouette, points: int, threshold: float) -> Fish | None:
-    """Backbone, outline and soft alpha of an isolated silhouette; None if it has no backbone."""
-    backbone = trace(silhouette.mask, silhouette.field, points, threshold)
+def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> Fish | None:
+    """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
+
+    `frame` is the one it comes from, `scene` that frame's.
+    """
+    backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
         return None
-    alpha = matte(silhouette, threshold)
+    alpha = matte(silhouette.mask, silhouette.field, scene.threshold)
     moments = cv2.moments(alpha)
-    corner = np.array([silhouette.x0, silhouette.y0])
+    x0, y0 = silhouette.x0, silhouette.y0
+    corner = np.array([x0, y0])
+    h, w = alpha.shape
+    here = np.s_[y0 : y0 + h, x0 : x0 + w]
     return Fish(
-        x_px=moments["m10"] / moments["m00"] + silhouette.x0,
-        y_px=moments["m01"] / moments["m00"] + silhouette.y0,
+        x_px=moments["m10"] / moments["m00"] + x0,
+        y_px=moments["m01"] / moments["m00"] + y0,
         area_px=moments["m00"] / 255,
         contrast=silhouette.contrast,
-        x0=silhouette.x0,
-        y0=silhouette.y0,
-        alpha=alpha,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
         outline_px=outline(alpha) + corner,
+        x0=x0,
+        y0=y0,
+        cutout=premultiplied(frame[here], scene.background[here], alpha),
     )
 
 
-def matte(silhouette: Silhouette, threshold: float) -> Image:
+def matte(mask: NDArray[np.bool_], field: Image, threshold: float) -> Image:
     """Soft alpha (h, w) uint8: the difference as a share of the fish's own height near each pixel.
 
     Near the outline a pixel is a blend of fish and tank, so alpha = difference / (difference that
     the fish makes just inside). That height is carried outwards from the core by a dilation. Deep
     inside, where patterned skin may resemble the tank, alpha is 1.
     """
-    mask = silhouette.mask.astype(np.uint8)
-    inner = np.where(silhouette.mask, silhouette.field, 0).astype(np.float32)
-    height = cv2.dilate(inner, np.ones((5, 5), np.uint8))
-    soft = silhouette.field / np.maximum(height, threshold)
-    soft[cv2.erode(mask, np.ones((3, 3), np.uint8)) > 0] = 1.0
-    soft[cv2.dilate(mask, np.ones((3, 3), np.uint8)) == 0] = 0.0
-    return np.round(255 * np.clip(soft, 0, 1)).astype(np.uint8)
+    solid = mask.astype(np.uint8) * np.uint8(255)
+    height = cv2.dilate(cv2.bitwise_and(field, solid), np.ones((5, 5), np.uint8))
+    soft = cv2.divide(field, cv2.max(height, threshold), scale=255)
+    soft = cv2.bitwise_or(soft, cv2.erode(solid, np.ones((3, 3), np.uint8)))
+    return cv2.bitwise_and(soft, cv2.dilate(solid, np.ones((3, 3), np.uint8)))
 
 
 def outline(alpha: Image) -> NDArray[np.float64]:
     """The outline as (OUTLINE_POINTS, 2) x, y at equal arc lengths: alpha crosses one half."""
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
-    chain = max(chains, key=len)[:, 0].astype(np.float64)
-    chain = resample(np.vstack([chain, chain[:1]]), OUTLINE_POINTS + 1)[:-1]
-    edge = to_outline(alpha.astype(np.float32), chain)
-    return resample(np.vstack([edge, edge[:1]]), OUTLINE_POINTS + 1)[:-1]
+    return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
-def premultiplied(frame: Image, background: Image, fish: Fish) -> Image:
-    """Cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, colour premultiplied by
-    alpha.
+def premultiplied(film: Image, tank: Image, alpha: Image) -> Image:
+    """Cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied by alpha.
 
-    What the fish added to the picture: frame − (1 − alpha) · background, so that laying the cut-out
-    over the same background gives back the frame, without a fringe of tank colour anywhere else.
+    What the fish added to the picture: film − (1 − alpha) · tank, so that laying the cut-out over
+    the same tank gives back the film, without a fringe of tank colour anywhere else. `film` and
+    `tank` are (h, w) or (h, w, 3), `alpha` (h, w).
     """
-    h, w = fish.alpha.shape
-    here = np.s_[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
-    alpha = fish.alpha.reshape(h, w, 1).astype(np.int32)
-    film = frame[here].reshape(h, w, -1).astype(np.int32)
-    tank = background[here].reshape(h, w, -1).astype(np.int32)
-    added = (255 * film - (255 - alpha) * tank + 127) // 255
-    return np.concatenate([np.clip(added, 0, alpha), alpha], axis=-1).astype(np.uint8)
+    through = 255 - alpha
+    added = [
+        cv2.min(cv2.subtract(one, cv2.multiply(other, through, scale=1 / 255)), alpha)
+        for one, other in zip(cv2.split(film), cv2.split(tank), strict=True)
+    ]
+    return cv2.merge([*added, alpha])

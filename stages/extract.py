@@ -1,10 +1,11 @@
 """Stage `extract`: the normalised clip becomes background, tracks, backbones, cut-outs."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -13,12 +14,16 @@ import numpy as np
 
 from finloop.errors import FinloopError
 from finloop.extract import (
+    Detected,
+    Detector,
+    Found,
     Settings,
-    Tracker,
     Verdict,
+    detected,
     follow,
     rows,
     survey,
+    tracks,
 )
 from finloop.extract_background import Image, Scene, sample_size
 from finloop.extract_picture import detections_picture
@@ -56,12 +61,29 @@ def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:
     return list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
 
 
-def film(facts: VideoFacts, scene: Scene, settings: Settings) -> Iterator[tuple[Image, Scene]]:
-    """Every frame with the scene that it belongs to."""
-    frames = read_frames(CLIP / CLIP_NAME, colour=facts.colour)
-    if settings.background == "mog2":
-        return follow(frames, scene, facts.frame_rate_hz)
-    return ((frame, scene) for frame in frames)
+def detections(facts: VideoFacts, scene: Scene, detector: Detector) -> Iterator[Detected]:
+    """What is in every frame, in order."""
+    read = partial(reader, CLIP / CLIP_NAME, facts.colour)
+    if detector.settings.background == "mog2":  # each frame's background follows from all before
+        film = follow(read(0, facts.frames), scene, facts.frame_rate_hz)
+        return (detector(frame, there) for frame, there in film)
+    return detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
+
+
+def reader(clip: Path, colour: bool, start: int, stop: int) -> Iterator[Image]:
+    """A stretch of the clip, decoded by one thread: every core has its own stretch."""
+    return read_frames(clip, colour=colour, start=start, stop=stop, threads=1)
+
+
+def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
+    """The same fish in larger lots, which are quicker to write."""
+    lot: list[Found] = []
+    for some in found:
+        lot += some
+        if len(lot) >= 512:
+            yield lot
+            lot = []
+    yield lot
 
 
 def main() -> None:
@@ -71,24 +93,30 @@ def main() -> None:
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     scene, typical = survey(sample(facts, settings.samples), arena, settings)
-    tracker = Tracker(arena, typical, settings)
+    detector = Detector(arena, typical, settings)
     cuts = [start for start, _ in facts.segments[1:]]
+    tally: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
+
+    def linked() -> Iterator[list[Found]]:
+        for verdicts, found in tracks(detections(facts, scene, detector), typical, settings, cuts):
+            tally.update(verdicts)
+            lengths.update(f.track_id for f in found)
+            advance()
+            yield found
+
     with whole_folder(EXTRACT) as folder:
         with (
             progress("extract", facts.frames) as advance,
             TableWriter(folder / "tracks.parquet", tracks_schema(settings.points)) as table,
             CutoutWriter(folder / "cutouts.arrow") as cutouts,
         ):
-            for found in tracker.run(film(facts, scene, settings), cuts):
-                if found:
-                    table.write(rows(found))
+            for found in batches(linked()):
+                table.write(rows(found))
                 for f in found:
-                    cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.cutout))
-                    lengths[f.track_id] += 1
-                advance()
+                    cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout))
         if not lengths:
-            seen = ", ".join(f"{count} {verdict}" for verdict, count in tracker.tally.items())
+            seen = ", ".join(f"{count} {verdict}" for verdict, count in tally.items())
             raise FinloopError(
                 f"no fish could be followed for {settings.least_frames} frames "
                 f"(silhouettes: {seen})",
@@ -119,8 +147,8 @@ def main() -> None:
             "typical_area_px": typical.area_px,
             "typical_length_px": typical.length_px,
             "typical_contrast_grey": typical.contrast,
-            "silhouettes": tracker.tally.total(),
-            **{f"silhouettes_{v.replace(' ', '_')}": tracker.tally[v] for v in get_args(Verdict)},
+            "silhouettes": tally.total(),
+            **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
             "fish_frames": lengths.total(),
             "tracks": len(lengths),
             f"tracks_of_{LONG}_frames": len(long),

@@ -23,7 +23,6 @@ DVC runs a stage in the repository's root, so a stage's paths are relative to th
 """
 
 import contextlib
-import ctypes
 import errno
 import importlib.util
 import json
@@ -42,6 +41,7 @@ from typing import NoReturn
 
 from finloop.errors import FinloopError
 from finloop.files.atomic import whole_file
+from finloop.process import die_with_parent
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",
@@ -62,17 +62,6 @@ def _set_threads() -> None:
     """
     for variable in THREAD_VARIABLES:
         os.environ.setdefault(variable, os.environ.get("FINLOOP_THREADS", "2"))
-
-
-def _die_with_parent() -> None:
-    """Ask the kernel to kill this process when DVC ends, by kill -9 too (Linux only).
-
-    Otherwise the stage of a killed `dvc repro` works on beside that of the next one. dvc.yaml's
-    commands begin with `exec`, so that the parent is DVC itself and no shell in between.
-    """
-    if sys.platform == "linux":
-        pr_set_pdeathsig = 1
-        ctypes.CDLL(None).prctl(pr_set_pdeathsig, signal.SIGKILL)
 
 
 def _bring_compiled() -> None:
@@ -104,8 +93,11 @@ def _right_python() -> None:
 
 
 _set_threads()
+THREADS = int(os.environ["OMP_NUM_THREADS"])  # processes that a stage may work on, too
 if "DVC_STAGE" in os.environ:  # started by DVC, not by hand or in a test
-    _die_with_parent()
+    # dvc.yaml's commands begin with `exec`, so that the parent is DVC itself and no shell between:
+    # else the stage of a killed `dvc repro` works on beside that of the next one.
+    die_with_parent()
     signal.signal(signal.SIGINT, signal.SIG_DFL)  # Ctrl-C amid the imports: no traceback
     _bring_compiled()
 _right_python()

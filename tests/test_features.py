@@ -5,22 +5,22 @@ known in closed form. y is down: what is anticlockwise and left is so as seen on
 """
 
 import itertools
+import json
 import shutil
-from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from conftest import TINY_CARP
 from scipy.integrate import quad
 from scipy.interpolate import BSpline
+from scratch import content, prepare
 
 import stages.clip
 import stages.extract
 import stages.features
 from finloop import features_area
 from finloop.errors import FinloopError
-from finloop.extract_picture import detections_picture
 from finloop.features import (
     FEATURES,
     ORIENTATIONS,
@@ -46,10 +46,7 @@ from finloop.features_report import against_truth, forwards, summary, table1
 from finloop.features_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
 from finloop.files.picture import load_picture, save_figure
 from finloop.files.table import load_table, save_table
-from stages.params import PARAMS
-from stages.params.compose import composed
 
-ROOT = Path(__file__).parents[1]
 RATE = 25.0
 SETTINGS = Settings(delta_s=0.2, turn_threshold_deg=16.0, bend_threshold=0.04, release=0.5)
 LENGTH = 60.0
@@ -807,3 +804,87 @@ def test_the_rose_adds_up_to_100(known):
     table, _, _ = known
     axes, = rose(table).axes
     assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100)
+
+
+# -- the stage --------------------------------------------------------------------------------------
+
+MADE = {
+    "fig7.csv", "fig7.png", "table1.csv", "rose.png", "trajectories.png", "contact_sheet.png",
+    "metrics.json",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def extracted(tmp_path_factory):
+    """A folder in which the first two stages have run on a drawn carp of two seconds."""
+    folder = tmp_path_factory.mktemp("extracted")
+    prepare(folder, *TINY_CARP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        stages.clip.main()
+        stages.extract.main()
+    return folder
+
+
+@pytest.fixture
+def here(extracted, tmp_path, monkeypatch):
+    """A copy of it to work in."""
+    shutil.copytree(extracted, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_stage_makes_its_table_and_reports(here):
+    stages.features.main()
+    report = here / "reports/features"
+    assert {path.name for path in report.iterdir()} == MADE
+    assert list(content(here / "data/features")) == ["features.parquet"]
+    table = load_table(here / "data/features/features.parquet", FEATURES)
+    assert len(table) == 48
+    metrics = json.loads((report / "metrics.json").read_text())
+    assert metrics["fish_frames"] == metrics["truth_found_pct"] * 48 / 100 == 48
+    assert metrics["truth_head_tail_swaps"] == 0
+    assert all(isinstance(number, int | float) for number in metrics.values())
+    csv = pd.read_csv(report / "table1.csv")
+    assert csv["orientation"].tolist() == list(range(1, 25))
+    assert csv["amount_pct"].sum() == pytest.approx(100, abs=0.01)
+    assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(48))
+    sheet = load_picture(report / "contact_sheet.png")
+    assert sheet.shape == (24 + 8 * 220, 6 * 220, 3)
+
+
+def test_the_stage_makes_the_same_again(here):
+    stages.features.main()
+    once = content(here / "data") | content(here / "reports")
+    stages.features.main()
+    assert content(here / "data") | content(here / "reports") == once
+
+
+def test_film_without_truth_has_no_errors_against_it(here):
+    (here / "data/clip/truth.parquet").unlink()
+    stages.features.main()
+    metrics = json.loads((here / "reports/features/metrics.json").read_text())
+    assert metrics["fish_frames"] == 48
+    assert not [name for name in metrics if name.startswith("truth")]
+
+
+def test_delta_follows_the_parameter(here):
+    prepare(here, *TINY_CARP, "features.delta_s=0.4")
+    stages.features.main()
+    table = load_table(here / "data/features/features.parquet", FEATURES)
+    assert table["displacement"].isna().sum() == 10
+
+
+@pytest.mark.parametrize("name", ["tracks.parquet", "cutouts.arrow", "scene.json", "background.png"])
+@pytest.mark.parametrize("harm", ["missing", "cut short"])
+def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm):
+    stages.features.main()
+    before = content(here / "data/features")
+    path = here / "data/extract" / name
+    whole = path.read_bytes()
+    path.unlink()
+    if harm == "cut short":
+        path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FinloopError, match=rf"{name} cannot be read(.|\n)*dvc repro"):
+        stages.features.main()
+    assert content(here / "data/features") == before
