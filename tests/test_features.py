@@ -814,11 +814,14 @@ MADE = {
 }  # fmt: skip
 
 
+FILM = [*TINY_CARP, "clip.frames=90"]  # so long that no place is the fish's most of the time
+
+
 @pytest.fixture(scope="module")
 def extracted(tmp_path_factory):
-    """A folder in which the first two stages have run on a drawn carp of two seconds."""
+    """A folder in which the first two stages have run on a drawn carp."""
     folder = tmp_path_factory.mktemp("extracted")
-    prepare(folder, *TINY_CARP)
+    prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         stages.clip.main()
@@ -840,15 +843,15 @@ def test_the_stage_makes_its_table_and_reports(here):
     assert {path.name for path in report.iterdir()} == MADE
     assert list(content(here / "data/features")) == ["features.parquet"]
     table = load_table(here / "data/features/features.parquet", FEATURES)
-    assert len(table) == 48
+    assert len(table) == 90
     metrics = json.loads((report / "metrics.json").read_text())
-    assert metrics["fish_frames"] == metrics["truth_found_pct"] * 48 / 100 == 48
+    assert metrics["fish_frames"] == metrics["truth_found_pct"] * 90 / 100 == 90
     assert metrics["truth_head_tail_swaps"] == 0
     assert all(isinstance(number, int | float) for number in metrics.values())
     csv = pd.read_csv(report / "table1.csv")
     assert csv["orientation"].tolist() == list(range(1, 25))
     assert csv["amount_pct"].sum() == pytest.approx(100, abs=0.01)
-    assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(48))
+    assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(90))
     sheet = load_picture(report / "contact_sheet.png")
     assert sheet.shape == (24 + 8 * 220, 6 * 220, 3)
 
@@ -864,12 +867,12 @@ def test_film_without_truth_has_no_errors_against_it(here):
     (here / "data/clip/truth.parquet").unlink()
     stages.features.main()
     metrics = json.loads((here / "reports/features/metrics.json").read_text())
-    assert metrics["fish_frames"] == 48
+    assert metrics["fish_frames"] == 90
     assert not [name for name in metrics if name.startswith("truth")]
 
 
 def test_delta_follows_the_parameter(here):
-    prepare(here, *TINY_CARP, "features.delta_s=0.4")
+    prepare(here, *FILM, "features.delta_s=0.4")
     stages.features.main()
     table = load_table(here / "data/features/features.parquet", FEATURES)
     assert table["displacement"].isna().sum() == 10
