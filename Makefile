@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup params repro lint params-check bench clean
+.PHONY: help demo test setup params repro sweep lint params-check bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -54,6 +54,12 @@ params: setup ## compose conf/ into params.yaml, after editing conf/
 
 repro: setup ## run what has changed
 	@dvc repro
+
+sweep: setup ## run every combination:  make sweep S="features.bend_threshold=0.03,0.04,0.05"
+	@test -n "$(S)" || { echo 'finloop: nothing to sweep; wanted: make sweep S="group.key=1,2,3 other.key=4,5"'; exit 1; }
+	@dvc exp run --queue $(foreach s,$(S),-S '$(s)')
+	@dvc exp run --run-all
+	@dvc exp show --only-changed --sort-by date
 
 lint: setup ## style and types
 	@ruff check
