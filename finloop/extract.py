@@ -134,11 +134,12 @@ def typical_fish(found: Sequence[Silhouette], scene: Scene, settings: Settings) 
 
 
 def _no_fish(found: Sequence[Silhouette], scene: Scene) -> FinloopError:
-    seen = (
-        f"all {len(found)} silhouettes touch the edge of the picture or of the arena"
-        if found
-        else f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
-    )
+    if not found:
+        seen = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
+    elif all(s.at_border for s in found):
+        seen = f"all {len(found)} silhouettes touch the edge of the picture or of the arena"
+    else:
+        seen = "what differs from the background is too round to have a backbone"
     return FinloopError(
         f"no fish found: {seen}",
         "fish that swim clear of the edge, darker or brighter than the tank",

@@ -28,6 +28,8 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Ite
     if workers < 2 or len(todo) < 2:
         yield from map(work, todo)
         return
+    # OpenCV's own threads do not survive a fork, and its locks then hang: stop them before.
+    cv2.setNumThreads(1)
     # Forked workers start at once; the others must import everything anew.
     start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
     with ProcessPoolExecutor(workers, start, _begin) as pool, contextlib.ExitStack() as stack:
@@ -44,7 +46,6 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Ite
 
 
 def _begin() -> None:
-    """In a worker: leave Ctrl-C to the parent, end with it, and use one thread."""
+    """In a worker: leave Ctrl-C to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
-    cv2.setNumThreads(1)

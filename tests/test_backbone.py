@@ -1,5 +1,6 @@
 """The backbone: lengths of skeletons drawn by hand, laws of what is traced through drawn shapes."""
 
+import cv2
 import numpy as np
 import pytest
 from scipy import ndimage
@@ -8,7 +9,15 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract_backbone import longest_geodesic, resample, smoother, to_outline, trace
+from finloop.extract_backbone import (
+    longest_geodesic,
+    resample,
+    ring,
+    smoother,
+    trace,
+    trimmed,
+    upper_level,
+)
 
 ROOT2 = np.sqrt(2)
 SIZE = (161, 171)  # of the pictures that shapes are drawn into
@@ -207,7 +216,7 @@ def drawn(line, half_width, contrast=100.0):
         y, x = np.ogrid[top : top + 22, left : left + 22]
         here = inside[top : top + 22, left : left + 22]
         np.maximum(here, width - np.hypot(x - px, y - py), out=here)
-    field = (contrast * np.clip(inside + 0.5, 0, 1)).astype(np.float32)
+    field = np.round(contrast * np.clip(inside + 0.5, 0, 1)).astype(np.uint8)
     return field > contrast / 2, field
 
 
@@ -302,7 +311,7 @@ def test_contrast_does_not_matter():
 def test_a_haze_below_the_floor_does_not_lengthen_a_pale_fish():
     mask, field = drawn(*shape(0.0, 0), contrast=10.0)
     clear = backbone(mask, field)
-    hazy = np.maximum(field, 0.95 * FLOOR).astype(np.float32)
+    hazy = np.maximum(field, 5)
     assert backbone(mask, hazy).length_px == pytest.approx(clear.length_px, rel=0.02)
     assert backbone(mask, hazy, floor=0.0).length_px > 1.3 * clear.length_px
 
@@ -343,7 +352,7 @@ RADIUS = np.hypot(*np.mgrid[-10:10, -12:12])
     ],
 )
 def test_what_has_no_length_has_no_backbone(mask):
-    assert trace(mask, 100 * mask.astype(np.float32), 33, FLOOR) is None
+    assert trace(mask, 100 * mask.astype(np.uint8), 33, FLOOR) is None
 
 
 @pytest.mark.parametrize(
@@ -358,7 +367,8 @@ def test_what_has_no_length_has_no_backbone(mask):
 )
 @pytest.mark.parametrize("field", ["mask", "nothing"])
 def test_what_is_no_fish_still_ends_well(mask, field):
-    found = trace(mask, (100.0 if field == "mask" else 0.0) * mask.astype(np.float32), 33, FLOOR)
+    level = {"mask": 100, "nothing": 0}[field]
+    found = trace(mask, level * mask.astype(np.uint8), 33, FLOOR)
     if found is not None:
         assert np.isfinite(found.points_px).all()
         assert np.isfinite(found.half_width_px).all()
@@ -393,15 +403,37 @@ def test_resampling_gives_equal_steps_along_the_same_line():
     assert np.allclose(resample(out, 15), out)
 
 
+def test_a_path_loses_what_lies_nearer_to_a_blunt_end_than_the_body_is_wide():
+    path = np.stack([np.arange(12.0), np.zeros(12)], 1)
+    width = np.full((1, 12), 1.0, np.float32)
+    assert np.array_equal(trimmed(path, width), path[1:-1])  # an end is always nearer than that
+    width[0, :4] = [9, 9, 9, 6]  # over three times the distance from the end
+    assert np.array_equal(trimmed(path, width)[:, 0], np.arange(3, 11))
+    assert np.array_equal(trimmed(path[::-1].copy(), width)[:, 0], np.arange(10, 2, -1))
+    assert trimmed(path, np.full((1, 12), 99, np.float32)).shape == (0, 2)
+    assert trimmed(path[:0], width).shape == (0, 2)
+
+
 @pytest.mark.parametrize("turn", [1, -1])
-def test_the_outline_of_a_soft_disc_is_its_circle(turn):
+@pytest.mark.parametrize("points", [60, 128])
+def test_the_outline_of_a_soft_disc_is_its_circle(turn, points):
     y, x = np.mgrid[:40, :40]
     centre, radius = np.array([19.3, 20.6]), 11.4
-    alpha = 255 * np.clip(radius - np.hypot(x - centre[0], y - centre[1]) + 0.5, 0, 1)
-    angle = turn * np.linspace(0, 2 * np.pi, 100, endpoint=False)
-    ring = np.stack([np.cos(angle), np.sin(angle)], 1)
-    for inset in (0.1, 0.7, 1.5):
-        inside = centre + (radius - inset) * ring
-        edge = to_outline(alpha.astype(np.float32), inside)
-        assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.1)
-        assert np.allclose(edge, centre + radius * ring, atol=0.15)
+    inside = np.clip(radius - np.hypot(x - centre[0], y - centre[1]) + 0.5, 0, 1)
+    alpha = np.round(255 * inside).astype(np.uint8)
+    chain = cv2.findContours((alpha > 127).astype(np.uint8), cv2.RETR_EXTERNAL, 1)[0][0][:, 0]
+    edge = ring(alpha, chain[::turn].copy(), points)
+    assert edge.shape == (points, 2)
+    assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.12)
+    assert steps(np.vstack([edge, edge[:1]])) == pytest.approx(
+        2 * np.pi * radius / points, rel=0.1
+    )
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("threshold", [0.0, 6.0, 6.5, 99.9])
+@pytest.mark.parametrize("share", [0.0, 0.5, 0.8])
+def test_the_level_that_a_share_of_the_pixels_stays_below(seed, threshold, share):
+    patch = np.random.default_rng(seed).integers(0, 120, (9, 11), np.uint8)
+    level, above = upper_level(patch, threshold, share), patch[patch > threshold]
+    assert (above < level).mean() <= share < (above <= level).mean()

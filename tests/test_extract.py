@@ -1,0 +1,1016 @@
+"""Extraction: background, noise, silhouettes, cut-outs; whole drawn films; the stage and bad clips.
+
+Toy fish are soft ellipses, so that their area, centre, outline and colour are known.
+"""
+
+import gc
+import json
+import time
+import tracemalloc
+import weakref
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT, TINY_CARP
+from scratch import content, prepare, put_clip
+
+import stages.clip
+import stages.extract
+import stages.features
+from finloop import extract
+from finloop.carp import CarpFilm, film
+from finloop.errors import FinloopError
+from finloop.extract import (
+    Detector,
+    Settings,
+    Typical,
+    detected,
+    follow,
+    judge,
+    rows,
+    survey,
+    tracks,
+    typical_fish,
+)
+from finloop.extract_background import (
+    Scene,
+    difference,
+    flat_background,
+    light,
+    lit,
+    median_background,
+    relit,
+    sample_size,
+    survey_noise,
+)
+from finloop.extract_picture import detections_picture
+from finloop.extract_segment import Silhouette, matte, measure, premultiplied, silhouettes
+from finloop.extract_table import OUTLINE_POINTS, tracks_schema
+from finloop.features import Settings as FeatureSettings
+from finloop.features import features
+from finloop.features_report import against_truth
+from finloop.files.cutouts import Cutout, open_cutouts
+from finloop.files.picture import load_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table
+from finloop.parallel import ordered_map
+
+CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
+SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
+KERNEL = cv2.getGaussianKernel(3, 0.85)
+SIZE = (120, 160)
+LONG, WIDE = 30.0, 7.0  # half axes of a toy fish
+
+
+def coverage(x, y, degrees=0.0, long=LONG, wide=WIDE, size=SIZE):
+    """Share of each pixel that an ellipse covers."""
+    fine = (np.arange(8) - 3.5) / 8
+    py = (np.arange(size[0])[:, None] + fine).reshape(-1, 1) - y
+    px = (np.arange(size[1])[:, None] + fine).reshape(1, -1) - x
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    inside = ((px * c - py * s) / long) ** 2 + ((px * s + py * c) / wide) ** 2 < 1
+    return inside.reshape(size[0], 8, size[1], 8).mean((1, 3))
+
+
+def laid(tank, cover, ink):
+    """A picture of something of tone `ink` that covers the tank."""
+    tank = np.asarray(tank, float)
+    cover = cover if tank.ndim == 2 else cover[..., None]
+    return np.round(tank * (1 - cover) + np.asarray(ink) * cover).astype(np.uint8)
+
+
+def floor(colour=False, size=SIZE, seed=0):
+    """A tank whose floor has patches of tones from 120 to 180."""
+    rng = np.random.default_rng(seed)
+    shape = (*size, 3) if colour else size
+    rough = cv2.GaussianBlur(rng.standard_normal(shape), (0, 0), 4)
+    return np.clip(150 + 30 * rough / np.abs(rough).max(), 0, 255).astype(np.uint8)
+
+
+def scene_of(tank, polarity="dark", threshold=6.0):
+    return Scene(tank, polarity, threshold / 5, threshold)
+
+
+WHOLE = np.full(SIZE, 255, np.uint8)
+
+
+def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4):
+    return list(silhouettes(frame, scene, arena[: frame.shape[0], : frame.shape[1]], least, share))
+
+
+# -- background ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("height", [120, 64, 65])
+def test_the_median_is_the_empty_tank(colour, height):
+    tank = floor(colour, (height, 160))
+    frames = [
+        laid(tank, coverage(20 + 15 * k, 20 + 4 * k, 20 * k, size=(height, 160)), 40)
+        for k in range(9)
+    ]
+    before = [frame.copy() for frame in frames]
+    assert np.array_equal(median_background(frames), tank)
+    assert all(np.array_equal(a, b) for a, b in zip(frames, before, strict=True))
+
+
+def test_the_median_is_independent_of_the_order_of_frames_and_takes_the_noise_down():
+    rng = np.random.default_rng(1)
+    tank = floor()
+    frames = [np.round(tank + rng.normal(0, 4, SIZE)).astype(np.uint8) for _ in range(25)]
+    background = median_background(frames)
+    assert np.array_equal(background, median_background(frames[::-1]))
+    assert (background.astype(float) - tank).std() < 1.5
+
+
+def test_a_film_in_changing_light_has_one_background():
+    tank = floor()
+    frames = [lit(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
+    assert np.abs(median_background(frames).astype(int) - tank).max() <= 2
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_the_light_is_measured_past_the_fish(colour):
+    tank = floor(colour)
+    fish = laid(tank, coverage(80, 60, 20), 30)
+    assert light(tank, tank) == 1.0
+    for gain in (0.8, 0.95, 1.1, 1.3):
+        assert light(lit(fish, gain), tank) == pytest.approx(gain, rel=0.01)
+
+
+def test_a_steady_light_costs_nothing():
+    tank = floor()
+    assert light(lit(tank, 1.002), tank) == 1.0  # a third of a grey level
+    assert lit(tank, 1.0) is tank
+    scene = scene_of(tank)
+    assert relit(scene, tank).background is tank
+
+
+def test_a_black_picture_has_no_light():
+    black = np.zeros(SIZE, np.uint8)
+    assert light(black, black) == light(floor(), black) == light(black, floor()) == 1.0
+
+
+@pytest.mark.parametrize("gain", [0.8, 1.2])
+def test_light_alone_is_no_difference(gain):
+    tank = floor()
+    frame = lit(tank, gain)
+    for polarity in ("dark", "bright", "both"):
+        assert difference(frame, relit(scene_of(tank, polarity), frame)).max() <= 2
+        assert difference(frame, scene_of(tank, polarity)).max() > (polarity == "both") * 20
+
+
+def test_polarity_says_which_differences_count():
+    tank = floor()
+    frame = laid(laid(tank, coverage(40, 60), 30), coverage(120, 60), 250)
+    dark, bright, both = (
+        difference(frame, scene_of(tank, polarity)) for polarity in ("dark", "bright", "both")
+    )
+    assert dark[60, 40] > 80 > dark[60, 120] == 0
+    assert bright[60, 120] > 60 > bright[60, 40] == 0
+    assert np.array_equal(both, np.maximum(dark, bright))
+
+
+def test_of_three_colours_the_strongest_difference_counts():
+    tank = floor(colour=True)
+    for channel in range(3):
+        ink = tank[60, 80].copy()
+        ink[channel] -= 70
+        change = difference(laid(tank, coverage(80, 60), ink), scene_of(tank))
+        assert change[60, 80] == pytest.approx(70, abs=1)
+
+
+@pytest.mark.parametrize("sigma", [1.5, 4.0, 9.0])
+@pytest.mark.parametrize("colour", [False, True])
+def test_the_noise_is_measured(sigma, colour):
+    rng = np.random.default_rng(2)
+    size = (300, 400)
+    shape = (*size, 3) if colour else size
+    tank = np.full(shape, 128, np.uint8)
+    fish = laid(tank, coverage(200, 150, 30, size=size), 60)  # 0.5 % of the picture
+    frames = [
+        np.clip(np.round(fish + rng.normal(0, sigma, shape)), 0, 255).astype(np.uint8)
+        for _ in range(5)
+    ]
+    scene = survey_noise(frames, tank, "auto", 5.0, 6.0)
+    true = np.hypot(sigma, 12**-0.5) * (KERNEL**2).sum()  # with rounding; smoothed over 3x3
+    if colour:  # of three normal numbers the one farthest from zero
+        largest = np.abs(rng.normal(0, true, (100_000, 3))).max(1)
+        true = np.quantile(largest, 0.6827)
+    assert scene.noise == pytest.approx(true, rel=0.1)
+    assert scene.threshold == max(5.0 * scene.noise, 6.0)
+    assert scene.polarity == "dark"
+
+
+def test_the_noise_is_not_the_fish():
+    # A quarter of the tank is fish; the noise level is that of the rest, not that of the fish.
+    rng = np.random.default_rng(3)
+    tank = np.full((200, 200), 128, np.uint8)
+    crowded = tank.copy()
+    crowded[:50] = 40
+    frames = [np.round(crowded + rng.normal(0, 4, tank.shape)).astype(np.uint8) for _ in range(5)]
+    alone = 4 * (KERNEL**2).sum()
+    assert alone < survey_noise(frames, tank, "dark", 5.0, 6.0).noise < 2 * alone
+
+
+@pytest.mark.parametrize(
+    ("inks", "polarity"),
+    [((40, 40), "dark"), ((250, 250), "bright"), ((40, 250), "both"), ((100, 90), "dark")],
+)
+def test_the_polarity_is_found(inks, polarity):
+    tank = floor()
+    frames = [
+        laid(laid(tank, coverage(40 + k, 30), inks[0]), coverage(110 - k, 90), inks[1])
+        for k in range(5)
+    ]
+    assert survey_noise(frames, tank, "auto", 5.0, 6.0).polarity == polarity
+    assert survey_noise(frames, tank, "bright", 5.0, 6.0).polarity == "bright"  # as asked
+
+
+@pytest.mark.parametrize("colour", [False, True])
+@pytest.mark.parametrize("ink", [40, 230])
+def test_a_flat_background_for_a_fish_that_stays(colour, ink):
+    rng = np.random.default_rng(4)
+    tone = np.array([120, 140, 130]) if colour else np.array(130)
+    tank = np.broadcast_to(tone, (*SIZE, 3) if colour else SIZE)
+    frames = [
+        np.round(laid(tank, coverage(80, 60 + k), ink) + rng.normal(0, 2, tank.shape)).astype(
+            np.uint8
+        )
+        for k in range(3)
+    ]
+    background = flat_background(frames)
+    assert background.shape == tank.shape
+    assert background.dtype == np.uint8
+    assert np.abs(background.astype(int) - tone).max() <= 1
+    with pytest.raises(AssertionError):  # that is what it is for
+        assert np.abs(median_background(frames).astype(int) - tank).max() < 20
+
+
+@pytest.mark.parametrize("value", [0, 255])
+def test_a_black_clip_is_said(value):
+    frames = [np.full(SIZE, value, np.uint8)] * 3
+    with pytest.raises(FinloopError, match=f"every pixel of the clip has the value {value}"):
+        flat_background(frames)
+
+
+def test_how_many_frames_are_looked_at():
+    small = (100, 100, 1)
+    assert [sample_size(asked, 1000, small) for asked in (3, 4, 40, 41)] == [3, 3, 39, 41]
+    assert [sample_size(41, frames, small) for frames in (1, 2, 3, 8, 41, 42)] == [1, 1, 3, 7, 41, 41]
+    for shape in ((4000, 6000, 3), (2160, 3840, 3), (30_000, 30_000, 3)):
+        count = sample_size(41, 1000, shape)
+        assert count % 2 == 1
+        assert count == 1 or count * np.prod(shape) <= 2**29
+
+
+def test_mog2_takes_in_what_stays_and_follows_the_frames():
+    tank = floor()
+    stone = laid(tank, coverage(80, 60), 40)
+    frames = [tank] * 10 + [stone] * 190
+    seen = list(follow(frames, scene_of(tank), rate_hz=2.0))
+    assert all(frame is given for (frame, _), given in zip(seen, frames, strict=True))
+    assert np.abs(seen[9][1].background.astype(int) - tank).max() <= 1
+    assert np.abs(seen[-1][1].background.astype(int) - stone).max() <= 1
+    renewed = [k for k in range(1, 200) if seen[k][1] is not seen[k - 1][1]]
+    assert renewed == list(range(2, 200, 2))  # every second
+    assert len({scene.threshold for _, scene in seen}) == 1
+
+
+# -- silhouettes --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degrees", [0, 30, 77])
+@pytest.mark.parametrize("colour", [False, True])
+def test_a_fish_is_one_silhouette_of_its_size(degrees, colour):
+    tank = floor(colour)
+    found, = patches(laid(tank, coverage(80.3, 59.6, degrees), 40), scene_of(tank))
+    true = np.pi * LONG * WIDE
+    assert found.area_px == found.mask.sum() == pytest.approx(true, rel=0.05)
+    assert not found.at_border
+    assert found.contrast == pytest.approx(105, abs=20)
+    inside = coverage(80.3, 59.6, degrees) > 0.5
+    h, w = found.mask.shape
+    here = inside[found.y0 : found.y0 + h, found.x0 : found.x0 + w]
+    assert here.sum() == inside.sum()  # the cut-out holds all of it
+    assert (here != found.mask).mean() < 0.04
+    assert not found.mask[[0, -1]].any()  # and a rim of tank
+    assert not found.mask[:, [0, -1]].any()
+
+
+def test_no_fish_no_silhouette():
+    tank = floor()
+    assert patches(tank, scene_of(tank)) == []
+    noisy = np.round(tank + np.random.default_rng(5).normal(0, 2, SIZE)).astype(np.uint8)
+    assert patches(noisy, scene_of(tank)) == []
+
+
+def test_a_picture_on_its_side_has_the_same_silhouettes_on_their_sides():
+    tank = floor()
+    frame = laid(tank, coverage(70, 60, 25), 40)
+    found, = patches(frame, scene_of(tank))
+    for turn in (lambda z: z.T, lambda z: z[::-1], lambda z: z[:, ::-1], np.rot90):
+        turned = [np.ascontiguousarray(turn(z)) for z in (frame, tank, WHOLE)]
+        other, = patches(turned[0], scene_of(turned[1]), turned[2])
+        assert np.array_equal(turn(found.mask), other.mask)
+        assert other.contrast == found.contrast
+
+
+def test_a_pale_fish_and_a_strong_one_both_end_at_their_own_outline():
+    tank = np.full(SIZE, 150, np.uint8)
+    strong, pale = coverage(40, 40, 10), coverage(110, 80, 10)
+    found = patches(laid(laid(tank, strong, 30), pale, 125), scene_of(tank))
+    areas = sorted(s.area_px for s in found)
+    assert len(areas) == 2
+    assert areas[0] == pytest.approx(areas[1], rel=0.04)
+
+
+def test_a_soft_shadow_does_not_enter():
+    tank = floor()
+    shadow = cv2.GaussianBlur(coverage(88, 68, 10), (0, 0), 3)
+    shaded = laid(tank, 0.15 * shadow, 0)
+    assert difference(shaded, scene_of(tank)).max() > 15  # well above the threshold
+    plain, = patches(laid(tank, coverage(80, 60, 10), 40), scene_of(tank))
+    with_shadow, = patches(laid(shaded, coverage(80, 60, 10), 40), scene_of(tank))
+    assert with_shadow.area_px == pytest.approx(plain.area_px, rel=0.03)
+
+
+def test_two_fish_under_one_shadow_are_two_silhouettes():
+    tank = np.full(SIZE, 150, np.uint8)
+    veil = laid(tank, coverage(80, 60, long=60, wide=40), 130)
+    frame = laid(laid(veil, coverage(80, 45), 30), coverage(80, 75), 30)
+    found = patches(frame, scene_of(tank))
+    assert [s.area_px for s in found] == pytest.approx([np.pi * LONG * WIDE] * 2, rel=0.06)
+
+
+def test_patterned_skin_makes_no_holes():
+    tank = np.full(SIZE, 150, np.uint8)
+    koi = laid(laid(tank, coverage(80, 60), 30), coverage(85, 60, long=9, wide=3), 150)
+    plain, = patches(laid(tank, coverage(80, 60), 30), scene_of(tank))
+    found, = patches(koi, scene_of(tank))
+    assert np.array_equal(found.mask, plain.mask)
+
+
+def test_specks_are_left_out():
+    tank = np.full(SIZE, 150, np.uint8)
+    frame = laid(tank, coverage(80, 60, long=5, wide=4), 30)  # 63 px²
+    assert len(patches(frame, scene_of(tank), least=50)) == 1
+    assert patches(frame, scene_of(tank), least=80) == []
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "at_border"),
+    [(80, 60, False), (31, 60, True), (34, 60, False), (128, 60, True), (125, 60, False),
+     (80, 8, True), (80, 11, False), (80, 111, True), (80, 108, False), (0, 60, True)],
+)  # fmt: skip
+def test_what_touches_the_edge_of_the_picture(x, y, at_border):
+    tank = floor()
+    found, = patches(laid(tank, coverage(x, y), 40), scene_of(tank))
+    assert found.at_border == at_border
+
+
+@pytest.mark.parametrize(("x", "at_border"), [(80, False), (50, True), (60, False), (30, True)])
+def test_what_touches_the_edge_of_the_arena(x, at_border):
+    tank = floor()
+    arena = WHOLE.copy()
+    arena[:, :26] = 0
+    found, = patches(laid(tank, coverage(x, 60), 40), scene_of(tank), arena)
+    assert found.at_border == at_border
+    assert patches(laid(tank, coverage(10, 60, long=12), 40), scene_of(tank), arena) == []
+
+
+# -- one fish measured --------------------------------------------------------------------------
+
+
+@pytest.fixture(params=[False, True], ids=["grey", "colour"])
+def toy(request):
+    """Tank, frame, silhouette and measures of a toy fish."""
+    tank = floor(request.param)
+    frame = laid(tank, coverage(80.3, 59.6, 30), [40, 60, 30] if request.param else 40)
+    scene = scene_of(tank)
+    silhouette, = patches(frame, scene)
+    return tank, frame, silhouette, measure(silhouette, frame, scene, 33)
+
+
+def test_the_measures_of_a_fish(toy):
+    _, _, silhouette, fish = toy
+    assert (fish.x_px, fish.y_px) == pytest.approx((80.3, 59.6), abs=0.1)
+    assert fish.area_px == pytest.approx(np.pi * LONG * WIDE, rel=0.03)
+    assert fish.backbone.length_px == pytest.approx(2 * LONG, rel=0.02)
+    ends = fish.backbone.points_px[[0, -1]]
+    assert ends.mean(0) == pytest.approx((80.3, 59.6), abs=0.7)
+    assert fish.outline_px.shape == (OUTLINE_POINTS, 2)
+    c, s = np.cos(np.radians(30)), np.sin(np.radians(30))
+    dx, dy = (fish.outline_px - (80.3, 59.6)).T
+    radius = np.hypot((dx * c - dy * s) / LONG, (dx * s + dy * c) / WIDE)
+    assert radius == pytest.approx(1, abs=0.06)
+    assert (fish.x0, fish.y0) == (silhouette.x0, silhouette.y0)
+    assert fish.cutout.shape[:2] == silhouette.mask.shape
+
+
+def test_alpha_is_the_share_of_the_pixel_that_is_fish(toy):
+    _, _, _, fish = toy
+    alpha = fish.cutout[..., -1] / 255
+    h, w = alpha.shape
+    true = coverage(80.3, 59.6, 30)[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
+    assert np.all(alpha[cv2.erode(true, np.ones((5, 5))) == 1] == 1)
+    assert np.all(alpha[cv2.dilate(true, np.ones((5, 5))) == 0] == 0)
+    edge = (true > 0.2) & (true < 0.8)
+    assert edge.sum() > 50
+    assert np.abs(alpha[edge] - true[edge]).mean() < 0.2
+    assert ((alpha > 0) & (alpha < 1)).sum() > 100  # soft
+
+
+def test_a_cutout_over_the_empty_tank_is_the_film(toy):
+    tank, frame, _, fish = toy
+    back = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(tank).astype(int)
+    h, w = back.shape[:2]
+    here = np.s_[fish.y0 : fish.y0 + h, fish.x0 : fish.x0 + w]
+    film_here, tank_here = frame[here].astype(int), tank[here].astype(int)
+    alpha = fish.cutout[..., -1]
+    assert np.array_equal(back[alpha == 255], film_here[alpha == 255])
+    assert np.array_equal(back[alpha == 0], tank_here[alpha == 0])
+    # Between, it never is farther from the film than the tank is, and hardly ever at all.
+    assert np.all(np.abs(back - film_here) <= np.abs(tank_here - film_here) + 1)
+    assert np.abs(back - film_here).mean() < 1
+    assert np.abs(back - film_here).max() < 60
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_premultiplied_by_the_true_alpha_is_exact(colour):
+    rng = np.random.default_rng(6)
+    tank = floor(colour)
+    alpha = rng.integers(0, 256, SIZE, np.uint8)
+    ink = rng.integers(0, 256, tank.shape)
+    frame = laid(tank, alpha / 255, ink)
+    cutout = premultiplied(frame, tank, alpha)
+    assert cutout.shape == (*SIZE, 4 if colour else 2)
+    assert np.all(cutout[..., :-1] <= alpha[..., None])
+    share = alpha[..., None] / 255
+    assert np.abs(cutout[..., :-1] - share * ink.reshape(*SIZE, -1)).max() <= 1
+    assert np.abs(Cutout(0, 0, 0, 0, cutout).over(tank).astype(int) - frame).max() <= 1
+
+
+def test_no_fringe_of_the_tank():
+    # On a tank of quite another tone the edge is a blend of that tank and the fish alone.
+    tank, other = np.full(SIZE, 200, np.uint8), np.full(SIZE, 90, np.uint8)
+    scene = scene_of(tank)
+    frame = laid(tank, coverage(80, 60, 30), 40)
+    fish = measure(patches(frame, scene)[0], frame, scene, 33)
+    moved = Cutout(0, 0, fish.x0, fish.y0, fish.cutout).over(other)
+    assert moved.max() <= 91
+
+
+def test_alpha_does_not_fade_where_the_skin_resembles_the_tank():
+    mask = np.zeros((20, 30), bool)
+    mask[4:16, 4:26] = True
+    field = np.where(mask, 90, 0).astype(np.uint8)
+    field[8:12, 10:14] = 0
+    alpha = matte(mask, field, 6.0)
+    assert alpha[8:12, 10:14].min() == 255
+    field[3, 10] = 45  # half a pixel of fish beyond the mask
+    field[2, 10] = 45  # two pixels beyond, it is something else
+    alpha = matte(mask, field, 6.0)
+    assert alpha[3, 10] == pytest.approx(127, abs=1)
+    assert alpha[2, 10] == 0
+
+
+def test_a_round_thing_is_not_measured():
+    tank = floor()
+    frame = laid(tank, coverage(80, 60, long=9, wide=9), 40)
+    found, = patches(frame, scene_of(tank))
+    assert measure(found, frame, scene_of(tank), 33) is None
+
+
+# -- what a fish is -----------------------------------------------------------------------------
+
+
+def silhouette(area=400.0, contrast=90.0, at_border=False):
+    """One of that area: an ellipse."""
+    wide = np.sqrt(area / np.pi / 4)
+    field = np.round(contrast * coverage(80, 60, long=4 * wide, wide=wide)).astype(np.uint8)
+    return Silhouette(0, 0, field > contrast / 2, field, contrast, area, at_border)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict"),
+    [
+        ({}, "fish"),
+        ({"area": 400 * 1.59}, "fish"),
+        ({"area": 400 * 1.61}, "too large"),
+        ({"area": 400 * 0.51}, "fish"),
+        ({"area": 400 * 0.49}, "too small"),
+        ({"contrast": 90 * 0.51}, "fish"),
+        ({"contrast": 90 * 0.49}, "too pale"),
+        ({"at_border": True}, "at border"),
+    ],
+)
+def test_verdicts(changes, verdict):
+    assert judge(silhouette(**changes), Typical(400.0, 80.0, 90.0), SETTINGS) == verdict
+
+
+def test_a_typical_fish_is_no_speck_and_no_pair():
+    scene = scene_of(floor())
+    school = [silhouette(400 + k, 80 + k) for k in range(-10, 11)]
+    dirt = [silhouette(25.0)] * 60
+    pairs = [silhouette(800.0)] * 3
+    cut_off = [silhouette(200.0, at_border=True)] * 40
+    typical = typical_fish(school + dirt + pairs + cut_off, scene, SETTINGS)
+    assert typical.area_px == pytest.approx(400, rel=0.03)
+    assert typical.contrast == pytest.approx(80, abs=3)
+    assert typical.length_px == pytest.approx(8 * np.sqrt(400 / np.pi / 4), rel=0.03)
+
+
+def test_no_fish_is_said_as_it_is():
+    tank = floor()
+
+    def message(*frames):
+        with pytest.raises(FinloopError, match="no fish found") as caught:
+            survey([*frames, tank, tank, tank], WHOLE, SETTINGS)
+        assert "extract.background=threshold" in caught.value.do
+        return caught.value.came
+
+    assert "nothing differs from the background by more than 6.0 grey levels" in message(tank)
+    assert "all 1 silhouettes touch the edge" in message(laid(tank, coverage(0, 60), 40))
+    ball = laid(tank, coverage(80, 60, long=9, wide=9), 40)
+    assert "too round" in message(ball)
+
+
+# -- work on several processes --------------------------------------------------------------------
+
+
+def slow_square(number):
+    time.sleep(0.02 * (number % 3))
+    return number**2
+
+
+def fails_at_five(number):
+    if number == 5:
+        raise FinloopError("five came", "another number", "take another")
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_results_come_in_order(workers):
+    assert list(ordered_map(slow_square, range(12), workers)) == [k**2 for k in range(12)]
+    assert list(ordered_map(slow_square, [], workers)) == []
+    assert list(ordered_map(slow_square, [3], workers)) == [9]
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_in_a_worker_is_the_same_error_here(workers):
+    results = ordered_map(fails_at_five, range(40), workers)
+    assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
+    with pytest.raises(FinloopError) as caught:
+        next(results)
+    assert (caught.value.came, caught.value.do) == ("five came", "take another")
+
+
+def test_who_stops_early_does_not_wait_for_the_rest():
+    results = ordered_map(time.sleep, [0, *[0.2] * 500], 2)
+    next(results)
+    start = time.monotonic()
+    results.close()
+    assert time.monotonic() - start < 10
+
+
+# -- a whole film -------------------------------------------------------------------------------
+
+FEATURES = yaml.safe_load((ROOT / "conf/features/default.yaml").read_text())
+FEATURES = FeatureSettings(**{k: value for k, value in FEATURES.items() if k != "defaults"})
+SHOT = CarpFilm(frames=90, width_px=420, height_px=320, body_length_px=90.0, colour=False)
+FILMS = {
+    "one fish": SHOT,
+    "another": replace(SHOT, seed=2),
+    "colour": replace(SHOT, seed=7, colour=True),
+    "fins open": replace(SHOT, seed=1, fins=1.0),
+    "light drift": replace(SHOT, seed=5, light_drift=0.15),
+    "doubled noise": replace(SHOT, seed=6, noise=5.0),
+    "three fish": replace(
+        SHOT, seed=1, fish=3, frames=120, width_px=520, height_px=400, body_length_px=60.0
+    ),
+}
+
+
+@pytest.fixture(scope="module")
+def drawn():
+    """Frames and truth of the films, drawn when first asked for."""
+    films = {}
+
+    def draw(name):
+        if name not in films:
+            frames, truth = zip(*film(FILMS[name]), strict=True)
+            truth = pd.DataFrame([row for some in truth for row in some])
+            films[name] = frames, truth.sort_values(["fish_id", "frame"], ignore_index=True)
+        return films[name]
+
+    return draw
+
+
+def stretch(frames, start, stop):
+    return iter(frames[start:stop])
+
+
+def surveyed(frames, settings=SETTINGS):
+    arena = np.full(frames[0].shape[:2], 255, np.uint8)
+    scene, typical = survey(frames[::4], arena, settings)
+    return scene, typical, Detector(arena, typical, settings)
+
+
+def followed(frames, settings=SETTINGS, workers=1, cuts=()):
+    """All that is found in a film, and the verdicts on what was seen."""
+    scene, typical, detector = surveyed(frames, settings)
+    seen = detected(partial(stretch, frames), len(frames), scene, detector, workers, 12)
+    found, tally = [], Counter()
+    for verdicts, some in tracks(seen, typical, settings, cuts):
+        tally += verdicts
+        found += some
+    return found, tally
+
+
+@pytest.mark.parametrize("name", FILMS)
+def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(drawn, name):
+    frames, truth = drawn(name)
+    found, tally = followed(frames)
+    assert tally == {"fish": len(truth)}
+    table, backbones = features(rows(found), 25.0, FEATURES)
+    assert table["track_id"].nunique() == FILMS[name].fish
+    errors = against_truth(table, backbones, truth)
+    assert errors["truth_found_pct"] == 100
+    assert errors["truth_head_tail_swaps"] == 0
+    assert errors["truth_identity_changes"] == 0
+    assert errors["truth_centre_error_median_px"] <= 0.6
+    assert errors["truth_backbone_error_mean_pct"] <= 0.5
+    assert abs(errors["truth_body_length_bias_pct"]) <= 0.6
+    assert errors["truth_heading_error_median_deg"] <= 1.5
+    assert errors["truth_heading_error_p95_deg"] <= 4.0
+    assert errors["truth_swimming_type_agreement_pct"] >= 90
+    assert errors["truth_motion_area_bend_rank_correlation"] >= 0.93
+
+
+def test_the_table_of_what_was_found_fits_its_schema(drawn, tmp_path):
+    found, _ = followed(drawn("one fish")[0])
+    table = rows(found)
+    from finloop.files.table import save_table
+
+    save_table(tmp_path / "t.parquet", table, tracks_schema(SETTINGS.points))
+    assert list(table) == [c.name for c in tracks_schema(SETTINGS.points).columns]
+    assert len(rows([])) == 0
+    save_table(tmp_path / "t.parquet", rows([]), tracks_schema(SETTINGS.points))
+
+
+@pytest.mark.parametrize("workers", [2, 3])
+def test_the_number_of_workers_changes_nothing(drawn, workers):
+    frames, _ = drawn("three fish")
+    one, other = followed(frames), followed(frames, workers=workers)
+    assert one[1] == other[1]
+    for a, b in zip(one[0], other[0], strict=True):
+        assert (a.track_id, a.frame) == (b.track_id, b.frame)
+        assert np.array_equal(a.fish.backbone.points_px, b.fish.backbone.points_px)
+        assert np.array_equal(a.fish.outline_px, b.fish.outline_px)
+        assert np.array_equal(a.fish.cutout, b.fish.cutout)
+
+
+def test_tracks_end_at_cuts(drawn):
+    found, _ = followed(drawn("three fish")[0], cuts=[40, 41, 90])
+    spans = rows(found).groupby("track_id")["frame"].agg(["min", "max", "size"])
+    assert sorted(map(tuple, spans.to_numpy().tolist())) == sorted(
+        [(0, 39, 40), (41, 89, 49), (90, 119, 30)] * 3
+    )  # one frame by itself is too short to be a track
+
+
+@pytest.mark.parametrize(("least", "kept"), [(45, True), (46, False)])
+def test_short_tracks_are_left_out_as_a_whole(drawn, least, kept):
+    settings = replace(SETTINGS, least_frames=least)
+    found, _ = followed(drawn("one fish")[0], settings, cuts=[45])
+    assert len(found) == 90 * kept
+
+
+def test_a_track_appears_when_it_is_long_enough(drawn):
+    frames, _ = drawn("one fish")
+    scene, typical, detector = surveyed(frames)
+    seen = (detector(frame, scene) for frame in frames)
+    counts = [len(found) for _, found in tracks(seen, typical, SETTINGS)]
+    assert counts == [0] * 9 + [10] + [1] * 80
+
+
+def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
+    monkeypatch.setattr(extract, "_STRETCH", 20)
+    frames, _ = drawn("three fish")
+    scene, typical, detector = surveyed(frames)
+    to_and_fro = [*range(len(frames)), *range(len(frames) - 1, -1, -1)]
+    alive: list[int] = []
+
+    def read(refs, start, stop):
+        for number in range(start, stop):
+            frame = frames[to_and_fro[number % len(to_and_fro)]].copy()
+            refs.append(weakref.ref(frame))
+            refs[:] = [ref for ref in refs if ref() is not None]
+            alive.append(len(refs))
+            yield frame
+            del frame
+
+    def peak(length):
+        gc.collect()
+        tracemalloc.start()
+        seen = detected(partial(read, []), length, scene, detector, 1)
+        count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
+        most = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        assert count == 3 * length
+        return most
+
+    peak(100)
+    assert peak(400) < 1.1 * peak(100)
+    assert max(alive) <= 2
+
+
+@pytest.mark.parametrize("background", ["mog2", "threshold"])
+def test_a_fish_that_hardly_moves(background):
+    # It beats its tail in place: a median takes most of it for tank, an even tone does not.
+    tank = np.full((160, 220), 170, np.uint8)
+    frames = [
+        laid(tank, coverage(110 + 3 * np.sin(k / 3), 80, 4 * np.sin(k / 2), size=tank.shape), 60)
+        for k in range(30)
+    ]
+    settings = replace(SETTINGS, background="threshold")
+    found, tally = followed(frames, settings)
+    assert tally == {"fish": 30}
+    assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.03)
+
+
+def test_verdicts_are_drawn_in_their_colours(drawn):
+    frames, _ = drawn("three fish")
+    scene, typical, detector = surveyed(frames)
+    for count, height in ((1, 1), (2, 1), (3, 2), (4, 2)):
+        picture = detections_picture(
+            frames[:count], range(count), scene, typical, detector.arena, SETTINGS
+        )
+        legend = int(50 * 2 * 520 / 1800)
+        assert picture.shape == (legend + height * 400, 2 * 520, 3)
+    body = picture[legend:].astype(int)
+
+    def drawn_in(colour):
+        return (np.abs(body - colour).max(-1) < 3).sum()
+
+    assert drawn_in((0, 158, 115)) > 4 * 3 * 60  # fish
+    assert drawn_in((213, 94, 0)) == 0
+    huge = detections_picture(
+        frames[:4], range(4), scene, typical._replace(area_px=10.0), detector.arena, SETTINGS
+    )
+    body = huge[legend:].astype(int)
+    assert drawn_in((213, 94, 0)) > 4 * 3 * 60  # too large
+
+
+# -- the stage ----------------------------------------------------------------------------------
+
+FILM = [*TINY_CARP, "clip.frames=90", "clip.crf=0", "clip.light_drift=0"]
+MADE = ["background.png", "cutouts.arrow", "scene.json", "tracks.parquet"]
+
+
+@pytest.fixture(scope="module")
+def extracted(tmp_path_factory):
+    """A folder in which the stage has run on a drawn carp."""
+    folder = tmp_path_factory.mktemp("extracted")
+    prepare(folder, *FILM)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        stages.clip.main()
+        stages.extract.main()
+    return folder
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch):
+    """An empty folder to work in, with default parameters."""
+    prepare(tmp_path, *FILM)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_stage_makes_its_files(extracted):
+    data = extracted / "data/extract"
+    assert list(content(data)) == MADE
+    assert list(content(extracted / "reports/extract")) == ["detections.png", "metrics.json"]
+    facts = load_scene(data / "scene.json")
+    table = load_table(data / "tracks.parquet", tracks_schema(facts.points))
+    with open_cutouts(data / "cutouts.arrow") as store:
+        assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])
+        assert set(store.index["channels"]) == {2}
+    metrics = json.loads((extracted / "reports/extract/metrics.json").read_text())
+    assert metrics["fish_frames"] == metrics["silhouettes_fish"] == len(table) == 90
+    assert metrics["tracks"] == metrics["tracks_of_60_frames"] == 1
+    assert metrics["longest_track_frames"] == metrics["fish_frames_in_tracks_of_60_frames"] == 90
+    assert metrics["noise_grey"] == pytest.approx(facts.noise_grey, rel=1e-4)
+    assert metrics["typical_length_px"] == pytest.approx(70, rel=0.03)
+
+
+def test_cutouts_over_the_background_are_the_film(extracted):
+    data = extracted / "data/extract"
+    background = load_picture(data / "background.png")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(extracted)
+        frames = list(stages.extract.reader(extracted / "data/clip/clip.mp4", False, 0, 90))
+    with open_cutouts(data / "cutouts.arrow") as store:
+        for row in (0, 40, 89):
+            cutout = store[row]
+            h, w = cutout.pixels.shape[:2]
+            y0, x0 = cutout.y0_px, cutout.x0_px
+            true = frames[cutout.frame][y0 : y0 + h, x0 : x0 + w].astype(int)
+            off = np.abs(cutout.over(background) - true)
+            inside = cutout.pixels[..., -1] == 255
+            assert off[inside].max() == 0
+            assert off.mean() < 4  # around the fish there is noise, and its shadow
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_the_same_bytes_with_any_number_of_threads(extracted, here, monkeypatch, threads):
+    put = here / "data/clip"
+    put.parent.mkdir()
+    put.symlink_to(extracted / "data/clip")
+    monkeypatch.setattr(stages.extract, "THREADS", threads)
+    stages.extract.main()
+    assert content(here / "data/extract") == content(extracted / "data/extract")
+
+
+def test_colour_film_has_colour_cutouts(here):
+    tank = floor(colour=True)
+    put_clip(here, [laid(tank, coverage(40 + 3 * k, 60), [30, 60, 40]) for k in range(24)])
+    stages.extract.main()
+    with open_cutouts(here / "data/extract/cutouts.arrow") as store:
+        assert len(store) == 24
+        assert set(store.index["channels"]) == {4}
+    assert load_picture(here / "data/extract/background.png").shape == (*SIZE, 3)
+    stages.features.main()
+
+
+def test_tracks_of_the_stage_end_at_cuts(here):
+    put_clip(here, walk(24), cuts=[11])
+    stages.extract.main()
+    table = load_table(here / "data/extract/tracks.parquet", tracks_schema(33))
+    assert table.groupby("track_id")["frame"].agg(["min", "max"]).to_numpy().tolist() == [
+        [0, 10],
+        [11, 23],
+    ]
+
+
+@pytest.mark.parametrize("background", ["median", "threshold", "mog2"])
+def test_every_background_finds_the_fish(here, background):
+    prepare(here, *FILM, f"extract.background={background}")
+    put_clip(here, walk(30), rate=5)
+    stages.extract.main()
+    metrics = json.loads((here / "reports/extract/metrics.json").read_text())
+    assert metrics["fish_frames"] >= 28
+    assert metrics["tracks"] == 1
+    assert metrics["typical_length_px"] == pytest.approx(60, rel=0.05)
+
+
+def test_only_the_arena_counts(here):
+    arena = np.zeros(SIZE, bool)
+    arena[:, 60:] = True
+    put_clip(here, walk(26), arena=arena)
+    stages.extract.main()
+    table = load_table(here / "data/extract/tracks.parquet", tracks_schema(33))
+    assert table["backbone_x_px"].map(min).min() > 60
+    assert 5 <= len(table) < 20
+
+
+# -- bad clips ------------------------------------------------------------------------------------
+
+
+def walk(frames, tank=None, y=60, step=3):
+    """A toy fish that swims from left to right."""
+    tank = np.full(SIZE, 150, np.uint8) if tank is None else tank
+    return [laid(tank, coverage(40 + step * k, y), 40) for k in range(frames)]
+
+
+def along_the_wall():
+    return [laid(floor(), coverage(30 + 4 * k, 3), 40) for k in range(24)]
+
+
+def filling():
+    tank = np.full(SIZE, 150, np.uint8)
+    return [laid(tank, coverage(-300 + 25 * k, 60, long=220, wide=80), 40) for k in range(24)]
+
+
+def hidden():
+    """Seen now and then, for a few frames."""
+    return [
+        frame if k % 8 < 4 else np.full(SIZE, 150, np.uint8) for k, frame in enumerate(walk(27))
+    ]
+
+
+def noise():
+    rng = np.random.default_rng(7)
+    return [np.round(rng.normal(128, 9, SIZE)).astype(np.uint8) for _ in range(24)]
+
+
+NO_FISH = {
+    "all frames the same": (lambda: [floor()] * 24, [], "nothing differs"),
+    "a still fish": (lambda: walk(1) * 24, [], "nothing differs"),
+    "a single frame": (lambda: walk(1), [], "nothing differs"),
+    "black": (lambda: [np.zeros(SIZE, np.uint8)] * 24, [], "nothing differs"),
+    "black, with a threshold": (
+        lambda: [np.zeros(SIZE, np.uint8)] * 24,
+        ["extract.background=threshold"],
+        "every pixel of the clip has the value 0",
+    ),
+    "noise": (noise, [], "nothing differs"),
+    "always at the border": (along_the_wall, [], "touch the edge"),
+    "filling the frame": (filling, [], "touch the edge"),
+    "of the wrong polarity": (lambda: walk(24), ["extract.polarity=bright"], "nothing differs"),
+    "never long in sight": (hidden, [], "could be followed for 10 frames"),
+    "too few frames": (lambda: walk(9, step=9), [], "could be followed for 10 frames"),
+}
+
+
+@pytest.mark.parametrize("case", NO_FISH)
+@pytest.mark.parametrize("before", [False, True])
+def test_no_fish_is_one_message_and_no_half_output(here, extracted, case, before):
+    make, overrides, said = NO_FISH[case]
+    if before:
+        (here / "data").mkdir()
+        for part in ("data/extract", "reports"):
+            (here / part).symlink_to(extracted / part)
+    old = content(here / "data/extract/"), content(here / "reports/")
+    prepare(here, *FILM, *overrides)
+    put_clip(here, make())
+    with pytest.raises(FinloopError, match=said) as caught:
+        stages.extract.main()
+    assert "extract." in caught.value.do or "clip" in caught.value.do
+    assert (content(here / "data/extract/"), content(here / "reports/")) == old
+    assert {path.name for path in (here / "data").iterdir()} <= {"clip", "extract"}
+
+
+def spoilt(folder, harm):
+    clip = folder / "data/clip"
+    data = (clip / "clip.mp4").read_bytes()
+    match harm:
+        case "no clip.mp4" | "no facts.json" | "no arena.png":
+            (clip / harm[3:]).unlink()
+        case "cut short":
+            (clip / "clip.mp4").write_bytes(data[: len(data) // 2])
+        case "empty":
+            (clip / "clip.mp4").write_bytes(b"")
+        case "text":
+            (clip / "clip.mp4").write_text("no film\n" * 99)
+        case "facts of another clip":
+            facts = (clip / "facts.json").read_text().replace('"frames": 24', '"frames": 48')
+            (clip / "facts.json").write_text(facts)
+        case "arena of another clip":
+            cv2.imwrite(str(clip / "arena.png"), np.full((9, 9), 255, np.uint8))
+
+
+@pytest.mark.parametrize(
+    "harm",
+    ["no clip.mp4", "no facts.json", "no arena.png", "cut short", "empty", "text",
+     "facts of another clip", "arena of another clip"],
+)  # fmt: skip
+@pytest.mark.parametrize("before", [False, True])
+def test_a_damaged_clip_is_one_message_and_no_half_output(here, harm, before):
+    put_clip(here, walk(24))
+    if before:
+        stages.extract.main()
+    old = content(here / "data/extract"), content(here / "reports")
+    spoilt(here, harm)
+    with pytest.raises(FinloopError, match="data/clip") as caught:
+        stages.extract.main()
+    assert caught.value.do
+    assert (content(here / "data/extract"), content(here / "reports")) == old
+    assert {path.name for path in (here / "data").iterdir()} <= {"clip", "extract"}
+
+
+@pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
+@pytest.mark.parametrize("where", ["rows", "save_scene", "CutoutWriter"])
+def test_whatever_stops_the_stage_leaves_what_was_there(here, monkeypatch, error, where):
+    put_clip(here, walk(24))
+    stages.extract.main()
+    old = content(here / "data/extract")
+    put_clip(here, walk(20))
+
+    def stop(*_):
+        raise error
+
+    monkeypatch.setattr(stages.extract, where, stop)
+    with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
+        stages.extract.main()
+    assert isinstance(caught.value, KeyboardInterrupt) or "disk is full" in caught.value.came
+    assert content(here / "data/extract") == old
+    assert {path.name for path in (here / "data").iterdir()} == {"clip", "extract"}
+
+
+def test_another_run_is_not_disturbed_by_what_a_killed_one_left(here):
+    put_clip(here, walk(24))
+    left = here / "data/.extract.part"
+    left.mkdir()
+    (left / "cutouts.arrow").write_bytes(b"half")
+    (left / "other").write_bytes(b"half")
+    stages.extract.main()
+    assert list(content(here / "data/extract")) == MADE
+    assert {path.name for path in (here / "data").iterdir()} == {"clip", "extract"}
