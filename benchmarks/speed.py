@@ -1,8 +1,8 @@
 """Speed of `extract` + `features`, each as a ratio against a named limit or peer in the same run.
 
 `python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in
-turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed drifts does
-not decide. Reading and writing files is included where the stage does it; pictures are not.
+turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed
+drifts does not decide. Reading and writing files is included where the stage does it; pictures are not.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)

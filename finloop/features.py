@@ -30,6 +30,12 @@ class Settings:
     release: float
 
 
+USED = (
+    "track_id", "frame", "x_px", "y_px", "length_px",
+    "backbone_x_px", "backbone_y_px", "half_width_px",
+)  # fmt: skip
+"""The columns of a table of tracks that features are made of."""
+
 FEATURES = Schema(
     (
         Column("track_id", "int32", "1"),

@@ -1,4 +1,4 @@
-"""The ground truth of a drawn film: one row per fish per frame.
+"""The ground truth of a drawn film: one row per fish per frame, sorted by frame, then fish.
 
 Beside the columns that speak for themselves: `bend` is the signed area between the midline and its
 chord per squared body length, `curvature_deg` the direction of the midline at the head minus that

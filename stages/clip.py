@@ -3,7 +3,8 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass, fields, replace
 from fractions import Fraction
 from pathlib import Path
@@ -17,7 +18,7 @@ from finloop.clip import circle_arena, psnr_db, rectangle_arena, segments_of
 from finloop.errors import FinloopError
 from finloop.files.atomic import whole_folder
 from finloop.files.footage import Loss, open_footage, record
-from finloop.files.table import save_table
+from finloop.files.table import TableWriter
 from finloop.files.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -37,6 +38,7 @@ from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
 
 CLIP = Path("data/clip")
 METRICS = Path("reports/clip/metrics.json")
+ROWS = 512  # of truth that gather before they are written
 Params = ZebrafishClip | CarpClip | FileClip
 
 
@@ -47,7 +49,7 @@ class Reel:
     facts: VideoFacts
     takes: list[Iterator[tuple[float, np.ndarray]]]
     loss: Loss
-    truth: list[dict[str, Any]]  # grows while the carp are drawn
+    truth: list[dict[str, Any]]  # grows while the carp are drawn, until it is spilt
 
 
 def carp_reel(p: CarpClip) -> Reel:
@@ -94,6 +96,25 @@ def film_reel(p: ZebrafishClip | FileClip) -> Reel:
     return Reel(facts, [footage.frames(loss) for footage in films], loss, [])
 
 
+def spill(rows: list[dict[str, Any]], table: TableWriter) -> None:
+    """Write the rows of truth that have gathered."""
+    table.write(pd.DataFrame(rows))
+    rows.clear()
+
+
+def spilling(
+    rows: list[dict[str, Any]], table: TableWriter, advance: Callable[..., None]
+) -> Callable[..., None]:
+    """`advance`, which now and then writes the truth that has gathered, so that it never grows."""
+
+    def step(frames: int = 1) -> None:
+        advance(frames)
+        if len(rows) >= ROWS:
+            spill(rows, table)
+
+    return step
+
+
 def arena_of(p: Params, width: int, height: int) -> np.ndarray:
     """Mask of the pixels where animals can be."""
     if not isinstance(p, FileClip) or p.arena == "none":
@@ -114,8 +135,15 @@ def main() -> None:
         print(f"finloop: note: {note}", file=sys.stderr)
     with whole_folder(CLIP) as folder:
         clip = folder / CLIP_NAME
-        with progress("clip", facts.frames) as advance, VideoWriter.of(clip, facts) as writer:
+        with ExitStack() as stack:
+            advance = stack.enter_context(progress("clip", facts.frames))
+            writer = stack.enter_context(VideoWriter.of(clip, facts))
+            if isinstance(p, CarpClip):
+                truth = stack.enter_context(TableWriter(folder / TRUTH_NAME, TRUTH))
+                advance = spilling(reel.truth, truth, advance)
             timing, tally = record(writer, reel.takes, facts.frame_rate, advance)
+            if reel.truth:
+                spill(reel.truth, truth)
         facts = replace(
             facts,
             frames=timing.frames,
@@ -129,9 +157,6 @@ def main() -> None:
             print(f"finloop: WARNING: {note}", file=sys.stderr)
         save_facts(folder / FACTS_NAME, facts)
         save_mask(folder / ARENA_NAME, arena)
-        if reel.truth:
-            truth = pd.DataFrame(reel.truth).sort_values(["fish_id", "frame"], ignore_index=True)
-            save_table(folder / TRUTH_NAME, truth, TRUTH)
         coded = read_spread(clip, list(tally.kept), colour=facts.colour)
         numbers = {
             "frames": facts.frames,

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, Settings, features
+from finloop.features import FEATURES, USED, Settings, features
 from finloop.features_plots import (
     Specimen,
     contact_sheet,
@@ -57,7 +57,7 @@ def main() -> None:
     settings = Settings(**asdict(load("features", OPTIONS)))
     facts = load_facts(CLIP / FACTS_NAME)
     scene = load_scene(EXTRACT / SCENE_NAME)
-    tracks = load_table(EXTRACT / TRACKS_NAME, tracks_schema(scene.points))
+    tracks = load_table(EXTRACT / TRACKS_NAME, tracks_schema(scene.points), USED)
     table, backbones = features(tracks, facts.frame_rate_hz, settings)
     save_table(TABLE, table, FEATURES)
 

@@ -425,9 +425,7 @@ def test_the_outline_of_a_soft_disc_is_its_circle(turn, points):
     edge = ring(alpha, chain[::turn].copy(), points)
     assert edge.shape == (points, 2)
     assert np.hypot(*(edge - centre).T) == pytest.approx(radius, abs=0.12)
-    assert steps(np.vstack([edge, edge[:1]])) == pytest.approx(
-        2 * np.pi * radius / points, rel=0.1
-    )
+    assert steps(np.vstack([edge, edge[:1]])) == pytest.approx(2 * np.pi * radius / points, rel=0.1)
 
 
 @pytest.mark.parametrize("seed", range(5))

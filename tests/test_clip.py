@@ -926,11 +926,13 @@ def test_drawn_carp_with_truth(run_stage):
     np.testing.assert_allclose(truth["x_px"], rows["x_px"])
 
 
-def test_two_carp_are_sorted_by_fish(run_stage):
+@pytest.mark.parametrize("rows", [1, 3, 512])
+def test_the_truth_of_two_carp_is_sorted_by_frame(run_stage, monkeypatch, rows):
+    monkeypatch.setattr(stage, "ROWS", rows)
     run_stage("carp", frames=4, fish=2, width_px=400, height_px=240, body_length_px=60.0)
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
-    assert truth["fish_id"].tolist() == [0] * 4 + [1] * 4
-    assert truth["frame"].tolist() == [0, 1, 2, 3] * 2
+    assert truth["fish_id"].tolist() == [0, 1] * 4
+    assert truth["frame"].tolist() == [0, 0, 1, 1, 2, 2, 3, 3]
 
 
 def test_too_many_carp_are_refused(run_stage):

@@ -140,7 +140,8 @@ def test_wrapping():
 
 
 @pytest.mark.parametrize(
-    ("toward", "degrees"), [((1, 0), 0), ((0, -1), 90), ((-1, 0), 180), ((0, 1), -90), ((1, -1), 45)]
+    ("toward", "degrees"),
+    [((1, 0), 0), ((0, -1), 90), ((-1, 0), 180), ((0, 1), -90), ((1, -1), 45)],
 )
 def test_heading_is_anticlockwise_on_screen(toward, degrees):
     line = np.linspace(1, 0, POINTS)[:, None] * np.array(toward)  # head first
@@ -361,7 +362,11 @@ def test_posterior_against_every_sequence(seed):
 
 def test_a_long_track_does_not_overflow():
     (emission, same, swapped), _, _ = chain(0)
-    many = [np.tile(emission, (500, 1)) * 50, np.tile(same, 600)[:3999], np.tile(swapped, 600)[:3999]]
+    many = [
+        np.tile(emission, (500, 1)) * 50,
+        np.tile(same, 600)[:3999],
+        np.tile(swapped, 600)[:3999],
+    ]
     assert np.isfinite(_posterior(*many)).all()
     assert _posterior(*many).sum(1) == pytest.approx(1)
 
@@ -442,7 +447,9 @@ def test_a_steady_swimmer_in_closed_form(turn_deg, rate):
         wrap_deg(100 + turn_deg * np.arange(frames)), abs=1e-3
     )
     half = np.radians(turn_deg) / 2
-    way = speed * delta if turn_deg == 0 else speed / half * np.sin(abs(half) * delta) * np.sign(half)
+    way = (
+        speed * delta if turn_deg == 0 else speed / half * np.sin(abs(half) * delta) * np.sign(half)
+    )
     assert table["displacement"][:-delta].to_numpy() == pytest.approx(way / LENGTH, rel=1e-4)
     assert table["included_angle_deg"][:-delta].to_numpy() == pytest.approx(
         turn_deg * delta, abs=1e-3
@@ -598,7 +605,9 @@ def test_table_1_sums_to_100(seed):
 def test_table_1_of_a_clip_without_turns():
     table = table1(toy_table().assign(swimming_type=0)).set_index("orientation")
     assert table.loc[[1, 7], "straight_pct"].tolist() == [100, 100]
-    assert table.loc[[1, 7], ["max_area_left", "max_area_right"]].to_numpy().tolist() == [[0, 0]] * 2
+    assert (
+        table.loc[[1, 7], ["max_area_left", "max_area_right"]].to_numpy().tolist() == [[0, 0]] * 2
+    )
 
 
 def test_the_summary():
@@ -641,7 +650,9 @@ def truth_of(table, backbones):
     """The truth that this table would be perfect against; backbones at 65 points."""
     at = np.linspace(0, POINTS - 1, 65)
     low = np.minimum(at.astype(int), POINTS - 2)
-    lines = backbones[:, low] * (low + 1 - at)[:, None] + backbones[:, low + 1] * (at - low)[:, None]
+    lines = (
+        backbones[:, low] * (low + 1 - at)[:, None] + backbones[:, low + 1] * (at - low)[:, None]
+    )
     same = ["frame", "x_px", "y_px", "heading_deg", "body_length_px", "bend", "swimming_type"]
     return table[same].assign(
         fish_id=table["track_id"],
@@ -731,6 +742,7 @@ def test_the_size_of_a_contact_sheet(known, count, colour):
 def test_what_a_contact_sheet_draws(known):
     table, backbones, _ = known
     tile = contact_sheet([specimen(table, backbones, 5)], columns=1, size=300)[24:]
+
     def places(colour):
         return np.argwhere(np.abs(tile - np.array(colour)).max(-1) < 60)[:, ::-1]
 
@@ -794,15 +806,15 @@ def test_fig_7_shows_the_longest_track(known):
     table, _, _ = known
     assert set(longest_track(table)["track_id"]) == {0}
     upper, lower = figure7(table).axes
-    area, = upper.lines
+    (area,) = upper.lines
     assert area.get_ydata() == pytest.approx(table["motion_area_rel"][:40].to_numpy())
-    kind_line, = lower.lines
+    (kind_line,) = lower.lines
     assert np.array_equal(kind_line.get_ydata(), table["swimming_type"][:40])
 
 
 def test_the_rose_adds_up_to_100(known):
     table, _, _ = known
-    axes, = rose(table).axes
+    (axes,) = rose(table).axes
     assert sum(bar.get_height() for bar in axes.patches) == pytest.approx(100)
 
 
@@ -878,7 +890,9 @@ def test_delta_follows_the_parameter(here):
     assert table["displacement"].isna().sum() == 10
 
 
-@pytest.mark.parametrize("name", ["tracks.parquet", "cutouts.arrow", "scene.json", "background.png"])
+@pytest.mark.parametrize(
+    "name", ["tracks.parquet", "cutouts.arrow", "scene.json", "background.png"]
+)
 @pytest.mark.parametrize("harm", ["missing", "cut short"])
 def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm):
     stages.features.main()

@@ -132,9 +132,7 @@ def test_the_nearest_in_sum_and_not_one_by_one():
 def test_where_fish_touch_both_tracks_end():
     apart = [[spot(5 * k - 60, 0), spot(60 - 5 * k, 0)] for k in range(8)]
     touching = [[spot(0, 0, 800.0, isolated=False, size=80)]] * 3
-    assert link(apart + touching + apart[::-1]) == (
-        [[0, 1]] * 8 + [[None]] * 3 + [[2, 3]] * 8
-    )
+    assert link(apart + touching + apart[::-1]) == ([[0, 1]] * 8 + [[None]] * 3 + [[2, 3]] * 8)
 
 
 def test_where_a_fish_takes_in_a_small_neighbour_its_track_ends():

@@ -4,7 +4,7 @@ Files are Parquet. The units travel in the file (in the metadata of each field),
 opened without this program still says what its numbers mean.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -108,8 +108,8 @@ def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=schema.arrow)
 
 
-def load_table(path: Path, schema: Schema) -> pd.DataFrame:
-    """Read a table that `save_table` wrote.
+def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Read a table that `save_table` wrote, or only some `columns` of it.
 
     Nullable whole numbers come back as pandas' `Int32` and its like, nullable floats as NaN,
     list columns as rows of arrays.
@@ -121,8 +121,10 @@ def load_table(path: Path, schema: Schema) -> pd.DataFrame:
         wrongly null column and every other unit at once.
     """
     do = "run the stage that makes it again: `dvc repro`"
+    if columns is not None:
+        schema = Schema(tuple(column for column in schema.columns if column.name in columns))
     try:
-        table = pq.read_table(path)
+        table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a table ({error})", wanted="a Parquet file", do=do
