@@ -2,7 +2,7 @@
 
 `python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in
 turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed
-drifts does not decide. Reading and writing files is included where the stage does it; pictures are not.
+drifts does not decide. Files are read and written as the stages do; pictures and start-up left out.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -33,9 +33,9 @@ from finloop.features import FEATURES, features
 from finloop.features import Settings as FeatureSettings
 from finloop.files.cutouts import Cutout, CutoutWriter
 from finloop.files.table import TableWriter, load_table, save_table
-from finloop.files.video import KEY_FRAME_EVERY, load_facts
+from finloop.files.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.files.wheel import cache_folder, zebrafish_clips
-from stages.extract import batches, reader, sample
+from stages.extract import batches, sample
 from stages.run import THREADS
 
 PAIRS = 5
@@ -89,7 +89,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
     scene, typical = survey(sample(facts, how.samples, clip), arena, how)
-    read = partial(reader, clip / "clip.mp4", facts.colour)
+    read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     found = detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
     linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])

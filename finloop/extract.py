@@ -7,10 +7,10 @@ typical fish are; `detected` streams the film once and finds the fish of each fr
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -193,8 +193,10 @@ class Detector:
         return Detected(verdicts, spots, fish)
 
 
-Reader = Callable[[int, int], Iterator[Image]]
-"""Gives the frames start … stop − 1 of a clip; may be sent to another process."""
+class Reader(Protocol):
+    """Gives the frames start … stop − 1 of a clip; may be sent to another process."""
+
+    def __call__(self, *, start: int, stop: int) -> Iterator[Image]: ...
 
 
 def detected(
@@ -215,7 +217,7 @@ def detected(
 def _stretch(
     read: Reader, scene: Scene, detector: Detector, span: tuple[int, int]
 ) -> list[Detected]:
-    return [detector(frame, scene) for frame in read(*span)]
+    return [detector(frame, scene) for frame in read(start=span[0], stop=span[1])]
 
 
 def tracks(

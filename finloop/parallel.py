@@ -3,49 +3,66 @@
 import contextlib
 import multiprocessing
 import signal
-import sys
-import warnings
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import forkserver
 from typing import TypeVar
 
 import cv2
 
+from finloop.errors import FinloopError
 from finloop.process import die_with_parent
 
 A = TypeVar("A")
 B = TypeVar("B")
+
+# Not "fork": a copy of a process whose libraries run threads hangs sooner or later. A server that
+# has only imported things, and is forked for each worker, is safe and nearly as quick.
+_FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
+
+
+def warm_up(modules: Sequence[str]) -> None:
+    """Begin to import `modules` for the workers to come, beside whatever this process does next."""
+    if _FORKSERVER:
+        multiprocessing.get_context("forkserver").set_forkserver_preload(list(modules))
+        forkserver.ensure_running()
 
 
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Iterator[B]:
     """`work(item)` for every item, in the items' order, on `workers` processes.
 
     At most `workers` + 1 results wait at any time, however long `items`. With one worker, or one
-    item, everything happens in this process. An exception in `work` comes out here.
+    item, everything happens in this process. An exception in `work` comes out here. `work`, items
+    and results are pickled.
+
+    Raises FinloopError where a worker is killed.
     """
     todo = deque(items)
     if workers < 2 or len(todo) < 2:
         yield from map(work, todo)
         return
-    # OpenCV's own threads do not survive a fork, and its locks then hang: stop them before.
-    cv2.setNumThreads(1)
-    # Forked workers start at once; the others must import everything anew.
-    start = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
+    start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
     with ProcessPoolExecutor(workers, start, _begin) as pool, contextlib.ExitStack() as stack:
+        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
         pending: deque[Future[B]] = deque()
-        stack.callback(lambda: pool.shutdown(cancel_futures=True))
         while todo or pending:
             while todo and len(pending) < workers + 1:
-                with warnings.catch_warnings():
-                    # Python 3.12 and later warn of forks beside threads; ours hold no locks that
-                    # a worker takes.
-                    warnings.simplefilter("ignore", DeprecationWarning)
-                    pending.append(pool.submit(work, todo.popleft()))
-            yield pending.popleft().result()
+                pending.append(pool.submit(work, todo.popleft()))
+            try:
+                result = pending.popleft().result()
+            except BrokenProcessPool as error:
+                raise FinloopError(
+                    "a worker process was ended from outside, perhaps for want of memory",
+                    f"{workers} processes that each hold a stretch of the film",
+                    "run again; with FINLOOP_THREADS=1 in the environment one process does it all",
+                ) from error
+            yield result
 
 
 def _begin() -> None:
-    """In a worker: leave Ctrl-C to the parent, and end with it."""
+    """In a worker: leave Ctrl-C to the parent, end with it, and use one thread."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     die_with_parent()
+    cv2.setNumThreads(1)

@@ -44,6 +44,7 @@ from finloop.files.video import (
     read_frames,
     read_spread,
 )
+from finloop.parallel import warm_up
 from stages.params import load
 from stages.params.extract import OPTIONS
 
@@ -63,16 +64,12 @@ def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:
 
 def detections(facts: VideoFacts, scene: Scene, detector: Detector) -> Iterator[Detected]:
     """What is in every frame, in order."""
-    read = partial(reader, CLIP / CLIP_NAME, facts.colour)
+    # One thread each: every core decodes its own stretch.
+    read = partial(read_frames, CLIP / CLIP_NAME, colour=facts.colour, threads=1)
     if detector.settings.background == "mog2":  # each frame's background follows from all before
-        film = follow(read(0, facts.frames), scene, facts.frame_rate_hz)
+        film = follow(read(start=0, stop=facts.frames), scene, facts.frame_rate_hz)
         return (detector(frame, there) for frame, there in film)
     return detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
-
-
-def reader(clip: Path, colour: bool, start: int, stop: int) -> Iterator[Image]:
-    """A stretch of the clip, decoded by one thread: every core has its own stretch."""
-    return read_frames(clip, colour=colour, start=start, stop=stop, threads=1)
 
 
 def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
@@ -89,6 +86,8 @@ def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
     settings = Settings(**asdict(load("extract", OPTIONS)))
+    if THREADS > 1:
+        warm_up(["finloop.extract", "finloop.files.video"])
     facts = load_facts(CLIP / FACTS_NAME)
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255

@@ -5,7 +5,6 @@ Toy fish are soft ellipses, so that their area, centre, outline and colour are k
 
 import gc
 import json
-import time
 import tracemalloc
 import weakref
 from collections import Counter
@@ -59,7 +58,6 @@ from finloop.files.cutouts import Cutout, open_cutouts
 from finloop.files.picture import load_picture
 from finloop.files.scene import load_scene
 from finloop.files.table import load_table, save_table
-from finloop.parallel import ordered_map
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
@@ -264,7 +262,14 @@ def test_a_black_clip_is_said(value):
 def test_how_many_frames_are_looked_at():
     small = (100, 100, 1)
     assert [sample_size(asked, 1000, small) for asked in (3, 4, 40, 41)] == [3, 3, 39, 41]
-    assert [sample_size(41, frames, small) for frames in (1, 2, 3, 8, 41, 42)] == [1, 1, 3, 7, 41, 41]
+    assert [sample_size(41, frames, small) for frames in (1, 2, 3, 8, 41, 42)] == [
+        1,
+        1,
+        3,
+        7,
+        41,
+        41,
+    ]
     for shape in ((4000, 6000, 3), (2160, 3840, 3), (30_000, 30_000, 3)):
         count = sample_size(41, 1000, shape)
         assert count % 2 == 1
@@ -291,7 +296,7 @@ def test_mog2_takes_in_what_stays_and_follows_the_frames():
 @pytest.mark.parametrize("colour", [False, True])
 def test_a_fish_is_one_silhouette_of_its_size(degrees, colour):
     tank = floor(colour)
-    found, = patches(laid(tank, coverage(80.3, 59.6, degrees), 40), scene_of(tank))
+    (found,) = patches(laid(tank, coverage(80.3, 59.6, degrees), 40), scene_of(tank))
     true = np.pi * LONG * WIDE
     assert found.area_px == found.mask.sum() == pytest.approx(true, rel=0.05)
     assert not found.at_border
@@ -315,10 +320,10 @@ def test_no_fish_no_silhouette():
 def test_a_picture_on_its_side_has_the_same_silhouettes_on_their_sides():
     tank = floor()
     frame = laid(tank, coverage(70, 60, 25), 40)
-    found, = patches(frame, scene_of(tank))
+    (found,) = patches(frame, scene_of(tank))
     for turn in (lambda z: z.T, lambda z: z[::-1], lambda z: z[:, ::-1], np.rot90):
         turned = [np.ascontiguousarray(turn(z)) for z in (frame, tank, WHOLE)]
-        other, = patches(turned[0], scene_of(turned[1]), turned[2])
+        (other,) = patches(turned[0], scene_of(turned[1]), turned[2])
         assert np.array_equal(turn(found.mask), other.mask)
         assert other.contrast == found.contrast
 
@@ -337,8 +342,8 @@ def test_a_soft_shadow_does_not_enter():
     shadow = cv2.GaussianBlur(coverage(88, 68, 10), (0, 0), 3)
     shaded = laid(tank, 0.15 * shadow, 0)
     assert difference(shaded, scene_of(tank)).max() > 15  # well above the threshold
-    plain, = patches(laid(tank, coverage(80, 60, 10), 40), scene_of(tank))
-    with_shadow, = patches(laid(shaded, coverage(80, 60, 10), 40), scene_of(tank))
+    (plain,) = patches(laid(tank, coverage(80, 60, 10), 40), scene_of(tank))
+    (with_shadow,) = patches(laid(shaded, coverage(80, 60, 10), 40), scene_of(tank))
     assert with_shadow.area_px == pytest.approx(plain.area_px, rel=0.03)
 
 
@@ -353,8 +358,8 @@ def test_two_fish_under_one_shadow_are_two_silhouettes():
 def test_patterned_skin_makes_no_holes():
     tank = np.full(SIZE, 150, np.uint8)
     koi = laid(laid(tank, coverage(80, 60), 30), coverage(85, 60, long=9, wide=3), 150)
-    plain, = patches(laid(tank, coverage(80, 60), 30), scene_of(tank))
-    found, = patches(koi, scene_of(tank))
+    (plain,) = patches(laid(tank, coverage(80, 60), 30), scene_of(tank))
+    (found,) = patches(koi, scene_of(tank))
     assert np.array_equal(found.mask, plain.mask)
 
 
@@ -372,7 +377,7 @@ def test_specks_are_left_out():
 )  # fmt: skip
 def test_what_touches_the_edge_of_the_picture(x, y, at_border):
     tank = np.full(SIZE, 150, np.uint8)
-    found, = patches(laid(tank, coverage(x, y), 40), scene_of(tank))
+    (found,) = patches(laid(tank, coverage(x, y), 40), scene_of(tank))
     assert found.at_border == at_border
 
 
@@ -381,7 +386,7 @@ def test_what_touches_the_edge_of_the_arena(x, at_border):
     tank = floor()
     arena = WHOLE.copy()
     arena[:, :26] = 0
-    found, = patches(laid(tank, coverage(x, 60), 40), scene_of(tank), arena)
+    (found,) = patches(laid(tank, coverage(x, 60), 40), scene_of(tank), arena)
     assert found.at_border == at_border
     assert patches(laid(tank, coverage(10, 60, long=12), 40), scene_of(tank), arena) == []
 
@@ -395,7 +400,7 @@ def toy(request):
     tank = floor(request.param)
     frame = laid(tank, coverage(80.3, 59.6, 30), [40, 60, 30] if request.param else 40)
     scene = scene_of(tank)
-    silhouette, = patches(frame, scene)
+    (silhouette,) = patches(frame, scene)
     return tank, frame, silhouette, measure(silhouette, frame, scene, 33)
 
 
@@ -490,7 +495,7 @@ def test_alpha_does_not_fade_where_the_skin_resembles_the_tank():
 def test_a_round_thing_is_not_measured():
     tank = floor()
     frame = laid(tank, coverage(80, 60, long=9, wide=9), 40)
-    found, = patches(frame, scene_of(tank))
+    (found,) = patches(frame, scene_of(tank))
     assert measure(found, frame, scene_of(tank), 33) is None
 
 
@@ -548,44 +553,6 @@ def test_no_fish_is_said_as_it_is():
     assert "too round" in message(ball)
 
 
-# -- work on several processes --------------------------------------------------------------------
-
-
-def slow_square(number):
-    time.sleep(0.02 * (number % 3))
-    return number**2
-
-
-def fails_at_five(number):
-    if number == 5:
-        raise FinloopError("five came", "another number", "take another")
-    return number
-
-
-@pytest.mark.parametrize("workers", [1, 2, 3])
-def test_results_come_in_order(workers):
-    assert list(ordered_map(slow_square, range(12), workers)) == [k**2 for k in range(12)]
-    assert list(ordered_map(slow_square, [], workers)) == []
-    assert list(ordered_map(slow_square, [3], workers)) == [9]
-
-
-@pytest.mark.parametrize("workers", [1, 2])
-def test_an_error_in_a_worker_is_the_same_error_here(workers):
-    results = ordered_map(fails_at_five, range(40), workers)
-    assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
-    with pytest.raises(FinloopError) as caught:
-        next(results)
-    assert (caught.value.came, caught.value.do) == ("five came", "take another")
-
-
-def test_who_stops_early_does_not_wait_for_the_rest():
-    results = ordered_map(time.sleep, [0, *[0.2] * 500], 2)
-    next(results)
-    start = time.monotonic()
-    results.close()
-    assert time.monotonic() - start < 10
-
-
 # -- a whole film -------------------------------------------------------------------------------
 
 FEATURES = yaml.safe_load((ROOT / "conf/features/default.yaml").read_text())
@@ -619,21 +586,17 @@ def drawn():
     return draw
 
 
-def stretch(frames, start, stop):
-    return iter(frames[start:stop])
-
-
 def surveyed(frames, settings=SETTINGS):
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
     scene, typical = survey(frames[::4], arena, settings)
     return scene, typical, Detector(arena, typical, settings)
 
 
-def followed(frames, settings=SETTINGS, workers=1, cuts=()):
+def followed(frames, settings=SETTINGS, cuts=()):
     """All that is found in a film, and the verdicts on what was seen."""
     scene, typical, detector = surveyed(frames, settings)
-    seen = detected(partial(stretch, frames), len(frames), scene, detector, workers, 12)
     found, tally = [], Counter()
+    seen = (detector(frame, scene) for frame in frames)
     for verdicts, some in tracks(seen, typical, settings, cuts):
         tally += verdicts
         found += some
@@ -667,18 +630,6 @@ def test_the_table_of_what_was_found_fits_its_schema(drawn, tmp_path):
     assert list(table) == [c.name for c in tracks_schema(SETTINGS.points).columns]
     assert len(rows([])) == 0
     save_table(tmp_path / "t.parquet", rows([]), tracks_schema(SETTINGS.points))
-
-
-@pytest.mark.parametrize("workers", [2, 3])
-def test_the_number_of_workers_changes_nothing(drawn, workers):
-    frames, _ = drawn("three fish")
-    one, other = followed(frames), followed(frames, workers=workers)
-    assert one[1] == other[1]
-    for a, b in zip(one[0], other[0], strict=True):
-        assert (a.track_id, a.frame) == (b.track_id, b.frame)
-        assert np.array_equal(a.fish.backbone.points_px, b.fish.backbone.points_px)
-        assert np.array_equal(a.fish.outline_px, b.fish.outline_px)
-        assert np.array_equal(a.fish.cutout, b.fish.cutout)
 
 
 def test_tracks_end_at_cuts(drawn):
@@ -784,6 +735,7 @@ def extracted(tmp_path_factory):
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(stages.extract, "THREADS", 1)
         stages.clip.main()
         stages.extract.main()
     return folder
@@ -791,9 +743,10 @@ def extracted(tmp_path_factory):
 
 @pytest.fixture
 def here(tmp_path, monkeypatch):
-    """An empty folder to work in, with default parameters."""
+    """An empty folder to work in, with default parameters, and without further processes."""
     prepare(tmp_path, *FILM)
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.extract, "THREADS", 1)
     return tmp_path
 
 
@@ -817,9 +770,7 @@ def test_the_stage_makes_its_files(extracted):
 def test_cutouts_over_the_background_are_the_film(extracted):
     data = extracted / "data/extract"
     background = load_picture(data / "background.png")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(extracted)
-        frames = list(stages.extract.reader(extracted / "data/clip/clip.mp4", False, 0, 90))
+    frames = list(read_frames(extracted / "data/clip/clip.mp4"))
     with open_cutouts(data / "cutouts.arrow") as store:
         for row in (0, 40, 89):
             cutout = store[row]
@@ -832,7 +783,7 @@ def test_cutouts_over_the_background_are_the_film(extracted):
             assert off.mean() < 4  # around the fish there is noise, and its shadow
 
 
-@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("threads", [2, 3])
 def test_the_same_bytes_with_any_number_of_threads(extracted, here, monkeypatch, threads):
     put = here / "data/clip"
     put.parent.mkdir()

@@ -836,6 +836,7 @@ def extracted(tmp_path_factory):
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
+        patch.setattr(stages.extract, "THREADS", 1)
         stages.clip.main()
         stages.extract.main()
     return folder

@@ -1,0 +1,129 @@
+"""Work on several processes: the order of results, errors, and that nothing is left hanging."""
+
+import gc
+import multiprocessing
+import os
+import signal
+import time
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from finloop.errors import FinloopError
+from finloop.files.video import VideoWriter, read_frames
+from finloop.parallel import ordered_map
+
+
+@pytest.fixture(autouse=True)
+def no_hanging():
+    """Kill worker processes that do not end by themselves."""
+
+    def kill(*_):
+        for process in multiprocessing.active_children():
+            process.kill()
+
+    before = signal.signal(signal.SIGALRM, kill)
+    signal.alarm(30)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, before)
+
+
+def slow_square(number):
+    time.sleep(0.02 * (number % 3))
+    return number**2
+
+
+@pytest.mark.parametrize("workers", [1, 2, 3])
+def test_results_come_in_order(workers):
+    assert list(ordered_map(slow_square, range(12), workers)) == [k**2 for k in range(12)]
+    assert list(ordered_map(slow_square, [], workers)) == []
+    assert list(ordered_map(slow_square, [3], workers)) == [9]
+
+
+def place(_):
+    time.sleep(0.05)
+    return os.getpid()
+
+
+def test_the_work_is_shared():
+    assert set(ordered_map(place, range(3), 1)) == {os.getpid()}
+    others = set(ordered_map(place, range(8), 2))
+    assert len(others) == 2
+    assert os.getpid() not in others
+
+
+def fails_at_five(number):
+    if number == 5:
+        raise FinloopError("five came", "another number", "take another")
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_an_error_in_a_worker_is_the_same_error_here(workers):
+    results = ordered_map(fails_at_five, range(40), workers)
+    assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
+    with pytest.raises(FinloopError) as caught:
+        next(results)
+    assert (caught.value.came, caught.value.do) == ("five came", "take another")
+
+
+def noted(job):
+    folder, number = job
+    (folder / str(number)).touch()
+    return number
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path):
+    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), workers)
+    for taken in range(1, 20):
+        next(results)
+        time.sleep(0.02)
+        assert len(list(tmp_path.iterdir())) <= taken + workers + 1
+
+
+def test_who_stops_early_does_not_wait_for_the_rest():
+    results = ordered_map(time.sleep, [0, *[0.2] * 500], 2)
+    next(results)
+    start = time.monotonic()
+    results.close()
+    assert time.monotonic() - start < 10
+    assert not multiprocessing.active_children()
+
+
+def collects_garbage(number):
+    gc.collect()
+    return number
+
+
+@pytest.mark.parametrize("garbage", [False, True])
+def test_workers_do_not_free_what_their_parent_opened(tmp_path, garbage):
+    # A decoder has threads, which a forked process lacks: to free it there waits for ever.
+    with VideoWriter(tmp_path / "c.mp4", 64, 48, Fraction(25)) as writer:
+        for level in range(24):
+            writer.write(np.full((48, 64), 9 * level, np.uint8))
+    gc.disable()
+    try:
+        frames = read_frames(tmp_path / "c.mp4", threads=2)
+        next(frames)
+        cycle: list[object] = [frames]
+        cycle.append(cycle)
+        if garbage:
+            del frames, cycle
+        assert list(ordered_map(collects_garbage, range(6), 2)) == list(range(6))
+    finally:
+        gc.enable()
+
+
+def is_killed(number):
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def test_a_worker_that_is_killed_is_one_message():
+    with pytest.raises(FinloopError, match="worker") as caught:
+        list(ordered_map(is_killed, range(9), 2))
+    assert "FINLOOP_THREADS=1" in caught.value.do
