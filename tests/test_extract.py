@@ -58,6 +58,7 @@ from finloop.files.cutouts import Cutout, open_cutouts
 from finloop.files.picture import load_picture
 from finloop.files.scene import load_scene
 from finloop.files.table import load_table, save_table
+from finloop.files.video import read_frames
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
