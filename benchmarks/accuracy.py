@@ -1,6 +1,6 @@
 """Accuracy on the drawn carp against its ground truth: ten seeds, and harder films.
 
-`python -m benchmarks.accuracy [--quick]` prints a table and writes reports/accuracy.csv.
+`python -m benchmarks.accuracy [--quick]` prints a table and writes benchmarks/accuracy.csv.
 """
 
 import argparse
@@ -49,7 +49,7 @@ def main(quick: bool = False) -> None:
     table = pd.DataFrame(rows).T
     print(table.to_string(float_format="{:.3g}".format))
     if not quick:
-        table.round(4).to_csv(ROOT / "reports/accuracy.csv", index_label="film")
+        table.round(4).to_csv(ROOT / "benchmarks/accuracy.csv", index_label="film")
 
 
 if __name__ == "__main__":

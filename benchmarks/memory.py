@@ -1,6 +1,6 @@
 """Peak memory of `extract` and `features` for a short clip and one ten times as long.
 
-`python -m benchmarks.memory` prints a table and writes reports/memory.csv.
+`python -m benchmarks.memory` prints a table and writes benchmarks/memory.csv.
 """
 
 import os
@@ -38,7 +38,7 @@ def main() -> None:
     table = pd.DataFrame(rows)
     table["ratio"] = table.iloc[:, 1] / table.iloc[:, 0]
     print(table.round(3).to_string())
-    table.round(3).to_csv(ROOT / "reports/memory.csv", index_label="stage")
+    table.round(3).to_csv(ROOT / "benchmarks/memory.csv", index_label="stage")
 
 
 if __name__ == "__main__":

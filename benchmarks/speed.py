@@ -1,6 +1,6 @@
 """Speed of `extract` + `features`, each as a ratio against a named limit or peer in the same run.
 
-`python -m benchmarks.speed` prints the table and writes reports/speed.csv. Every pair is run in
+`python -m benchmarks.speed` prints the table and writes benchmarks/speed.csv. Every pair is run in
 turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed
 drifts does not decide. Files are read and written as the stages do; pictures and start-up left out.
 """
@@ -178,7 +178,7 @@ def main() -> None:
             results.append((f"backbones / {name}", mine, theirs, ratio))
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
     print(table.to_string(index=False))
-    table.to_csv(ROOT / "reports/speed.csv", index=False)
+    table.to_csv(ROOT / "benchmarks/speed.csv", index=False)
     print(f"{THREADS} threads")
 
 
