@@ -35,7 +35,8 @@ from finloop.files.cutouts import Cutout, CutoutWriter
 from finloop.files.table import TableWriter, load_table, save_table
 from finloop.files.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.files.wheel import cache_folder, zebrafish_clips
-from stages.extract import batches, sample
+from finloop.parallel import warm_up
+from stages.extract import WORKERS_NEED, batches, sample
 from stages.run import THREADS
 
 PAIRS = 5
@@ -150,6 +151,7 @@ def main() -> None:
     """Measure, print, write."""
     results = []
     cv2.setNumThreads(1)
+    warm_up(WORKERS_NEED)
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])

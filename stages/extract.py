@@ -50,6 +50,7 @@ from stages.params.extract import OPTIONS
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 LONG = 60  # frames of a long track
+WORKERS_NEED = ["finloop.extract", "finloop.files.video"]  # imported once, for all workers
 
 
 def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:
@@ -87,7 +88,7 @@ def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
     settings = Settings(**asdict(load("extract", OPTIONS)))
     if THREADS > 1:
-        warm_up(["finloop.extract", "finloop.files.video"])
+        warm_up(WORKERS_NEED)
     facts = load_facts(CLIP / FACTS_NAME)
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255

@@ -831,7 +831,7 @@ FILM = [*TINY_CARP, "clip.frames=90"]  # so long that no place is the fish's mos
 
 @pytest.fixture(scope="module")
 def extracted(tmp_path_factory):
-    """A folder in which the first two stages have run on a drawn carp."""
+    """A folder in which the three stages have run on a drawn carp."""
     folder = tmp_path_factory.mktemp("extracted")
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
@@ -839,6 +839,7 @@ def extracted(tmp_path_factory):
         patch.setattr(stages.extract, "THREADS", 1)
         stages.clip.main()
         stages.extract.main()
+        stages.features.main()
     return folder
 
 
@@ -851,7 +852,6 @@ def here(extracted, tmp_path, monkeypatch):
 
 
 def test_the_stage_makes_its_table_and_reports(here):
-    stages.features.main()
     report = here / "reports/features"
     assert {path.name for path in report.iterdir()} == MADE
     assert list(content(here / "data/features")) == ["features.parquet"]
@@ -870,7 +870,6 @@ def test_the_stage_makes_its_table_and_reports(here):
 
 
 def test_the_stage_makes_the_same_again(here):
-    stages.features.main()
     once = content(here / "data") | content(here / "reports")
     stages.features.main()
     assert content(here / "data") | content(here / "reports") == once
@@ -896,7 +895,6 @@ def test_delta_follows_the_parameter(here):
 )
 @pytest.mark.parametrize("harm", ["missing", "cut short"])
 def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm):
-    stages.features.main()
     before = content(here / "data/features")
     path = here / "data/extract" / name
     whole = path.read_bytes()

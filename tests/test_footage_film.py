@@ -1,0 +1,82 @@
+"""Real film of animals, where it is at hand: some seconds of each through all three stages.
+
+The clips are not part of this repository; a test without its clip is skipped.
+"""
+
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import ROOT
+from scratch import prepare
+
+import stages.clip
+import stages.extract
+import stages.features
+from finloop.features import wrap_deg
+from finloop.files.picture import load_picture
+from finloop.files.wheel import PACKAGE, cache_folder
+
+CLIPS = ROOT.parent / "shared" / "clips"
+ZEBRAFISH = cache_folder() / f"{PACKAGE.replace('==', '-')}-test_A.avi"
+
+
+@pytest.fixture
+def shot(tmp_path, monkeypatch):
+    """Run a film through the stages: its numbers, and its feature table."""
+
+    def run(path, *overrides):
+        if not path.exists():
+            pytest.skip(f"{path.name} is not at hand")
+        prepare(tmp_path, "clip=file", f"clip.path={path}", *overrides)
+        monkeypatch.chdir(tmp_path)
+        monkeypatch.setattr(stages.extract, "THREADS", 1)
+        for stage in (stages.clip, stages.extract, stages.features):
+            stage.main()
+        numbers = {}
+        for word in ("clip", "extract", "features"):
+            numbers |= json.loads((tmp_path / f"reports/{word}/metrics.json").read_text())
+        assert load_picture(tmp_path / "reports/features/contact_sheet.png").std() > 10
+        return numbers, pd.read_parquet(tmp_path / "data/features/features.parquet")
+
+    return run
+
+
+def test_zebrafish(shot):
+    numbers, table = shot(ZEBRAFISH, "clip.end_s=3")
+    assert numbers["frames"] == 85
+    assert numbers["fish_frames"] > 0.95 * 8 * numbers["frames"]  # eight fish, a few touch
+    assert numbers["fish_frames_in_tracks_of_60_frames"] > 0.6 * 8 * numbers["frames"]
+    assert table.groupby("frame").size().max() == 8
+    assert numbers["body_length_median_px"] == pytest.approx(65, abs=4)
+    assert numbers["headed_along_travel_pct"] >= 99
+    assert numbers["heading_off_travel_median_deg"] < 8
+    step = table.groupby("track_id")[["x_px", "y_px"]].diff()
+    # At frame 21 all are startled and dart off, more than a body length a frame, as themselves.
+    assert 65 < np.nanmax(np.hypot(step["x_px"], step["y_px"])) < 80
+
+
+def test_mouse(shot):
+    numbers, table = shot(CLIPS / "mouse.mp4", "clip.start_s=60", "clip.end_s=64")
+    assert numbers["tracks"] == 1
+    assert numbers["fish_frames"] == numbers["frames"] == 120
+    assert numbers["head_confidence_min"] > 0.99
+    assert numbers["headed_along_travel_pct"] >= 95
+    turned = np.abs(wrap_deg(np.diff(table["heading_deg"])))
+    assert turned.max() < 60  # head and tail are never exchanged, nor is the tail lost
+
+
+@pytest.mark.parametrize(("name", "frames"), [("trout.avi", 57), ("sunfish.avi", 120)])
+def test_fish_that_swim_in_place(shot, name, frames):
+    # Side by side with the current, heads to the left; the sunfish spreads its pectoral fins.
+    numbers, table = shot(CLIPS / name, "extract.background=threshold")
+    assert numbers["tracks"] == 1
+    assert numbers["fish_frames"] == numbers["frames"] == frames
+    assert np.abs(wrap_deg(table["heading_deg"] - 180)).max() < 10
+    assert numbers["head_confidence_min"] > 0.99
+    assert numbers["straight_pct"] == 100
+    assert table["body_length_px"].std() < 0.03 * table["body_length_px"].mean()
+    # The tail beats to both sides, in a wave: the bend changes its sign.
+    assert table["bend"].min() < -0.005
+    assert table["bend"].max() > 0.005
