@@ -299,6 +299,15 @@ def test_a_fish_may_be_pushed_backwards_for_a_while():
     assert found.all()
 
 
+def test_one_wild_frame_does_not_outvote_a_track():
+    # A silhouette that jumps back by two body lengths for once, of a fish hardly blunter in front.
+    lines = swim(40, 0.0)
+    lines[20:] -= (2 * LENGTH, 0)
+    width = 4.0 + 0.3 * (WIDTH - WIDTH[::-1]) / 2
+    found, _ = head_first(lines, np.tile(width, (40, 1)), RATE)
+    assert found.all()
+
+
 def test_the_other_end_first_is_the_same_answer():
     rng = np.random.default_rng(3)
     mixed, widths, _ = shuffled(swim(40, speed=1.0), WIDTH, rng)
@@ -481,6 +490,17 @@ def test_what_lies_beyond_the_end_of_a_track_is_null_and_not_zero(tmp_path, fram
         assert back.groupby("track_id")[column].count().tolist() == known
     others = [c.name for c in FEATURES.columns if not c.nullable]
     assert not back[others].isna().any().any()
+
+
+def test_which_end_a_backbone_begins_with_does_not_matter():
+    lines = swim(40, 3.0, 4.0, wag_deg=50)
+    mixed, widths, _ = shuffled(lines, WIDTH, np.random.default_rng(7))
+    tracks = tracks_table(mixed).assign(half_width_px=list(widths))
+    table, backbones = features(tracks, RATE, SETTINGS)
+    plain, same = features(tracks_table(lines), RATE, SETTINGS)
+    pd.testing.assert_frame_equal(table, plain)
+    assert np.array_equal(backbones, same)
+    assert backbones == pytest.approx(lines, abs=1e-4)
 
 
 def test_the_table_is_sorted_and_fits_its_schema(tmp_path):
