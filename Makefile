@@ -40,7 +40,7 @@ $(VENV):
 	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
 	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11 or newer is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
-	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 130 packages, some minutes ..."
+	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 145 packages, PyTorch among them, some minutes ..."
 	@rm -f $(VENV)/origin
 	@$(PYTHON) -m venv --clear $(VENV)
 	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock

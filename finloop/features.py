@@ -66,6 +66,11 @@ def delta_frames(delta_s: float, rate_hz: float) -> int:
     return max(1, round(delta_s * rate_hz))
 
 
+def delta_of(features: pd.DataFrame) -> int:
+    """Δ in frames of a feature table: so many displacements are empty at the end of a track."""
+    return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
+
+
 def wrap_deg(angle: NDArray[np.floating]) -> NDArray[np.float64]:
     """The same angle in (−180, 180]."""
     return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
 
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import ORIENTATIONS, delta_of, wrap_deg
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
 from finloop.files.table import lists_to_array
 
@@ -60,7 +60,7 @@ def forwards(features: pd.DataFrame) -> dict[str, float]:
 
     The way is the displacement over Δ, the heading that in the middle of it.
     """
-    delta = _delta(features)
+    delta = delta_of(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
     if start.size == 0:
         return {"moving_fish_frames": 0}
@@ -72,11 +72,6 @@ def forwards(features: pd.DataFrame) -> dict[str, float]:
         "headed_along_travel_pct": float(100 * (off <= 90).mean()),
         "heading_off_travel_median_deg": float(np.median(off)),
     }
-
-
-def _delta(features: pd.DataFrame) -> int:
-    """Δ in frames, as the number of empty displacements at the end of every track."""
-    return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
 def against_truth(

@@ -31,7 +31,7 @@ from finloop.files.video import (
     save_facts,
     save_mask,
 )
-from finloop.files.wheel import cache_folder, zebrafish_clips
+from finloop.files.wheel import TANK_PX, cache_folder, zebrafish_clips
 from finloop.truth import TRUTH
 from stages.params import load
 from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
@@ -117,6 +117,8 @@ def spilling(
 
 def arena_of(p: Params, width: int, height: int) -> np.ndarray:
     """Mask of the pixels where animals can be."""
+    if isinstance(p, ZebrafishClip):
+        return rectangle_arena(width, height, *TANK_PX)
     if not isinstance(p, FileClip) or p.arena == "none":
         return np.ones((height, width), bool)
     if p.arena == "mask":

@@ -14,11 +14,17 @@ import pytest
 ROOT = Path(__file__).parents[1]
 TINY_CARP = [
     "clip=carp",
-    "clip.frames=48",
+    "clip.frames=100",
     "clip.width_px=320",
     "clip.height_px=240",
     "clip.body_length_px=70",
     "clip.colour=false",
+    "clip.seed=4",  # a film with a turn
+    "bpn.epochs=5",
+    "bpn.block_s=0.6",
+    "animate.seconds=2",
+    "animate.trials=2",
+    "render.webp_seconds=1",
 ]
 
 

@@ -23,6 +23,8 @@ SHA256 = {
     "A": "f126c0d1e74f16373a9116bd189970736fb2de7fcd4c00195a64d94d2a2b08d7",
     "B": "0a9b6e7af5b8404a67ae277df4ca6b6931221e8f6aecb7294397c3c8e326dc3f",
 }
+TANK_PX = (33, 8, 922, 918)
+"""The water in the picture: left, top, width, height; to the right of it lies a second vessel."""
 _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=carp"
 
 

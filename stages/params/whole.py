@@ -3,12 +3,26 @@
 from collections.abc import Mapping
 from typing import Any
 
-from stages.params import STAMP, check, clip, extract, features
+from stages.params import (
+    STAMP,
+    animate,
+    bpn,
+    check,
+    clip,
+    extract,
+    features,
+    render,
+    sprites,
+)
 
 GROUPS: dict[str, Mapping[str, type]] = {
     "clip": clip.OPTIONS,
     "extract": extract.OPTIONS,
     "features": features.OPTIONS,
+    "bpn": bpn.OPTIONS,
+    "sprites": sprites.OPTIONS,
+    "animate": animate.OPTIONS,
+    "render": render.OPTIONS,
 }
 """conf/<word>/<option>.yaml holds the values of GROUPS[word][option]."""
 

@@ -1,0 +1,150 @@
+"""Speed of drawing at 1280×720 RGB, against the copy of one frame through memory in the same run.
+
+`python -m benchmarks.render` prints the table, writes benchmarks/render.csv. A frame is done when
+the canvas holds it whole; fish are those of a drawn carp, turned by any angle, at any part of a
+pixel. The files' coders are measured last, by themselves.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import tempfile
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.speed import paired, timed
+from finloop.animate_edit import Goal
+from finloop.extract_table import tracks_schema
+from finloop.files.cutouts import open_cutouts
+from finloop.files.movie import Movie, Mp4Writer, WebpWriter
+from finloop.files.picture import load_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table
+from finloop.files.video import THREADS
+from finloop.render import Gallery, Painter, Placed, Shelf
+from finloop.render_marks import COLOURS, Marks
+
+SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
+TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
+
+
+def swim(gallery: Gallery, count: int, fades: bool, seed: int) -> list[Placed]:
+    """A fish on a wide circle, in the film's own order of pictures, turned as it goes."""
+    rng = np.random.default_rng(seed)
+    at, turn = rng.uniform(0, 2 * np.pi, 2)
+    placed = []
+    for tick in range(TICKS):
+        angle = at + 0.01 * tick
+        x, y = 640 + 300 * np.cos(angle), 360 - 200 * np.sin(angle)
+        one, other = (
+            gallery.turned("frame", (tick + n) % count, np.degrees(turn + angle), 1.02)
+            for n in (0, 9)
+        )
+        placed.append(Placed(x, y, one, other if fades else None, 0.4 if fades else 0.0))
+    return placed
+
+
+def journey(way: list[Placed]) -> pd.DataFrame:
+    """What marks want to know of it."""
+    states = [name for name in COLOURS if name not in ("nn", "loop")]
+    return pd.DataFrame(
+        {
+            "x_px": [one.x_px for one in way],
+            "y_px": [one.y_px for one in way],
+            "time_s": np.arange(TICKS) / float(RATE),
+            "mode": "nn",
+            "state": [states[tick // 20 % len(states)] for tick in range(TICKS)],
+            "goal": ["AB"[tick // 100 % 2] for tick in range(TICKS)],
+        }
+    )
+
+
+def ways_to_draw(
+    background: np.ndarray, gallery: Gallery, count: int
+) -> dict[str, Callable[[], None]]:
+    """Name → draw all ticks."""
+    school = [swim(gallery, count, False, seed) for seed in range(8)]
+    fading = swim(gallery, count, True, 0)
+    painter = Painter(background)
+
+    def draw(fish: list[list[Placed]]) -> None:
+        for tick in zip(*fish, strict=True):
+            painter.wipe()
+            for one in tick:
+                painter.draw(*one)
+
+    def marked() -> None:
+        with_marks = Painter(background, colour=True)
+        marks = Marks(
+            with_marks, journey(school[0]), [Goal("A", 300.0, 200.0), Goal("B", 900.0, 500.0)]
+        )
+        for tick, one in enumerate(school[0]):
+            marks.show(tick, one)
+
+    return {
+        "one fish": lambda: draw(school[:1]),
+        "one fish, cross-faded": lambda: draw([fading]),
+        "one fish, with marks": marked,
+        "eight fish": lambda: draw(school),
+    }
+
+
+def coders(background: np.ndarray, way: list[Placed], folder: Path) -> None:
+    """Print how many frames the coders take per second."""
+    painter, frames = Painter(background), []
+    for one in way[:100]:
+        painter.show(one)
+        frames.append(painter.frame.copy())
+
+    def write(writer: Movie) -> None:
+        with writer:
+            for frame in frames:
+                writer.write(frame)
+
+    shape = frames[0].shape
+    for name, writer in (
+        ("mp4", Mp4Writer(folder / "a.mp4", shape, RATE, 20)),
+        ("webp, 480 px wide", WebpWriter(folder / "a.webp", shape, RATE, 480, 75)),
+    ):
+        print(f"{name}: {len(frames) / timed(lambda w=writer: write(w))[0]:.0f} frames/s")
+
+
+def main() -> None:
+    """Measure, print, write."""
+    rows = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        prepare(folder, ["clip=carp", *SIZE])
+        for word in ("clip", "extract"):
+            stage(folder, word)
+        extract = folder / "data/extract"
+        points = load_scene(extract / "scene.json").points
+        background = load_picture(extract / "background.png")
+        tracks = load_table(extract / "tracks.parquet", tracks_schema(points), ["x_px", "y_px"])
+        frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
+        with open_cutouts(extract / "cutouts.arrow") as store:
+            gallery = Gallery({"frame": Shelf(store, tracks[["x_px", "y_px"]].to_numpy())})
+
+            def copies() -> None:
+                for _ in range(TICKS):
+                    np.copyto(copy, frame)
+
+            for what, work in ways_to_draw(background, gallery, len(store)).items():
+                ours, limit, ratio, _ = paired(work, copies)
+                rows.append((what, TICKS / ours, TICKS / limit, ratio))
+            coders(background, swim(gallery, len(store), False, 0), folder)
+    columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
+    table = pd.DataFrame(rows, columns=columns).round(
+        {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}
+    )
+    print(table.to_string(index=False))
+    print(f"wanted: {LEAST_HZ} frames/s; {THREADS} threads")
+    table.to_csv(ROOT / "benchmarks/render.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()

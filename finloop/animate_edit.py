@@ -1,0 +1,55 @@
+"""The edit list: what is drawn where at every tick. Planners write it, renderers read it.
+
+A tick is the time of one film frame. The picture is a sprite (a row of the sprites' store) or a
+frame (a row of the cut-outs' store); it is turned by `rotation_deg` anticlockwise about its mass
+centre, which is drawn at (x_px, y_px) of the tank. In a cross-fade a second picture, the partner,
+is drawn at the same place, and `weight` is its share.
+"""
+
+from typing import NamedTuple
+
+from finloop.files.table import Column, Schema
+
+SPRITE, FRAME = "sprite", "frame"
+"""Kinds of source: a picture of the sprites' store, or of the film's cut-outs."""
+
+NETWORK = "nn"
+"""The network mode's name."""
+
+EDIT = Schema(
+    (
+        Column("tick", "int32", "1"),
+        Column("time_s", "float64", "s"),
+        Column("kind", "string", "1"),
+        Column("source", "int32", "1"),
+        Column("rotation_deg", "float32", "deg"),
+        Column("scale", "float32", "1"),
+        Column("x_px", "float64", "px"),
+        Column("y_px", "float64", "px"),
+        Column("partner_kind", "string", "1", nullable=True),
+        Column("partner", "int32", "1", nullable=True),
+        Column("partner_rotation_deg", "float32", "deg", nullable=True),
+        Column("partner_scale", "float32", "1", nullable=True),
+        Column("weight", "float32", "1"),
+        Column("heading_deg", "float32", "deg"),
+        Column("speed", "float32", "body length/s"),
+        Column("motion_area", "float32", "1", nullable=True),
+        Column("mode", "string", "1"),
+        Column("state", "string", "1"),
+        Column("goal", "string", "1"),
+        Column("aim_x_px", "float64", "px"),
+        Column("aim_y_px", "float64", "px"),
+        Column("decision", "string", "1", nullable=True),
+    )
+)
+"""`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
+model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for, and
+`decision` says on a state's first tick why it was entered."""
+
+
+class Goal(NamedTuple):
+    """A place to swim to, in pixels of the clip."""
+
+    name: str
+    x_px: float
+    y_px: float

@@ -1,0 +1,72 @@
+"""Stage `bpn`: the feature table becomes the motion model, its errors and Fig. 15."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+from finloop.bpn import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
+from finloop.bpn_report import assessment, figure15, held_out_figure
+from finloop.bpn_train import Learning, train
+from finloop.errors import FinloopError
+from finloop.features import FEATURES, delta_of
+from finloop.files.model import save_model
+from finloop.files.onnx import save_onnx
+from finloop.files.picture import save_figure
+from finloop.files.table import load_table, save_csv
+from finloop.files.video import FACTS_NAME, load_facts
+from stages.params import load
+from stages.params.bpn import OPTIONS, Bpn
+
+FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parquet")
+OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
+
+
+def split(rows: Rows, by: str, p: Bpn, rate_hz: float) -> tuple[Mask, Mask]:
+    """Rows to learn from and rows held out."""
+    rng = np.random.default_rng((p.seed, 0))
+    if by == "tracks":
+        return split_by_tracks(rows, p.held_out, rng)
+    return split_by_blocks(rows, max(1, round(p.block_s * rate_hz)), p.held_out, rng)
+
+
+def main() -> None:
+    """Make data/bpn/, reports/bpn/."""
+    p = load("bpn", OPTIONS)
+    rate_hz = load_facts(FACTS).frame_rate_hz
+    table = load_table(TABLE, FEATURES)
+    delta = delta_of(table)
+    rows = motion_rows(table, delta)
+    sides = [split(rows, p.split, p, rate_hz)]
+    # The other way to split says how far the skill reaches: to other times, to other fish.
+    with suppress(FinloopError):  # one track, or too short
+        sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p, rate_hz))
+
+    how = Learning(p.hidden, p.learning_rate, p.momentum, p.epochs, p.batch_size, p.device)
+    learnt = []
+    with progress("bpn", p.epochs * len(sides), "epochs") as advance:
+        for known, held in sides:
+            seen, unseen = ((rows.inputs[side], rows.outputs[side]) for side in (known, held))
+            rng = np.random.default_rng((p.seed, 1))
+            learnt.append(train(*seen, unseen, how, delta / rate_hz, rng, advance))
+
+    metrics, *other = (
+        assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
+    )
+    for found in other:
+        kept = {name: found[name] for name in found if "held_out" in name or "skill" in name}
+        metrics |= {f"other_split_{name}": value for name, value in kept.items()}
+    (model, curve), (_, held) = learnt[0], sides[0]
+    save_model(OUT / "model.json", model)
+    save_onnx(OUT / "model.onnx", model)
+    save_csv(REPORT / "curve.csv", curve, decimals=5)
+    save_figure(REPORT / "fig15.png", figure15(curve))
+    predicted = model.predict(rows.inputs[held])
+    save_figure(REPORT / "held_out.png", held_out_figure(predicted, rows.outputs[held]))
+    save_metrics(REPORT / "metrics.json", metrics)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,144 @@
+"""Stage `render`: an edit list becomes films and pictures (fish paper Figs. 16, 18)."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate_edit import EDIT, FRAME, SPRITE, Goal
+from finloop.errors import FinloopError
+from finloop.extract_table import tracks_schema
+from finloop.features import ORIENTATIONS
+from finloop.files.atomic import whole_folder
+from finloop.files.cutouts import open_cutouts
+from finloop.files.goals import load_goals
+from finloop.files.movie import Movie, Mp4Writer, WebpWriter
+from finloop.files.picture import load_picture, save_figure, save_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.render import Gallery, Painter, Shelf, Steps, film_steps, placed, step_numbers
+from finloop.render_marks import Marks, parts
+from finloop.render_plots import Tile, contact_sheet, liveliest, trajectory, window
+from finloop.sprites import SPRITES
+from stages.params import load
+from stages.params.render import OPTIONS, Render
+
+CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
+SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
+OUT, REPORT = Path("data/render"), Path("reports/render")
+SHOWN = 40  # ticks on the contact sheet
+Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
+
+
+@contextmanager
+def opened(edit: pd.DataFrame, tracks: pd.DataFrame) -> Iterator[Gallery]:
+    """The pictures that an edit list draws from: the film's always, sprites if it asks for any."""
+    with ExitStack() as stack:
+        centres = {FRAME: tracks}
+        stores = {FRAME: stack.enter_context(open_cutouts(EXTRACT / "cutouts.arrow"))}
+        if SPRITE in {*edit["kind"], *edit["partner_kind"]}:
+            table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES, ["x_px", "y_px"])
+            centres[SPRITE] = table.loc[table.index.repeat(ORIENTATIONS)]
+            stores[SPRITE] = stack.enter_context(open_cutouts(SPRITES_FOLDER / "sprites.arrow"))
+        for kind, store in stores.items():
+            if len(store) != len(centres[kind]):
+                raise FinloopError(
+                    f"{len(store)} pictures of kind {kind}, but {len(centres[kind])} mass centres",
+                    "a mass centre for every picture",
+                    "make both again: `dvc repro --force extract sprites`",
+                )
+        yield Gallery(
+            {
+                kind: Shelf(stores[kind], t[["x_px", "y_px"]].to_numpy())
+                for kind, t in centres.items()
+            }
+        )
+
+
+def films(
+    p: Render,
+    edit: pd.DataFrame,
+    goals: list[Goal],
+    gallery: Gallery,
+    background: np.ndarray,
+    half_px: int,
+    advance: Callable[[], None],
+) -> tuple[list[float], list[Tile], dict[str, int]]:
+    """Write the films of an edit list; steps between its frames, a contact sheet's tiles, sizes."""
+    rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
+    names, colours = parts(edit)
+    sheet = range(start := liveliest(edit, SHOWN), start + SHOWN)
+    clean, change, tiles = Painter(background), list[float](), list[Tile]()
+    steps = Steps(clean)
+    with whole_folder(OUT) as folder:
+        with ExitStack() as stack:
+
+            def writes(writer: Movie, painter: Painter, ticks: int) -> Output:
+                return stack.enter_context(writer), painter, ticks
+
+            def mp4(painter: Painter, name: str) -> Output:
+                path = folder / f"{name}.mp4"
+                return writes(Mp4Writer(path, painter.frame.shape, rate, p.crf), painter, len(edit))
+
+            outputs, seen = [mp4(clean, p.mode)], clean
+            if p.marks:
+                seen = Painter(background, colour=True)
+                marks = Marks(seen, edit, goals)
+                outputs.append(mp4(seen, f"{p.mode}_marked"))
+            if webp_ticks := round(p.webp_seconds * rate):
+                how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
+                outputs.append(
+                    writes(WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks)
+                )
+            for tick, one in enumerate(rows):
+                change.append(steps.to(clean.show(one)))
+                if p.marks:
+                    marks.show(tick, one)
+                for writer, painter, ticks in outputs:
+                    if tick < ticks:
+                        writer.write(painter.frame)
+                if tick in sheet:
+                    film = window(clean.frame, one.x_px, one.y_px, half_px)
+                    tiles.append(Tile(film, tick, names[tick], colours[names[tick]], one.weight))
+                advance()
+        sizes = {
+            path.name.replace(".", "_") + "_bytes": path.stat().st_size for path in folder.iterdir()
+        }
+    return change, tiles, sizes
+
+
+def main() -> None:
+    """Make data/render/, reports/render/."""
+    p = load("render", OPTIONS)
+    facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
+    background = load_picture(EXTRACT / "background.png")
+    columns = ["track_id", "frame", "x_px", "y_px"]
+    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
+    edit, goals = (
+        load_table(ANIMATE / f"{p.mode}.parquet", EDIT),
+        load_goals(ANIMATE / "goals.json"),
+    )
+    with opened(edit, tracks) as gallery, progress("render", len(edit)) as advance:
+        half_px = round(0.75 * scene.typical_length_px)
+        change, tiles, sizes = films(p, edit, goals, gallery, background, half_px, advance)
+        natural = film_steps(Painter(background), gallery, FRAME, tracks)
+    save_picture(REPORT / "contact_sheet.png", contact_sheet(tiles))
+    save_figure(REPORT / "trajectory.png", trajectory(edit, goals, background))
+    save_metrics(
+        REPORT / "metrics.json",
+        sizes
+        | step_numbers(change, natural)
+        | {
+            "frames": len(edit),
+            "duration_s": len(edit) / facts.frame_rate_hz,
+        },
+    )
+
+
+if __name__ == "__main__":
+    run(main)

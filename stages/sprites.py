@@ -1,0 +1,114 @@
+"""Stage `sprites`: a few frames of the film become sprites in 24 orientations, and an atlas."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+import json
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import pandas as pd
+
+from finloop import sprites_atlas as atlas
+from finloop.extract_table import tracks_schema
+from finloop.features import FEATURES, ORIENTATIONS
+from finloop.files.atomic import whole_folder
+from finloop.files.cutouts import CutoutWriter, open_cutouts
+from finloop.files.picture import save_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table, save_csv, save_table
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.sprites import (
+    SPRITES,
+    Choice,
+    Gallery,
+    Settings,
+    choose,
+    drawn,
+    placed,
+    sprite_table,
+)
+from finloop.sprites_pick import SIDES, swimmers
+from finloop.sprites_report import (
+    contact_sheet,
+    faults,
+    is_still,
+    loop_numbers,
+    numbers,
+    table1_after,
+)
+from stages.params import load
+from stages.params.sprites import OPTIONS
+
+CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
+FEATURES_TABLE = Path("data/features/features.parquet")
+FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
+TRACKS = ("track_id", "frame", "area_px", "contrast")
+
+
+def say(chosen: dict[str, Choice], still: bool) -> None:
+    """Tell on stderr what stands in for something that the film does not show."""
+    for word, other in zip(SIDES, reversed(SIDES), strict=True):
+        if chosen[word].mirrored:
+            print(f"sprites: no turn to the {word}; mirrored the {other} one", file=sys.stderr)
+    if not still:
+        print("sprites: no glide with a still tail; the straightest instead", file=sys.stderr)
+
+
+def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
+    """Write atlas-0.png, atlas-0.json … from sprites.arrow in `folder`; how many pages."""
+    with open_cutouts(folder / "sprites.arrow") as store:
+        pages = atlas.pages(sprites, store.index, page_px)
+        for number, page in enumerate(pages):
+            picture = atlas.picture(page, lambda row: store[row].pixels)
+            (folder / f"atlas-{number}.png").write_bytes(atlas.png(picture))
+            text = json.dumps(atlas.document(pages, number, sprites, store.index, rate_hz))
+            (folder / f"atlas-{number}.json").write_text(text + "\n", encoding="utf-8")
+    return len(pages)
+
+
+def main() -> None:
+    """Make data/sprites/, reports/sprites/."""
+    asked = asdict(load("sprites", OPTIONS))
+    page_px = asked.pop("page_px")
+    settings = Settings(**asked)
+    facts = load_facts(CLIP / FACTS_NAME)
+    rate_hz = facts.frame_rate_hz
+    scene = load_scene(EXTRACT / "scene.json")
+    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
+    features = load_table(FEATURES_TABLE, FEATURES)
+    table = swimmers(features, tracks)
+
+    with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
+        look = Gallery(table, cutouts)
+        chosen = choose(table, look, rate_hz, settings)
+        sprites = sprite_table(table, chosen)
+        where = pd.Series(tracks.index, pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]))
+        with (
+            whole_folder(FOLDER) as folder,
+            progress("sprites", ORIENTATIONS * len(sprites), "pictures") as advance,
+        ):
+            save_table(folder / "sprites.parquet", sprites, SPRITES)
+            with CutoutWriter(folder / "sprites.arrow") as writer:
+                for one in drawn(sprites, lambda track, frame: cutouts[int(where[track, frame])]):
+                    writer.write(one)
+                    advance()
+            pages = write_atlas(folder, sprites, page_px, rate_hz)
+        loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
+
+    still = is_still(chosen["slide"], table, round(settings.slide_least_s * rate_hz))
+    say(chosen, still)
+    save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
+    save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)
+    with open_cutouts(FOLDER / "sprites.arrow") as store:
+        sheet = contact_sheet(sprites, lambda row: placed(store[row]))
+    save_picture(REPORT / "contact_sheet.png", sheet)
+    save_metrics(
+        REPORT / "metrics.json",
+        numbers(sprites, table, features, facts.frames, rate_hz)
+        | loops[0] | loops[1] | {"atlas_pages": pages, "slide_stands_in": int(not still)},
+    )  # fmt: skip
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,599 @@
+"""Goals → edit list: the tank, steps, what the film shows, the network mode, the measures."""
+
+import re
+from itertools import pairwise
+from types import SimpleNamespace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop import animate_measures as measures
+from finloop import animate_step as step
+from finloop.animate import Player, cross_fades, edit_list, random_goals, swim
+from finloop.animate_edit import EDIT, Goal
+from finloop.animate_motion import SLIDE, STATES, TURN, learn
+from finloop.animate_nn import NetworkMode
+from finloop.animate_sprites import arrange, plan_turn
+from finloop.animate_tank import in_sight, inside, place_goals, tank
+from finloop.errors import FinloopError
+from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features_type import LEFT, RIGHT
+from finloop.files.table import load_table, save_table
+
+RATE, DELTA, LENGTH = 25.0, 5, 40.0
+TOUCH, HEAD = 0.5 * LENGTH, 0.4 * LENGTH
+
+
+# --- a film that was never made: glides, bursts, turns
+
+
+def track(number: int, seed: int, mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
+    """A fish that glides, beats its tail and turns by 40-140°, as a feature table."""
+    rng = np.random.default_rng(seed)
+    speed, turn, bend, kind = [], [], [], []
+    v = 2.0
+    for _ in range(8):
+        n = int(rng.integers(8, 20))  # glide
+        speed += list(v * 0.97 ** np.arange(n))
+        turn += list(rng.normal(0, 0.3, n))
+        bend += list(rng.normal(0, 0.0005, n))
+        kind += [0] * n
+        v = speed[-1]
+        n = int(rng.integers(6, 14))  # burst
+        speed += list(v * 1.05 ** np.arange(n))
+        turn += list(rng.normal(0, 0.5, n))
+        bend += list(0.02 * np.sin(2 * np.pi * np.arange(n) / 5))
+        kind += [0] * n
+        v = min(speed[-1], 3.0)
+        n, side = int(rng.integers(7, 12)), int(rng.choice((-1, 1)))
+        shape = np.sin(np.pi * (np.arange(n) + 0.5) / n)
+        angle = rng.uniform(40, 140)
+        speed += list(v * (1 - 0.3 * shape))
+        turn += list(side * angle * shape / shape.sum())
+        bend += list(side * 0.1 * shape * angle / 140)
+        kind += [side] * n
+    turned, bent, typed = (mirror * np.array(a, float) for a in (turn, bend, kind))
+    heading = wrap_deg(30.0 * mirror + np.cumsum(turned))
+    angle = np.radians(heading)
+    length = LENGTH * scale
+    way = np.array(speed)[:, None] / RATE * length * np.stack([np.cos(angle), -np.sin(angle)], 1)
+    place = 500 + np.cumsum(way, axis=0)
+    return pd.DataFrame(
+        {
+            "track_id": number,
+            "frame": np.arange(len(place)),
+            "x_px": place[:, 0],
+            "y_px": place[:, 1],
+            "heading_deg": heading,
+            "body_length_px": length,
+            "bend": bent,
+            "motion_area_rel": np.abs(bent) / 0.1,
+            "swimming_type": typed.astype(int),
+        }
+    )
+
+
+def film(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
+    return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
+
+
+def sprites() -> pd.DataFrame:
+    """Eight frames of a tail beat, six of a glide, a turn of 120° to either side."""
+    rows = []
+    for sequence, count in (("straight", 8), ("slide", 6), ("left", 9), ("right", 9)):
+        side = {"left": 1, "right": -1}.get(sequence, 0)
+        shape = np.sin(np.pi * (np.arange(count) + 0.5) / count)
+        for i in range(count):
+            cycle = side == 0
+            phase = "cycle" if cycle else "in" if i < 4 else "hold" if i == 4 else "out"
+            rows.append(
+                {
+                    "sequence": sequence,
+                    "step": i,
+                    "phase": phase,
+                    "frame": 100 * len({r["sequence"] for r in rows} | {sequence}) + i,
+                    "scale": 1.0,
+                    "head_offset_deg": 0.0,
+                    "motion_area_rel": 0.05 if cycle else shape[i],
+                    "forward": 0.08,
+                    "sideways": 0.0,
+                    "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+class Model:
+    """A stand-in for the trained network: the area is in proportion to the included angle."""
+
+    def predict(self, inputs: np.ndarray) -> np.ndarray:
+        assert inputs.shape[1] == 4
+        angle = inputs[:, 3]
+        return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
+
+
+def likeness(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Distances, and who is alike: all but the deep bend of either turn and straight swimming."""
+    alike = np.ones((count, count), bool)
+    alike[:8, 16:19] = alike[16:19, :8] = False
+    return np.random.default_rng(5).random((count, count)), alike
+
+
+ARENA = np.zeros((600, 800), bool)
+ARENA[20:580, 30:770] = True
+
+
+@pytest.fixture(scope="module")
+def mode() -> NetworkMode:
+    table = sprites()
+    return NetworkMode(
+        learn(film(), RATE, DELTA),
+        arrange(table, *likeness(len(table)), RATE),
+        Model(),
+        tank(ARENA, 0.6 * LENGTH),
+        TOUCH,
+        HEAD,
+    )
+
+
+def edit(mode: NetworkMode, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
+    found = swim(mode, goals, ticks, np.random.default_rng(seed))
+    return edit_list(found, ticks, Player(mode, sprites(), []))
+
+
+# --- the tank
+
+
+def test_a_centre_is_legal_where_the_whole_fish_fits_in():
+    found = tank(ARENA, 24.0)
+    rows, columns = np.nonzero(found.legal)
+    assert (rows.min(), rows.max()) == (45, 554)
+    assert (columns.min(), columns.max()) == (55, 744)
+
+
+def test_the_edge_of_the_picture_is_a_wall():
+    found = tank(np.ones((100, 100), bool), 20.0)
+    assert not found.legal[:20].any() and not found.legal[:, -20:].any()
+    assert found.legal[50, 50]
+
+
+def test_of_two_pools_the_larger_is_the_tank():
+    arena = np.zeros((200, 400), bool)
+    arena[10:190, 10:120] = True
+    arena[10:190, 150:390] = True
+    legal = tank(arena, 15.0).legal
+    assert legal[100, 300] and not legal[100, 60]
+
+
+@pytest.mark.parametrize("arena", [np.ones((30, 200), bool), np.zeros((50, 50), bool)])
+def test_a_tank_smaller_than_the_fish_is_refused(arena):
+    with pytest.raises(FinloopError, match="smaller than the fish"):
+        tank(arena, 20.0)
+
+
+def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
+    arena = np.ones((300, 400), bool)
+    arena[:200, 190:210] = False  # open at the bottom
+    found = tank(arena, 10.0)
+    assert not in_sight(found.legal, 50.0, 50.0, 350.0, 50.0)
+    x, y, ways = 50.0, 50.0, 0
+    while (x, y) != (350.0, 50.0):
+        ahead = found.waypoint(x, y, 350.0, 50.0)
+        assert in_sight(found.legal, x, y, *ahead)
+        x, y = ahead
+        ways += 1
+        assert ways < 20
+    assert ways > 1
+
+
+def test_a_point_beyond_the_legal_is_brought_to_its_edge():
+    found = tank(ARENA, 24.0)
+    assert found.into(400.0, 300.0) == (400.0, 300.0)
+    assert found.into(400.0, -50.0) == (400.0, 45.0)
+
+
+def test_goals_in_shares_of_the_tank_and_in_pixels():
+    room = tank(ARENA, 24.0)
+    a, b = place_goals([[0.0, 0.5], [1.0, 0.5]], "tank", room, 60.0)
+    assert (a.x_px, b.x_px) == (30, 769)
+    assert place_goals([[31, 77]], "px", room, 60.0) == [Goal("A", 31.0, 77.0)]
+
+
+@pytest.mark.parametrize(
+    ("given", "unit", "said"),
+    [
+        ([], "tank", "animate.goals is empty"),
+        ([[0.5, 0.5], [5.0, 300.0]], "px", r"A: .*outside.*\n.*B: \(5, 300\) px is outs"),
+        ([[1.2, 0.5]], "tank", "A: .* is outside the tank"),
+        ([[0.5]], "tank", r"A: \[0.5\] is not x, y"),
+        ([[31.0, 21.0]], "px", "A: .* does not fit in"),
+    ],
+)
+def test_goals_that_cannot_be_reached_are_named(given, unit, said):
+    with pytest.raises(FinloopError) as refused:
+        place_goals(given, unit, tank(ARENA, 24.0), 20.0)
+    assert re.search(said, str(refused.value))
+
+
+# --- steps
+
+OPEN = np.ones((1000, 1000), bool)
+FAR = np.array([-1e6, -1e6])
+
+
+def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
+    assert step.ahead(0.0, 0.0, 0.0, 1.0, 0.0) == pytest.approx((1, 0))
+    assert step.ahead(0.0, 0.0, 90.0, 1.0, 0.0) == pytest.approx((0, -1))
+    assert step.ahead(0.0, 0.0, 0.0, 0.0, 1.0) == pytest.approx((0, -1))
+    assert step.bearing(0.0, 0.0, 0.0, -5.0) == pytest.approx(90)
+
+
+def test_straight_ahead_goes_straight_ahead():
+    start = np.array([100.0, 500.0, 30.0])
+    none = np.zeros(50)
+    way, good, touched = step.straight(OPEN, start, np.full(50, 4.0), none, none, 9.0, FAR, 5.0)
+    assert (good, touched) == (50, 50)
+    assert way[-1] == pytest.approx([100 + 200 * np.cos(np.pi / 6), 400.0, 30.0])
+
+
+def test_a_wall_is_seen_from_the_distance_in_which_one_can_stop():
+    start = np.array([900.0, 500.0, 0.0])
+    none = np.zeros(50)
+    _, good, _ = step.straight(OPEN, start, np.full(50, 4.0), none, none, 9.0, FAR, 5.0)
+    assert good == 24  # 900 + 4 · 24 = 996; the next stands at 1000
+    _, good, _ = step.straight(OPEN, start, np.full(50, 4.0), none, none + 40, 9.0, FAR, 5.0)
+    assert good == 14
+
+
+def test_a_goal_is_touched_by_the_head_before_the_centre():
+    start = np.array([100.0, 500.0, 0.0])
+    none = np.zeros(100)
+    at = np.array([300.0, 500.0])
+    for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
+        _, _, touched = step.straight(OPEN, start, np.full(100, 4.0), none, none, head, at, 4.0)
+        assert touched == tick
+
+
+@pytest.mark.parametrize("target", [(700.0, 200.0), (450.0, 100.0), (100.0, 520.0)])
+def test_in_a_turn_the_error_falls_at_every_tick_to_nothing(target):
+    start, at = np.array([500.0, 500.0, -20.0]), np.array(target)
+    share = np.cumsum(np.hanning(14)[1:-1])
+    share /= share[-1]
+    flow, side = np.full(12, 3.0), np.full(12, 0.5)
+    way, good, _ = step.turn(OPEN, start, share, flow, side, 9.0, FAR, 1.0, at, 90.0)
+    assert good
+    bearing = np.degrees(np.arctan2(way[:, 1] - at[1], at[0] - way[:, 0]))
+    error = np.abs(wrap_deg(bearing - way[:, 2]))
+    assert (np.diff(error) < 0).all()
+    assert error[-1] == pytest.approx(0, abs=1e-9)
+    assert np.hypot(*np.diff(way[:, :2], axis=0).T) == pytest.approx(np.hypot(3.0, 0.5))
+
+
+def test_a_mirrored_target_gives_the_mirrored_turn():
+    share, flow, side = np.linspace(0.1, 1, 10), np.full(10, 3.0), np.full(10, 0.4)
+    start = np.array([500.0, 500.0, 0.0])
+    left, _, _ = step.turn(
+        OPEN, start, share, flow, side, 9.0, FAR, 1.0, np.array([400.0, 200.0]), 90.0
+    )
+    right, _, _ = step.turn(
+        OPEN, start, share, flow, side, 9.0, FAR, 1.0, np.array([400.0, 800.0]), 90.0
+    )
+    assert right[:, 0] == pytest.approx(left[:, 0])
+    assert right[:, 1] - 500 == pytest.approx(500 - left[:, 1])
+    assert right[:, 2] == pytest.approx(-left[:, 2])
+
+
+def test_a_target_too_near_for_a_turn_is_refused():
+    share, flow = np.linspace(0.1, 1, 10), np.full(10, 30.0)
+    start = np.array([500.0, 500.0, 0.0])
+    _, good, _ = step.turn(
+        OPEN, start, share, flow, 0 * flow, 9.0, FAR, 1.0, np.array([500.0, 460.0]), 20.0
+    )
+    assert not good
+
+
+# --- what the film shows
+
+
+def test_every_tick_of_a_film_is_learnt_once():
+    table = film()
+    motion = learn(table, RATE, DELTA)
+    assert motion.phases.ticks.sum() == (table["swimming_type"] == 0).sum()
+    assert motion.straight_ticks.sum() == motion.phases.ticks.sum()
+    assert len(motion.phases.speed_change) == motion.phases.ticks.sum()
+    assert len(motion.turns.forward) == motion.turns.ticks.sum()
+
+
+def test_turns_have_the_angle_that_was_swum():
+    table = film()
+    angles = learn(table, RATE, DELTA).turns.angle_deg
+    swum = []
+    for _, one in table.groupby("track_id"):
+        kind = one["swimming_type"].to_numpy()
+        heading = np.unwrap(one["heading_deg"], period=360)
+        edges = np.flatnonzero(np.diff(kind)) + 1
+        swum += [
+            abs(heading[b] - heading[a - 1]) for a, b in pairwise([*edges, len(kind) - 1])
+            if kind[a] != 0
+        ]  # fmt: skip
+    assert np.sort(angles) == pytest.approx(np.sort(swum)[-len(angles) :], abs=1e-6) or set(
+        np.round(angles, 6)
+    ) <= set(np.round(swum, 6))
+    assert len(angles) >= 28
+
+
+def test_a_glide_is_told_from_a_burst():
+    table = track(0, 3)
+    motion = learn(table, RATE, DELTA)
+    glides = motion.phases.state == SLIDE
+    ends = motion.phases.start + motion.phases.ticks - 1
+    assert glides.any() and not glides.all()
+    assert (motion.phases.speed_change[ends][glides] < 0.1).all()
+    faster = motion.phases.state == STATES.index("accelerate")
+    assert faster.any() and (motion.phases.speed_change[ends][faster] > 0).all()
+
+
+def test_a_mirrored_film_teaches_the_same_turns():
+    one, other = learn(film(), RATE, DELTA).turns, learn(film(mirror=-1), RATE, DELTA).turns
+    assert other.angle_deg == pytest.approx(one.angle_deg)
+    assert other.forward == pytest.approx(one.forward)
+    assert other.sideways == pytest.approx(one.sideways)
+
+
+def test_a_film_of_a_larger_fish_teaches_the_same():
+    one, other = learn(film(), RATE, DELTA), learn(film(scale=3.0), RATE, DELTA)
+    assert other.body_length_px == pytest.approx(3 * one.body_length_px)
+    assert other.phases.speed_change == pytest.approx(one.phases.speed_change)
+    assert other.turns.forward == pytest.approx(one.turns.forward)
+
+
+@pytest.mark.parametrize("only", [0, 1])
+def test_a_film_without_turns_or_without_straight_swimming_is_refused(only):
+    table = film().assign(swimming_type=only)
+    with pytest.raises(FinloopError, match=r"no (turning|straight swimming)"):
+        learn(table, RATE, DELTA)
+
+
+# --- sprites as they are played
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("angle", [2, 20, 60, 120, 180])
+def test_a_turn_is_done_step_by_step_to_the_end(mode, side, angle):
+    plan = plan_turn(mode.sprites.turns[side], angle, angle / 180, DELTA)
+    assert (np.diff(plan.share) > 0).all() and plan.share[0] > 0
+    assert plan.share[-1] == 1
+    sequence = sprites().loc[plan.frames, "sequence"].unique()
+    assert list(sequence) == ["left" if side == LEFT else "right"]
+    assert plan.frames[0] == sprites().index[sprites()["sequence"] == sequence[0]][0]
+
+
+def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer(mode):
+    turn = mode.sprites.turns[LEFT]
+    areas = [plan_turn(turn, 60, a, DELTA).area for a in (0.2, 0.5, 0.8, 1.0)]
+    assert areas == sorted(areas) and areas[0] < areas[-1]
+    deep = [plan_turn(turn, angle, 1.0, DELTA) for angle in (90, 150, 180)]
+    assert len(deep[0].frames) < len(deep[1].frames) <= len(deep[2].frames)
+
+
+def test_frames_turn_by_what_they_turned_in_the_film(mode):
+    # All nine frames once: their own angles, in the shares of the film.
+    plan = plan_turn(mode.sprites.turns[LEFT], 120, 1.0, DELTA)
+    table = sprites()
+    film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
+    assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
+    assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
+
+
+def test_a_turn_half_as_deep_never_shows_the_deepest_frames(mode):
+    plan = plan_turn(mode.sprites.turns[RIGHT], 40, 0.5, DELTA)
+    assert sprites().loc[plan.frames, "motion_area_rel"].max() < 0.8
+
+
+# --- network mode
+
+
+def test_goals_are_reached_inside_the_tank_for_every_seed(mode):
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        goals = random_goals(mode.tank, TOUCH + HEAD, 3, rng)
+        table = edit(mode, goals, 1500, seed)
+        ticks = measures.reached(table, goals, TOUCH, HEAD)
+        assert not np.isnan(ticks).any()
+        legal = [inside(mode.tank.legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()]
+        assert all(legal)
+        assert measures.of_turns(table)["turns_monotone_pct"] == 100
+
+
+def test_nothing_teleports(mode):
+    table = edit(mode, [], 3000, 4)
+    moved = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
+    assert moved.max() <= mode.motion.high / RATE * LENGTH * np.sqrt(2) + 1e-6
+    spun = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
+    straight = (table["state"] != "turn").to_numpy()[1:]
+    drifts = np.abs(np.diff(mode.motion.phases.drift_deg)).max()
+    assert spun[straight].max() <= drifts + 1
+
+
+def test_a_seed_gives_one_animation_and_another_seed_another(mode):
+    goals = [Goal("A", 200.0, 200.0)]
+    one, same, other = (edit(mode, goals, 400, seed) for seed in (7, 7, 8))
+    pd.testing.assert_frame_equal(one, same)
+    assert not np.allclose(one["x_px"], other["x_px"])
+
+
+def test_when_the_goals_are_done_the_fish_wanders_on(mode):
+    table = edit(mode, [Goal("A", 200.0, 200.0)], 3000, 2)
+    names = table["goal"].to_numpy()
+    assert names[0] == "A" and names[-1] == ""
+    wandering = table[names == ""]
+    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(mode.tank.legal.any(0)))
+    filmed = {STATES[state] for state in mode.motion.phases.state} | {"turn"}
+    assert set(wandering["state"]) >= filmed
+
+
+def test_a_wandering_fish_swims_as_the_film_does(mode):
+    table = edit(mode, [], 10_000, 1)
+    swum = measures.motion_of_film(film(), mode.motion)
+    far = measures.of_kinematics(measures.motion_of_edit(table, Player(mode, sprites(), [])), swum)
+    assert far["speed_kinematic_distance_sd"] < 0.5
+    assert far["turn_rate_kinematic_distance_sd"] < 0.5
+
+
+def test_a_way_leads_round_a_wall_to_the_goal():
+    arena = ARENA.copy()
+    arena[:380, 390:410] = False
+    table = sprites()
+    mode = NetworkMode(
+        learn(film(), RATE, DELTA), arrange(table, *likeness(len(table)), RATE), Model(),
+        tank(arena, 0.6 * LENGTH), TOUCH, HEAD,
+    )  # fmt: skip
+    goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
+    found = edit(mode, goals, 2500, 3)
+    assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
+    assert all(inside(mode.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
+
+
+def test_a_goal_in_a_corner_is_touched(mode):
+    goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
+    table = edit(mode, goals, 1500, 5)
+    assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
+
+
+def test_the_network_is_asked_and_obeyed(mode):
+    table = edit(mode, [], 4000, 6)
+    asked = table[table["motion_area"].notna() & table["decision"].notna()]
+    assert (table["state"][table["motion_area"].notna()] == "turn").all()
+    area = sprites()["motion_area_rel"].to_numpy()
+    shown = [
+        area[table["source"].iloc[a:b].to_numpy() // ORIENTATIONS].max() for a, b in _turns(table)
+    ]
+    assert len(shown) == len(asked)
+    assert np.corrcoef(asked["motion_area"], shown)[0, 1] > 0.8
+
+
+def _turns(table: pd.DataFrame) -> list[tuple[int, int]]:
+    begins = [*np.flatnonzero(table["decision"].notna()), len(table)]
+    return [(a, b) for a, b in pairwise(begins) if table["state"].iloc[a] == "turn"]
+
+
+# --- the edit list
+
+
+def test_an_edit_list_is_what_its_schema_says(mode, tmp_path):
+    table = edit(mode, [Goal("A", 200.0, 200.0)], 500, 1)
+    save_table(tmp_path / "nn.parquet", table, EDIT)
+    back = load_table(tmp_path / "nn.parquet", EDIT)
+    assert len(back) == 500 and list(back["tick"]) == list(range(500))
+    assert back["time_s"].iloc[-1] == pytest.approx(499 / RATE)
+
+
+def test_orientation_and_rest_make_the_heading(mode):
+    table = edit(mode, [], 2000, 1)
+    sector = table["source"].to_numpy() % ORIENTATIONS * 15.0
+    made = wrap_deg(sector + table["rotation_deg"].to_numpy(float))
+    assert wrap_deg(made - table["heading_deg"].to_numpy(float)) == pytest.approx(0, abs=1e-4)
+    assert np.abs(table["rotation_deg"]).max() <= 7.5 + 1e-4
+
+
+def test_a_new_sequence_fades_in_while_the_old_one_plays_on(mode):
+    # A cycle of straight frames 0-7, then the turn that begins with frame 14.
+    number = np.array([5, 6, 7, 14, 15, 16, 17])
+    partner, weight = cross_fades(number, [True, True], np.array([0, 3]), mode)
+    assert list(partner) == [-1, -1, -1, 0, 1, -1, -1]  # 0.1 s are two frames
+    assert weight == pytest.approx([0, 0, 0, 2 / 3, 1 / 3, 0, 0])
+    number = np.array([5, 6, 7, 15, 16, 17, 18])  # the fade would lie on a deep bend
+    partner, _ = cross_fades(number, [True, True], np.array([0, 3]), mode)
+    assert list(partner) == [-1, -1, -1, 0, -1, -1, -1]
+
+
+# --- measures
+
+
+def straight_list(n: int = 101) -> pd.DataFrame:
+    return pd.DataFrame(
+        {
+            "x_px": np.linspace(100, 500, n),
+            "y_px": 300.0,
+            "heading_deg": 0.0,
+            "state": "straight",
+            "decision": ["begin"] + [None] * (n - 1),
+            "aim_x_px": 600.0,
+            "aim_y_px": 300.0,
+        }
+    )
+
+
+def test_a_straight_way_to_the_goal_has_no_error(mode):
+    table = straight_list()
+    touching = SimpleNamespace(motion=mode.motion, touch_px=8.0, head_px=0.0)
+    found = measures.of_goals(table, [Goal("A", 500, 300)], touching)
+    assert found["goals_reached_pct"] == 100
+    assert found["path_error_rms_body_lengths"] == pytest.approx(0)
+    assert found["straightness"] == pytest.approx(1)
+    assert found["time_to_goal_median_s"] == pytest.approx(98 / RATE)
+    off = table.assign(y_px=300 + 2 * LENGTH)
+    goals = [Goal("A", 500, 300)]
+    assert measures.of_goals(off, goals, touching)["goals_reached_pct"] == 0
+
+
+def test_goals_count_only_in_their_order(mode):
+    goals = [Goal("A", 400, 300), Goal("B", 200, 300)]
+    assert np.isnan(measures.reached(straight_list(), goals, 8.0, 0.0)[1])
+
+
+def test_a_turn_that_turns_away_is_found():
+    table = straight_list(5).assign(state="turn", heading_deg=[40.0, 30.0, 31.0, 10.0, 0.0])
+    assert measures.of_turns(table)["turns_monotone_pct"] == 0
+    table["heading_deg"] = [40.0, 30.0, 20.0, 10.0, 0.0]
+    assert measures.of_turns(table)["turns_monotone_pct"] == 100
+
+
+def test_kinematic_distance_is_in_deviations_of_the_film():
+    film_speed = np.random.default_rng(0).normal(3, 2, 5000)
+    assert measures.kinematic_distance(film_speed, film_speed) == 0
+    shifted = measures.kinematic_distance(film_speed + 2 * film_speed.std(), film_speed)
+    assert shifted == pytest.approx(2)
+
+
+@pytest.mark.parametrize(
+    ("shown", "longest"),
+    [
+        ([1, 2, 3, 4], 0),
+        ([1, 2, 3, 9, 1, 2, 3], 3),
+        ([1, 1, 1, 1], 2),
+        ([1, 2, 1, 2, 1, 2], 2),
+        ([5, 1, 2, 3, 4, 6, 1, 2, 3, 4, 7, 1, 2], 4),
+    ],
+)
+def test_longest_exact_repeat(shown, longest):
+    assert measures.longest_repeat(np.array(shown)) == longest
+
+
+def test_longest_repeat_of_a_cycle_is_half_of_it_all():
+    assert measures.longest_repeat(np.tile([1, 2, 3], 8)) == 12
+
+
+def test_a_fish_half_out_of_the_tank_is_counted(mode):
+    hull = [np.array([[20.0, 0], [-20, 5], [-20, -5]])]
+    table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
+    number = np.zeros(4, int)
+    for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
+        here = table.assign(heading_deg=heading)
+        assert measures.outside(here, hull, number, mode.tank) == count
+
+
+def test_steps_and_seams_of_the_film_itself_are_one():
+    steps = np.random.default_rng(0).uniform(1, 3, 501)
+    assert measures.of_steps(steps, steps)["step_ratio_median"] == 1
+    assert measures.of_seams(steps, steps)["seam_ratio_median"] == 1
+    assert measures.of_seams(steps, steps)["jumps_above_film_p95_pct"] == pytest.approx(5, abs=0.5)
+    assert measures.of_seams(np.zeros(0), steps) == {"jumps": 0}
+
+
+def test_states_of_the_film_sum_to_all_of_it(mode):
+    share = measures.film_states(film(), mode.motion)
+    assert sum(share.values()) == pytest.approx(100)
+    turning = 100 * (film()["swimming_type"] != 0).mean()
+    assert share[f"{STATES[TURN]}_pct"] == pytest.approx(turning)

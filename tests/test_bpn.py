@@ -1,0 +1,748 @@
+"""The motion model: rows, splits, learning, errors, files, the stage; laws and known answers.
+
+A made-up table obeys a law that is written down in the test: the network must find it.
+"""
+
+import json
+import re
+import shutil
+from dataclasses import fields, replace
+from fractions import Fraction
+
+import numpy as np
+import onnx
+import onnxruntime
+import pandas as pd
+import pytest
+import torch
+from scratch import content, prepare
+
+import finloop.bpn_train
+import finloop.files.onnx
+import stages.bpn
+from finloop.bpn import (
+    INPUTS,
+    MARGIN,
+    OUTPUTS,
+    MotionModel,
+    input_range,
+    motion_rows,
+    split_by_blocks,
+    split_by_tracks,
+    to_scale,
+    type_class,
+)
+from finloop.bpn_report import (
+    assessment,
+    confusion,
+    errors,
+    figure15,
+    held_out_figure,
+    linear,
+    persistence,
+)
+from finloop.bpn_train import ALWAYS_ON, Learning, forward, layers, new_weights, stepper, train
+from finloop.errors import FinloopError
+from finloop.features import FEATURES
+from finloop.files.model import load_model, save_model
+from finloop.files.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, save_onnx, to_onnx
+from finloop.files.picture import load_picture, save_figure
+from finloop.files.table import save_table
+from finloop.files.video import FACTS_NAME, VideoFacts, save_facts
+
+DELTA = 5
+HOW = Learning(
+    hidden=20, learning_rate=0.5, momentum=0.5, epochs=40, batch_size=8, device="cpu"
+)  # fmt: skip
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+def random_inputs(count, seed=0):
+    """States and controls (n, 4) all over their ranges."""
+    r = rng(seed)
+    return np.column_stack(
+        [
+            r.random(count),
+            r.integers(-1, 2, count),
+            r.uniform(0, 2, count),
+            r.uniform(-90, 90, count),
+        ]
+    )
+
+
+def law(inputs):
+    """A state Δ later (n, 2) that follows from state and control, linear in the area."""
+    area = 0.1 + 0.5 * inputs[:, 0] + 0.15 * inputs[:, 2]
+    return np.column_stack([area, np.where(np.abs(inputs[:, 3]) < 30, 0, np.sign(inputs[:, 3]))])
+
+
+def random_model(seed=0, hidden=20):
+    r = rng(seed)
+    return MotionModel(
+        0.2, *input_range(random_inputs(50, seed)), np.array([0.0, -1.0]), np.array([1.0, 1.0]),
+        MARGIN, r.normal(size=(4, hidden)), r.normal(size=hidden), r.normal(size=(hidden, 2)),
+        r.normal(size=2),
+    )  # fmt: skip
+
+
+def learnt(inputs, outputs, how=HOW, seed=0):
+    return train(inputs, outputs, (inputs[:40], outputs[:40]), how, 0.2, rng(seed))
+
+
+def table(lengths, starts=None, delta=DELTA, seed=0):
+    """A feature table of tracks of these lengths: a fish that turns for a while now and then."""
+    parts = []
+    r = rng(seed)
+    for number, (length, start) in enumerate(
+        zip(lengths, starts or [0] * len(lengths), strict=True)
+    ):
+        kind = np.repeat(r.integers(-1, 2, length // 7 + 1), 7)[:length]
+        area = np.clip(0.1 + 0.6 * np.abs(kind) + 0.05 * r.normal(size=length), 0, 1)
+        gone = np.arange(length) >= length - delta
+        frame = start + np.arange(length)
+        far = r.uniform(20, 90, length)
+        shift = np.r_[kind[delta:], kind[:delta]]
+        parts.append(
+            pd.DataFrame({c.name: np.zeros(length) for c in FEATURES.columns}).assign(
+                track_id=number,
+                frame=frame,
+                time_s=frame / 25,
+                orientation=1,
+                body_length_px=60.0,
+                head_confidence=1.0,
+                motion_area_rel=area,
+                swimming_type=kind,
+                displacement=np.where(gone, np.nan, 0.4 + 0.05 * r.normal(size=length)),
+                included_angle_deg=np.where(gone, np.nan, shift * far + 8 * r.normal(size=length)),
+            )
+        )
+    return pd.concat(parts, ignore_index=True)
+
+
+# -- rows -------------------------------------------------------------------------------------------
+
+
+def test_a_row_is_the_state_and_control_now_and_the_state_delta_later():
+    features = table([12, 9], starts=[3, 40])
+    rows = motion_rows(features, DELTA)
+    assert len(rows) == (12 - DELTA) + (9 - DELTA)
+    at = features.set_index(["track_id", "frame"])
+    for track, frame, given, wanted in zip(
+        rows.track_id, rows.frame, rows.inputs, rows.outputs, strict=True
+    ):
+        assert np.array_equal(given, at.loc[(track, frame), list(INPUTS)])
+        assert np.array_equal(wanted, at.loc[(track, frame + DELTA), list(OUTPUTS)])
+
+
+def test_the_order_of_the_table_does_not_matter():
+    features = table([30, 20])
+    one, two = (
+        motion_rows(features, DELTA),
+        motion_rows(features.sample(frac=1, random_state=0), DELTA),
+    )
+    assert np.array_equal(one.inputs, two.inputs)
+    assert np.array_equal(one.outputs, two.outputs)
+    assert np.array_equal(one.frame, two.frame)
+
+
+def test_a_row_needs_everything_on_both_ends():
+    features = table([30])
+    features.loc[4, "displacement"] = np.nan
+    features.loc[11, "included_angle_deg"] = np.nan
+    rows = motion_rows(features.drop(index=20), DELTA)  # no frame 20: neither now nor later
+    assert sorted(rows.frame) == sorted(set(range(25)) - {4, 11, 20, 15})
+    assert len(motion_rows(table([DELTA, 3]), DELTA)) == 0
+    assert len(motion_rows(table([40], delta=8), DELTA)) == 32  # Δ of the table, if that is longer
+
+
+# -- splits -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("block", [8, 25, 60])
+def test_no_window_reaches_from_one_side_into_the_other(seed, block):
+    rows = motion_rows(table([200, 120, 90], starts=[0, 30, 110]), DELTA)
+    train_side, held = split_by_blocks(rows, block, 0.3, rng(seed))
+    assert not np.any(train_side & held)
+
+    def frames(side):
+        """Every frame that a row of this side sees, from its input to its output."""
+        return {f for start in rows.frame[side] for f in range(start, start + DELTA + 1)}
+
+    assert frames(train_side).isdisjoint(frames(held))
+    blocks = [{f // block for f in frames(side)} for side in (train_side, held)]
+    assert blocks[0].isdisjoint(blocks[1])
+    lost = ~train_side & ~held  # and only rows at such a border are left out
+    assert np.all(rows.frame[lost] // block != (rows.frame[lost] + DELTA) // block)
+
+
+def test_tracks_are_split_whole():
+    rows = motion_rows(table([60, 50, 40, 70, 30]), DELTA)
+    train_side, held = split_by_tracks(rows, 0.3, rng())
+    assert np.array_equal(train_side, ~held)
+    assert set(rows.track_id[train_side]).isdisjoint(rows.track_id[held])
+
+
+@pytest.mark.parametrize("share", [0.05, 0.2, 0.5, 0.9])
+def test_the_share_held_out_is_as_asked(share):
+    rows = motion_rows(table([3000, 2000]), DELTA)
+    train_side, held = split_by_blocks(rows, 50, share, rng())
+    assert held.sum() / (held.sum() + train_side.sum()) == pytest.approx(share, abs=0.02)
+    many = motion_rows(table([50] * 60), DELTA)
+    assert split_by_tracks(many, share, rng())[1].mean() == pytest.approx(share, abs=0.02)
+
+
+@pytest.mark.parametrize("share", [0.001, 0.999])
+def test_neither_side_is_ever_empty(share):
+    rows = motion_rows(table([60, 60]), DELTA)
+    for side in (*split_by_tracks(rows, share, rng()), *split_by_blocks(rows, 30, share, rng())):
+        assert side.sum() >= 20
+
+
+def test_the_seed_decides_the_split():
+    rows = motion_rows(table([500]), DELTA)
+    one, same, other = (split_by_blocks(rows, 25, 0.3, rng(seed))[1] for seed in (1, 1, 2))
+    assert np.array_equal(one, same)
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "split", "message"),
+    [
+        ([200], lambda r: split_by_tracks(r, 0.2, rng()), r"1 track(.|\n)*bpn.split=blocks"),
+        ([200], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"1 block(.|\n)*bpn.block_s"),
+        ([3], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"0 block(.|\n)*longer film"),
+        ([3], lambda r: split_by_tracks(r, 0.2, rng()), "0 track"),
+        ([20, 6], lambda r: split_by_tracks(r, 0.2, rng()), r"15 rows to learn from and 1 held out"),
+        ([20], lambda r: split_by_blocks(r, 10, 0.2, rng()), r"rows to learn(.|\n)*at least 20"),
+        ([400], lambda r: split_by_blocks(r, 1, 0.5, rng()), r"1 frames(.|\n)*at least as long as Δ"),
+    ],
+)  # fmt: skip
+def test_too_little_to_learn_from_is_said(lengths, split, message):
+    with pytest.raises(FinloopError, match=message):
+        split(motion_rows(table(lengths), DELTA))
+
+
+# -- scaling ----------------------------------------------------------------------------------------
+
+
+def test_the_scaled_range_ignores_wild_frames():
+    inputs = random_inputs(1000)
+    low, high = input_range(inputs)
+    wild = inputs.copy()
+    wild[::500, 2:] = [50, 179]
+    for one, two in zip((low, high), input_range(wild), strict=True):
+        assert two == pytest.approx(one, rel=0.05, abs=0.05)
+    scaled = to_scale(wild, low, high)
+    assert np.abs(scaled).max() == 1
+    assert low[3] == -high[3]  # no turn stays in the middle
+    assert to_scale(np.array([[0.5, 0, 1, 0]]), low, high)[0, [0, 1, 3]] == pytest.approx(0)
+
+
+@pytest.mark.parametrize("column", range(4))
+def test_a_constant_input_is_no_division_by_zero(column):
+    inputs = random_inputs(60)
+    inputs[:, column] = 0
+    model, curve = learnt(inputs, law(inputs), replace(HOW, epochs=2))
+    assert np.isfinite(model.predict(inputs)).all()
+    assert np.isfinite(curve.to_numpy()).all()
+    assert np.all(model.input_low < model.input_high)
+
+
+# -- the network ------------------------------------------------------------------------------------
+
+
+def problem(rows=7, hidden=6, seed=3):
+    """Weights, a batch with its 1s, and targets, all float64."""
+    r = rng(seed)
+    x = torch.from_numpy(np.column_stack([r.uniform(-1, 1, (rows, 4)), np.ones(rows)]))
+    return new_weights(hidden, r), x, torch.from_numpy(r.uniform(0.05, 0.95, (rows, 2)))
+
+
+def energy(weights, x, t):
+    return 0.5 * (forward(weights, x) - t).square().sum()
+
+
+def by_hand(weights, x, t):
+    """The gradient that `stepper` steps along."""
+    stepped, velocity = weights.clone(), torch.zeros_like(weights)
+    stepper(stepped, velocity, len(x), 1.0, 0.0)(x, x.T, t)
+    return -velocity
+
+
+def test_the_gradient_is_that_of_finite_differences():
+    weights, x, t = problem()
+    found = by_hand(weights, x, t)
+    step = 1e-6
+    for number in range(len(weights)):
+        nudge = torch.zeros_like(weights)
+        nudge[number] = step
+        slope = (energy(weights + nudge, x, t) - energy(weights - nudge, x, t)) / (2 * step)
+        assert found[number].item() == pytest.approx(slope.item(), abs=1e-8)
+    assert found.abs().max() > 0.1
+
+
+def test_the_gradient_is_that_of_autograd():
+    weights, x, t = problem(rows=33, hidden=20, seed=4)
+    leaf = weights.clone().requires_grad_()
+    energy(leaf, x, t).backward()
+    assert torch.allclose(by_hand(weights, x, t), leaf.grad, rtol=1e-12, atol=1e-15)
+    assert torch.autograd.gradcheck(lambda w: forward(w, x), leaf)
+
+
+def test_steps_are_those_of_sgd_with_momentum():
+    weights, x, t = problem()
+    leaf = weights.clone().requires_grad_()
+    peer = torch.optim.SGD([leaf], lr=0.5, momentum=0.5)
+    step = stepper(weights, torch.zeros_like(weights), len(x), 0.5, 0.5)
+    for _ in range(20):
+        peer.zero_grad()
+        energy(leaf, x, t).backward()
+        peer.step()
+        step(x, x.T, t)
+    assert torch.allclose(weights, leaf.detach(), rtol=1e-10, atol=1e-12)
+
+
+def test_a_step_with_a_batch_is_the_sum_of_steps_with_its_rows():
+    weights, x, t = problem()
+    rows = [by_hand(weights, x[n : n + 1], t[n : n + 1]) for n in range(len(x))]
+    assert torch.allclose(by_hand(weights, x, t), sum(rows), rtol=1e-12, atol=1e-15)
+
+
+def test_the_unit_that_is_the_bias_stays_on():
+    weights, x, t = problem(hidden=4)
+    step = stepper(weights, torch.zeros_like(weights), len(x), 5.0, 0.9)
+    for _ in range(100):
+        step(x, x.T, t)
+    first, _ = layers(weights)
+    assert first[:, -1].tolist() == [0, 0, 0, 0, ALWAYS_ON]
+    assert torch.sigmoid(first[-1, -1]).item() == 1.0
+
+
+@pytest.mark.parametrize("hidden", [1, 3, 20])
+def test_the_model_is_the_network_that_was_learnt(hidden):
+    inputs, held = random_inputs(61), random_inputs(30, 1)
+
+    def step_law(inputs):  # the sigmoids overshoot the ends of the range, and are clipped
+        return np.column_stack([inputs[:, 0] > 0.5, np.sign(inputs[:, 3])]).astype(float)
+
+    how = replace(HOW, hidden=hidden, epochs=60)
+    model, curve = train(
+        inputs, step_law(inputs), (held, step_law(held)), how, 0.2, rng()
+    )  # fmt: skip
+    assert model.hidden == hidden
+    assert model.delta_s == 0.2
+    for side, given in (("train", inputs), ("held_out", held)):
+        found = errors(model.predict(given), step_law(given))
+        for name in ("area_rmse", "type_rmse", "type_error_pct"):
+            assert curve[f"{side}_{name}"].iloc[-1] == pytest.approx(found[name], rel=1e-9)
+    assert curve["epoch"].tolist() == list(range(61))
+
+
+def test_it_learns_a_law():
+    inputs, unseen = random_inputs(1500), random_inputs(300, 1)
+    model, curve = learnt(inputs, law(inputs), replace(HOW, epochs=100))
+    found = errors(model.predict(unseen), law(unseen))
+    assert found["area_rmse"] < 0.02
+    assert found["type_accuracy_pct"] > 93
+    assert min(found[f"{word}_recall_pct"] for word in ("straight", "left", "right")) > 90
+    assert curve["train_area_rmse"].iloc[-1] < curve["train_area_rmse"].iloc[0] / 10
+
+
+def test_what_does_not_change_is_learnt_without_nan():
+    inputs = np.tile([0.4, 0, 0.3, 0.0], (50, 1))
+    model, _ = learnt(inputs, inputs[:, :2])
+    assert model.predict(inputs[:1]) == pytest.approx(inputs[:1, :2], abs=0.01)
+
+
+def test_states_stay_in_their_range_whatever_goes_in():
+    for seed in range(5):
+        model = random_model(seed)
+        model = replace(model, output_weights=20 * model.output_weights)
+        far = rng(seed).normal(0, 1e6, (200, 4))
+        found = model.predict(far)
+        assert found.min(0).tolist() >= [0, -1]
+        assert found.max(0).tolist() <= [1, 1]
+        assert set(type_class(found[:, 1])) <= {-1, 0, 1}
+
+
+def same(one, two):
+    return all(
+        np.array_equal(getattr(one, field.name), getattr(two, field.name)) for field in fields(one)
+    )
+
+
+def test_the_seed_decides_every_bit():
+    inputs = random_inputs(100)
+    how = replace(HOW, epochs=3)
+    before = torch.get_num_threads()
+    one = learnt(inputs, law(inputs), how)
+    torch.set_num_threads(2 if before == 1 else 1)
+    torch.manual_seed(99)  # nobody's business
+    others = torch.get_num_threads()
+    two = learnt(inputs, law(inputs), how)
+    assert torch.get_num_threads() == others != before
+    torch.set_num_threads(before)
+    assert same(one[0], two[0])
+    pd.testing.assert_frame_equal(one[1], two[1], check_exact=True)
+    assert not same(one[0], learnt(inputs, law(inputs), how, seed=1)[0])
+
+
+@pytest.mark.parametrize("batch_size", [1, 7, 100, 101, 5000])
+def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
+    seen = []
+    real = finloop.bpn_train.stepper
+
+    def watched(*given):
+        step = real(*given)
+        return lambda x, x_t, t: (seen.extend(x[:, 0].tolist()), step(x, x_t, t))
+
+    monkeypatch.setattr(finloop.bpn_train, "stepper", watched)
+    inputs = random_inputs(101)
+    how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
+    learnt(inputs, law(inputs), how)
+    low, high = input_range(inputs)
+    wanted = np.sort(to_scale(inputs, low, high)[:, 0])
+    assert np.sort(seen[:101]) == pytest.approx(wanted)
+    assert np.sort(seen[101:]) == pytest.approx(wanted)
+    assert seen[:101] != seen[101:]
+
+
+def test_weights_that_run_away_are_said():
+    inputs = random_inputs(60)
+    with pytest.raises(FinloopError, match=r"without bound(.|\n)*bpn.learning_rate"):
+        learnt(inputs, law(inputs), replace(HOW, learning_rate=1e308, epochs=3))
+
+
+def test_a_gpu_that_is_not_there_is_said(monkeypatch):
+    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
+    inputs = random_inputs(60)
+    with pytest.raises(FinloopError, match=r"no CUDA device(.|\n)*bpn.device=cpu"):
+        learnt(inputs, law(inputs), replace(HOW, device="cuda"))
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
+def test_a_gpu_learns_the_same():
+    inputs = random_inputs(300)
+    how = replace(HOW, epochs=3)
+    here, there = (learnt(inputs, law(inputs), replace(how, device=d))[0] for d in ("cpu", "cuda"))
+    assert there.predict(inputs) == pytest.approx(here.predict(inputs), abs=1e-6)
+
+
+# -- errors and baselines ---------------------------------------------------------------------------
+
+
+def test_errors_counted_by_hand():
+    true = np.array([[0.0, 0], [0.2, 0], [0.4, 1], [0.6, 1], [0.8, -1]])
+    said = np.array([[0.0, 0.4], [0.2, -0.9], [0.4, 0.6], [0.6, 0.2], [0.3, -1]])
+    found = errors(said, true)
+    assert found["area_rmse"] == pytest.approx(np.sqrt(0.25 / 5))
+    assert found["type_rmse"] == pytest.approx(np.sqrt((0.16 + 0.81 + 0.16 + 0.64) / 5))
+    assert found["type_accuracy_pct"] == pytest.approx(60)
+    assert found["type_error_pct"] == pytest.approx(40)
+    recalls = [found[f"{word}_recall_pct"] for word in ("straight", "left", "right")]
+    assert recalls == pytest.approx([50, 50, 100])
+    assert confusion(said, true).tolist() == [[1, 0, 1], [1, 1, 0], [0, 0, 1]]
+
+
+def test_a_type_that_does_not_occur_has_no_recall():
+    found = errors(np.zeros((4, 2)), np.zeros((4, 2)))
+    assert np.isnan(found["left_recall_pct"])
+    assert found["straight_recall_pct"] == 100
+
+
+def test_the_baselines():
+    inputs = random_inputs(80)
+    assert np.array_equal(persistence(inputs), inputs[:, :2])
+    slopes = np.array([[0.3, 0], [0, 0.5], [0.1, 0.1], [0.001, 0.002]])
+    later = inputs @ slopes + [0.2, -0.1]
+    unseen = random_inputs(20, 1)
+    assert linear(inputs, later, unseen) == pytest.approx(unseen @ slopes + [0.2, -0.1])
+    assert linear(inputs, 9 * later, unseen)[:, 0].max() == 1  # nothing beyond the range
+
+
+def test_skill_is_one_minus_the_share_of_the_error():
+    rows = motion_rows(table([900, 600]), DELTA)
+    sides = split_by_blocks(rows, 50, 0.3, rng())
+    found = assessment(random_model(), rows, *sides)
+    for baseline in ("persistence", "linear"):
+        share = found["held_out_area_rmse"] / found[f"{baseline}_area_rmse"]
+        assert found[f"area_rmse_skill_against_{baseline}"] == pytest.approx(1 - share)
+        wrong = (100 - found["held_out_type_accuracy_pct"]) / (
+            100 - found[f"{baseline}_type_accuracy_pct"]
+        )
+        assert found[f"type_error_skill_against_{baseline}"] == pytest.approx(1 - wrong)
+    worse = [v for k, v in found.items() if "_skill_" in k and v <= 0]
+    assert found["skills_not_above_0"] == len(worse) > 0  # an untaught network
+    known = rows.inputs[sides[0]], rows.outputs[sides[0]]
+    model, _ = learnt(*known, replace(HOW, epochs=100))
+    taught = assessment(model, rows, *sides)
+    assert taught["skills_not_above_0"] == 0
+    assert (taught["train_rows"], taught["held_out_rows"]) == tuple(side.sum() for side in sides)
+    assert taught["persistence_area_rmse"] == found["persistence_area_rmse"]
+
+
+def test_a_fish_that_never_changes_has_no_skill_to_tell():
+    still = table([200]).assign(swimming_type=0, motion_area_rel=0.3)
+    rows = motion_rows(still, DELTA)
+    found = assessment(random_model(), rows, *split_by_blocks(rows, 40, 0.3, rng()))
+    assert np.isnan(found["type_error_skill_against_persistence"])
+    assert found["persistence_area_rmse"] == 0
+
+
+# -- pictures ---------------------------------------------------------------------------------------
+
+
+def test_figure_15_shows_both_curves(tmp_path):
+    inputs = random_inputs(60)
+    _, curve = learnt(inputs, law(inputs), replace(HOW, epochs=4))
+    figure = figure15(curve)
+    for axes, name in zip(figure.axes, ("area_rmse", "type_error_pct"), strict=True):
+        drawn = [line.get_ydata().tolist() for line in axes.lines]
+        assert drawn == [curve[f"{side}_{name}"].tolist() for side in ("train", "held_out")]
+        assert curve[f"held_out_{name}"].iloc[1:].max() <= axes.get_ylim()[1]
+    save_figure(tmp_path / "a.png", figure)
+    assert load_picture(tmp_path / "a.png").std() > 5
+
+
+@pytest.mark.parametrize("count", [1, 300])
+def test_the_figure_of_held_out_rows(tmp_path, count):
+    inputs = random_inputs(count)
+    true, said = law(inputs), random_model().predict(inputs)
+    figure = held_out_figure(said, true)
+    left, right = figure.axes
+    drawn = np.asarray(left.collections[-1].get_offsets())  # before it, those of the legend
+    assert drawn == pytest.approx(np.column_stack([true[:, 0], said[:, 0]]))
+    for (row, column), number in np.ndenumerate(confusion(said, true)):
+        (cell,) = [text for text in right.texts if text.get_position() == (column, row)]
+        assert f"({number})" in cell.get_text()
+    save_figure(tmp_path / "a.png", figure)
+    assert load_picture(tmp_path / "a.png").std() > 5
+
+
+# -- files ------------------------------------------------------------------------------------------
+
+
+def test_a_model_comes_back_to_the_bit(tmp_path):
+    path = tmp_path / "model.json"
+    for seed in range(5):
+        model = replace(random_model(seed, hidden=seed + 1), delta_s=6 / 28.07)
+        save_model(path, model)
+        assert same(load_model(path), model)
+    assert list(tmp_path.iterdir()) == [path]
+    held = json.loads(path.read_text())
+    assert held["inputs"] == INPUTS
+    assert held["outputs"] == OUTPUTS
+
+
+HARM = {
+    "no JSON": lambda text: text[: len(text) // 2],
+    "no object": lambda text: "[]",
+    "empty": lambda text: "",
+    "another format": lambda text: text.replace("motion model 1", "motion model 2"),
+    "another unit": lambda text: text.replace("body length", "px"),
+    "a NaN": lambda text: text.replace('"margin": 0.05', '"margin": NaN'),
+    "a NaN range": lambda text: text.replace("[\n  0.0,\n  -1.0\n ]", "[\n  NaN,\n  -1.0\n ]"),
+    "an endless weight": lambda text: re.sub(r'(?<="hidden_bias": \[\n)[^,]*', "1e999", text),
+    "a word": lambda text: text.replace('"margin": 0.05', '"margin": "a"'),
+    "no delta": lambda text: text.replace('"delta_s"', '"delta"'),
+    "a negative delta": lambda text: text.replace('"delta_s": 0.2', '"delta_s": -0.2'),
+    "a range upside down": lambda text: text.replace(
+        "[\n  0.0,\n  -1.0\n ]", "[\n  2.0,\n  -1.0\n ]"
+    ),
+    "a weight too few": lambda text: text.replace('"output_bias": [', '"output_bias": [1.0,'),
+}
+
+
+@pytest.mark.parametrize("harm", HARM)
+def test_a_damaged_model_is_one_message(tmp_path, harm):
+    path = tmp_path / "model.json"
+    save_model(path, random_model())
+    whole = path.read_text()
+    damaged = HARM[harm](whole)
+    assert damaged != whole
+    path.write_text(damaged)
+    with pytest.raises(
+        FinloopError, match=r"model.json cannot be read as a motion model(.|\n)*bpn"
+    ):
+        load_model(path)
+
+
+def test_a_model_that_is_not_there_is_one_message(tmp_path):
+    with pytest.raises(FinloopError, match="cannot be read as a motion model"):
+        load_model(tmp_path / "model.json")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_onnx_gives_the_numbers_of_the_model(tmp_path, seed):
+    model = random_model(seed)
+    path = tmp_path / "model.onnx"
+    save_onnx(path, model)
+    session = onnxruntime.InferenceSession(path.read_bytes(), providers=["CPUExecutionProvider"])
+    inputs = np.vstack([random_inputs(300, seed), rng(seed).normal(0, 500, (50, 4))])
+    (found,) = session.run([OUTPUT_NAME], {INPUT_NAME: inputs.astype(np.float32)})
+    assert found == pytest.approx(model.predict(inputs), abs=1e-5)
+    assert session.run(None, {INPUT_NAME: inputs[:1].astype(np.float32)})[0].shape == (1, 2)
+    facts = session.get_modelmeta().custom_metadata_map
+    assert float(facts["delta_s"]) == model.delta_s
+    assert "included_angle_deg [deg]" in facts["inputs"]
+    once = path.read_bytes()
+    save_onnx(path, model)
+    assert path.read_bytes() == once
+
+
+def test_an_export_that_says_something_else_never_appears(tmp_path, monkeypatch):
+    path = tmp_path / "model.onnx"
+    path.write_bytes(b"old")
+    other = to_onnx(replace(random_model(), output_bias=np.array([0.0, 0.01])))
+    assert largest_difference(other, random_model()) > 1e-3
+    monkeypatch.setattr(finloop.files.onnx, "to_onnx", lambda model: other)
+    with pytest.raises(FinloopError, match="the ONNX export is off by"):
+        save_onnx(path, random_model())
+    assert path.read_bytes() == b"old"
+    assert list(tmp_path.iterdir()) == [path]
+    onnx.checker.check_model(other)  # a sound graph, only the wrong one
+
+
+# -- the stage --------------------------------------------------------------------------------------
+
+MADE = {"curve.csv", "fig15.png", "held_out.png", "metrics.json"}
+SHORT = ("bpn.epochs=4", "bpn.block_s=0.8")
+
+
+def put(folder, features, *overrides):
+    """A folder in which `features` has run on a film at 25 Hz."""
+    prepare(folder, *SHORT, *overrides)
+    facts = VideoFacts("file", 320, 240, 500, Fraction(25), False, ((0, 500),))
+    (folder / "data/clip").mkdir(parents=True, exist_ok=True)
+    save_facts(folder / "data/clip" / FACTS_NAME, facts)
+    save_table(folder / "data/features/features.parquet", features, FEATURES)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    """A folder in which the stage has run."""
+    folder = tmp_path_factory.mktemp("ran")
+    put(folder, table([150, 90, 60]))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        stages.bpn.main()
+    return folder
+
+
+@pytest.fixture
+def here(ran, tmp_path, monkeypatch):
+    """A copy of it to work in."""
+    shutil.copytree(ran, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def metrics(folder):
+    return json.loads((folder / "reports/bpn/metrics.json").read_text())
+
+
+def test_the_stage_makes_the_model_and_its_reports(here):
+    assert set(content(here / "reports/bpn")) == MADE
+    assert set(content(here / "data/bpn")) == {"model.json", "model.onnx"}
+    model = load_model(here / "data/bpn/model.json")
+    assert model.delta_s == pytest.approx(DELTA / 25)
+    assert model.hidden == 20
+    curve = pd.read_csv(here / "reports/bpn/curve.csv")
+    assert curve["epoch"].tolist() == list(range(5))
+    found = metrics(here)
+    assert curve["held_out_area_rmse"].iloc[-1] == pytest.approx(
+        found["held_out_area_rmse"], abs=1e-5
+    )
+    assert "other_split_held_out_area_rmse" in found
+    assert all(isinstance(number, int | float) for number in found.values())
+
+
+def test_the_stage_makes_the_same_again(here):
+    once = content(here / "data/bpn") | content(here / "reports")
+    shutil.rmtree(here / "data/bpn")
+    shutil.rmtree(here / "reports")
+    stages.bpn.main()
+    assert content(here / "data/bpn") | content(here / "reports") == once
+
+
+@pytest.mark.parametrize(
+    "override", ["bpn.seed=1", "bpn.split=tracks", "bpn.hidden=5", "bpn.batch_size=3",
+                 "bpn.momentum=0", "bpn.learning_rate=0.2", "bpn.held_out=0.4"]
+)  # fmt: skip
+def test_every_parameter_changes_the_model(here, override):
+    once = content(here / "data/bpn")
+    prepare(here, *SHORT, override)
+    stages.bpn.main()
+    assert content(here / "data/bpn") != once
+
+
+def test_the_seed_decides_the_split_and_the_first_weights(here):
+    models = []
+    for seed in (0, 1):
+        prepare(here, *SHORT, "bpn.learning_rate=1e-9", f"bpn.seed={seed}")
+        stages.bpn.main()
+        models.append(load_model(here / "data/bpn/model.json"))
+    one, two = models
+    assert one.input_high[3] != two.input_high[3]  # from other rows
+    assert np.abs(one.hidden_weights - two.hidden_weights).max() > 0.1
+
+
+def test_both_splits_are_told_from_either_side(here):
+    by_blocks = metrics(here)
+    prepare(here, *SHORT, "bpn.split=tracks")
+    stages.bpn.main()
+    by_tracks = metrics(here)
+    for name in ("held_out_area_rmse", "type_rmse_skill_against_linear"):
+        assert by_tracks[name] == by_blocks[f"other_split_{name}"]
+        assert by_tracks[f"other_split_{name}"] == by_blocks[name]
+
+
+def test_one_track_has_no_other_split(here):
+    put(here, table([200]))
+    stages.bpn.main()
+    assert not [name for name in metrics(here) if name.startswith("other_split")]
+
+
+def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
+    put(here, table([150, 90, 60]).assign(swimming_type=0))
+    stages.bpn.main()
+    found = metrics(here)
+    assert "held_out_left_recall_pct" not in found
+    assert found["held_out_straight_recall_pct"] == 100
+
+
+@pytest.mark.parametrize(
+    ("lengths", "overrides", "message"),
+    [
+        ([200], ["bpn.split=tracks"], "1 track"),
+        ([16], [], "1 block"),
+        ([4, 5, 3], [], "0 block"),
+        ([30], [], "rows to learn from"),
+        ([200], ["bpn.block_s=1000"], "1 block"),
+        ([200], ["bpn.block_s=0.1"], "at least as long as Δ"),
+        ([200], ["bpn.learning_rate=1e308"], "without bound"),
+    ],
+)
+def test_bad_input_is_one_message_and_leaves_what_was_there(here, lengths, overrides, message):
+    before = content(here / "data/bpn") | content(here / "reports")
+    put(here, table(lengths), *overrides)
+    with pytest.raises(FinloopError, match=message):
+        stages.bpn.main()
+    assert content(here / "data/bpn") | content(here / "reports") == before
+
+
+@pytest.mark.parametrize("name", ["data/clip/facts.json", "data/features/features.parquet"])
+@pytest.mark.parametrize("harm", ["missing", "cut short"])
+def test_a_damaged_file_is_one_message(here, name, harm):
+    before = content(here / "data/bpn")
+    whole = (here / name).read_bytes()
+    (here / name).unlink()
+    if harm == "cut short":
+        (here / name).write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FinloopError, match="cannot be read"):
+        stages.bpn.main()
+    assert content(here / "data/bpn") == before

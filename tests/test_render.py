@@ -1,0 +1,826 @@
+"""The painter, marks, films and the stage `render`: laws, ground truth, bad input.
+
+A toy fish is a soft drop of known mass centre, drawn here. What a film shows is read back with PyAV
+or Pillow.
+"""
+
+import json
+import shutil
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import numpy as np
+import pandas as pd
+import pytest
+from av.video.reformatter import ColorRange, Colorspace
+from conftest import TINY_CARP
+from PIL import Image
+from scratch import content, prepare
+
+import stages.clip
+import stages.extract
+import stages.render
+from finloop.animate_edit import EDIT, Goal
+from finloop.errors import FinloopError
+from finloop.files.cutouts import Cutout, CutoutWriter
+from finloop.files.goals import load_goals, save_goals
+from finloop.files.movie import Mp4Writer, WebpWriter
+from finloop.files.picture import load_picture
+from finloop.files.table import save_table
+from finloop.files.video import read_frames
+from finloop.render import (
+    Box,
+    Gallery,
+    Painter,
+    Picture,
+    Shelf,
+    Steps,
+    Turned,
+    _sample,
+    film_steps,
+    picture,
+    placed,
+    step_numbers,
+)
+from finloop.render_marks import COLOURS, Marks, aims, parts, rgb
+from finloop.render_plots import Tile, contact_sheet, liveliest, trajectory, window
+from finloop.sprites import SPRITES
+
+BLACK = np.zeros((90, 120), np.uint8)
+
+
+def drop(size=31, channels=2, level=1.0):
+    """A soft drop, larger to its right: premultiplied (size, size, channels), symmetric in y."""
+    y, x = np.mgrid[:size, :size] - (size - 1) / 2
+    alpha = 255 * np.exp(-((x / 4) ** 2) - (y / (3.5 + 0.1 * x)) ** 2)
+    colours = [alpha * level * share for share in (1, 0.6, 0.3)[: channels - 1]]
+    return np.round(np.dstack([*colours, alpha])).astype(np.uint8)
+
+
+def centre(image):
+    """The mass centre (x, y) of a grey picture."""
+    y, x = np.mgrid[: image.shape[0], : image.shape[1]]
+    return np.array([(image * x).sum(), (image * y).sum()]) / image.sum()
+
+
+def fish(pixels=None, **how):
+    pixels = drop() if pixels is None else pixels
+    return Turned(picture(pixels, *centre(pixels[..., -1].astype(float))), **how)
+
+
+def seen(x, y, one, partner=None, weight=0.0, tank=BLACK):
+    """The tank with a fish in it."""
+    painter = Painter(tank)
+    painter.draw(x, y, one, partner, weight)
+    return painter.frame.copy()
+
+
+def noise(rng, height, width, channels):
+    """A premultiplied picture that is as rough as can be."""
+    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
+    colour = rng.random((height, width, channels - 1)) * alpha
+    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
+
+
+# --- the painter ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("tank_channels", [1, 3])
+def test_a_fish_in_its_own_place_is_the_cutout_bit_for_bit(tank_channels):
+    rng = np.random.default_rng(0)
+    tank = rng.integers(0, 256, (60, 80, tank_channels), np.uint8).squeeze()
+    for trial in range(20):
+        pixels = noise(rng, *rng.integers(5, 30, 2), tank_channels + 1)
+        x0, y0 = (int(n) for n in rng.integers(0, 30, 2))
+        x, y = x0 + rng.random() * 20, y0 + rng.random() * 20  # anywhere: a mass centre is no pixel
+        cutout = Cutout(0, 0, x0, y0, pixels)
+        wanted = tank.copy()
+        wanted[y0 : y0 + len(pixels), x0 : x0 + pixels.shape[1]] = cutout.over(tank)
+        for angle in (0.0, 360.0, -720.0):
+            own = Turned(picture(pixels, x - x0, y - y0), angle, 1.0)
+            assert np.array_equal(seen(x, y, own, tank=tank), wanted), (trial, angle)
+
+
+def test_every_alpha_over_every_level_is_rounded_as_the_cutout():
+    level, alpha = np.meshgrid(np.arange(256, dtype=np.uint8), np.arange(256, dtype=np.uint8))
+    for colour in (np.zeros_like(alpha), alpha // 2, alpha):
+        pixels = np.dstack([colour, alpha])
+        shown = seen(0.0, 0.0, Turned(picture(pixels, 0.0, 0.0)), tank=level)
+        assert np.array_equal(shown, Cutout(0, 0, 0, 0, pixels).over(level))
+
+
+@pytest.mark.parametrize("shift", [(0.5, 0.0), (0.0, 0.5), (0.25, -0.1), (3.9, 7.3)])
+def test_a_shift_by_a_part_of_a_pixel_moves_the_mass_centre_by_it(shift):
+    one = fish()
+    moved = centre(seen(60 + shift[0], 40 + shift[1], one)) - centre(seen(60, 40, one))
+    assert moved == pytest.approx(shift, abs=0.02)  # levels are whole
+
+
+def test_the_mass_centre_is_where_it_is_asked_for_however_turned_and_scaled():
+    for angle in range(0, 360, 17):
+        for scale in (0.7, 1.0, 1.6):
+            at = centre(seen(61.3, 44.8, fish(rotation_deg=angle, scale=scale)))
+            assert at == pytest.approx([61.3, 44.8], abs=0.02), (angle, scale)
+
+
+def test_the_kernel_gives_back_polynomials_of_the_second_degree():
+    y, x = np.mgrid[:12, :14].astype(float)
+    slope = np.round(20 + 3 * x + 0.5 * x * (x - 1) + 4 * y).astype(np.uint8)
+    pixels = np.dstack([slope, np.full_like(slope, 255)])
+    for u, v in ((5.0, 5.0), (5.1, 6.7), (6.25, 4.5), (7.9, 3.01)):
+        wanted = 20 + 3 * u + 0.5 * u * (u - 1) + 4 * v
+        assert _sample(pixels, pixels[..., 1], u, v) == pytest.approx(
+            (wanted, wanted, wanted, 255), abs=1e-3
+        )
+
+
+@pytest.mark.parametrize("quarter", [1, 2, 3, 5, -1])
+def test_quarter_turns_are_anticlockwise_and_exact(quarter):
+    pixels = drop()
+    middle = (pixels.shape[0] - 1) / 2
+    upright = seen(50, 40, Turned(picture(pixels, middle, middle)))
+    turned = seen(50, 40, Turned(picture(pixels, middle, middle), 90.0 * quarter))
+    around = np.s_[40 - 15 : 40 + 16, 50 - 15 : 50 + 16]
+    assert np.array_equal(turned[around], np.rot90(upright[around], quarter))
+
+
+def test_a_turn_by_any_angle_turns_the_long_axis_by_it():
+    def axis(image):
+        x, y = centre(image)
+        v, u = np.mgrid[: image.shape[0], : image.shape[1]] - np.array([y, x])[:, None, None]
+        xx, yy, xy = ((image * m).sum() for m in (u * u, v * v, -u * v))  # y up
+        return np.degrees(np.arctan2(2 * xy, xx - yy) / 2)
+
+    for angle in (7.5, 30.0, -41.0, 80.0):
+        one = fish(rotation_deg=angle)
+        assert axis(seen(60, 45, one).astype(float)) == pytest.approx(angle, abs=0.5)
+
+
+def test_scale_scales_areas():
+    masses = [seen(60, 45, fish(scale=scale)).sum(dtype=float) for scale in (1.0, 1.5, 2.0)]
+    assert np.array(masses) / masses[0] == pytest.approx([1, 2.25, 4], rel=0.01)
+
+
+def test_a_turn_there_and_back_loses_little():
+    there = seen(60, 45, fish(rotation_deg=33.0))
+    again = np.dstack([there, there])
+    back = seen(60, 45, Turned(picture(again, 60.0, 45.0), -33.0))
+    assert np.abs(back.astype(int) - seen(60, 45, fish())).max() <= 6
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.25, 0.5, 0.9, 1.0])
+@pytest.mark.parametrize("channels", [2, 4])
+def test_a_crossfade_is_linear_between_either_alone(weight, channels):
+    rng = np.random.default_rng(1)
+    tank = rng.integers(0, 256, (90, 120, channels - 1), np.uint8).squeeze()
+    a = Turned(picture(noise(rng, 20, 31, channels), 14.2, 9.1), 12.0, 1.1)
+    tall = picture(noise(rng, 31, 12, channels), 5.5, 16.0)
+    b = Turned(tall, 5.0, 1.5)  # stands out at both ends
+    alone = [seen(60.3, 44.6, one, tank=tank).astype(float) for one in (a, b)]
+    faded = seen(60.3, 44.6, a, b, weight, tank=tank)
+    assert np.abs(faded - ((1 - weight) * alone[0] + weight * alone[1])).max() <= 1.001
+    if weight in (0.0, 1.0):
+        assert np.array_equal(faded, alone[int(weight)])
+
+
+def test_a_fish_is_transparent_in_proportion():
+    """Blending is linear in the tank's level, too."""
+    one = fish(rotation_deg=20.0)
+    levels = [
+        seen(60.2, 40.7, one, tank=np.full_like(BLACK, n)).astype(float) for n in (0, 100, 200)
+    ]
+    assert np.abs(levels[1] - (levels[0] + levels[2]) / 2).max() <= 1
+
+
+@pytest.mark.parametrize("level", [0, 90, 255])
+def test_a_fish_of_the_tanks_colour_is_not_seen(level):
+    """No fringe, no halo, nothing that overflows, however hard its edges."""
+    alpha = 255 * (np.random.default_rng(2).random((25, 25)) < 0.5)
+    alpha[5:20, 5:20] = 255
+    pixels = np.dstack([np.round(alpha * level / 255), alpha]).astype(np.uint8)
+    tank = np.full_like(BLACK, level)
+    for angle in range(0, 180, 13):
+        shown = seen(60.37, 44.81, Turned(picture(pixels, 12.0, 12.0), angle, 1.2), tank=tank)
+        assert np.abs(shown.astype(int) - level).max() <= (1 if level == 90 else 0)
+
+
+def test_a_bright_fish_never_overflows():
+    """Over white a picture is 255 − alpha + colour: never beyond white, nor darker than black is."""
+    rng = np.random.default_rng(3)
+    white = np.full((90, 120, 3), 255, np.uint8)
+    for angle in range(0, 360, 31):
+        pixels = noise(rng, 20, 20, 4)
+        black = pixels * np.array([0, 0, 0, 1], np.uint8)
+        bright, dark = (
+            seen(60.4, 44.3, Turned(picture(one, 9.5, 9.5), angle, 1.3), tank=white).astype(int)
+            for one in (pixels, black)
+        )
+        assert (bright >= dark).all()  # what overflowed would begin at 0 again
+
+
+def test_fish_that_do_not_overlap_commute():
+    a, b = fish(rotation_deg=10.0), fish(drop(level=0.4), rotation_deg=200.0)
+    painters = [Painter(BLACK), Painter(BLACK)]
+    boxes = [painters[0].draw(30.2, 40.9, a), painters[0].draw(85.7, 44.1, b)]
+    painters[1].draw(85.7, 44.1, b)
+    painters[1].draw(30.2, 40.9, a)
+    assert boxes[0].right <= boxes[1].left
+    assert np.array_equal(painters[0].frame, painters[1].frame)
+    assert np.array_equal(painters[0].frame, np.maximum(seen(30.2, 40.9, a), seen(85.7, 44.1, b)))
+
+
+def test_fish_that_overlap_hide_each_other_in_order():
+    solid = np.full((11, 11, 2), 255, np.uint8)
+    dark = np.dstack([np.zeros((11, 11)), solid[..., 1]]).astype(np.uint8)
+    painter = Painter(BLACK)
+    painter.draw(50, 40, Turned(picture(solid, 5.0, 5.0)))
+    painter.draw(50, 40, Turned(picture(dark, 5.0, 5.0)))
+    assert painter.frame[40, 50] == 0
+
+
+def test_what_lies_outside_is_cut_off():
+    rng = np.random.default_rng(4)
+    one = Turned(picture(noise(rng, 15, 25, 2), 12.0, 7.0), 25.0)
+    wide = np.full((190, 220), 80, np.uint8)
+    for x, y in (
+        (-3.3, 20.0),
+        (119.0, 89.5),
+        (60.2, -7.7),
+        (60.0, 95.0),
+        (-200.0, 30.0),
+        (1e6, -1e6),
+    ):
+        far = seen(min(x, 160) + 50, max(y, -40) + 50, one, tank=wide) if abs(x) < 1e5 else wide
+        painter = Painter(wide[50:140, 50:170])
+        box = painter.draw(x, y, one)
+        assert np.array_equal(painter.frame, far[50:140, 50:170])
+        assert box.empty == (abs(x) > 150)
+
+
+def test_a_grey_fish_on_a_canvas_of_colour_is_grey():
+    one = fish(rotation_deg=15.0)
+    grey, painter = seen(60.4, 40.2, one), Painter(BLACK, colour=True)
+    painter.draw(60.4, 40.2, one)
+    assert np.array_equal(painter.frame, np.dstack([grey] * 3))
+    with pytest.raises(ValueError, match="coloured canvas"):
+        Painter(BLACK).draw(60, 40, fish(drop(channels=4)))
+
+
+def test_colours_keep_their_order():
+    shown = seen(60, 40, fish(drop(channels=4)), tank=np.zeros((90, 120, 3), np.uint8))
+    red, green, blue = shown.reshape(-1, 3).sum(axis=0, dtype=float)
+    assert (green / red, blue / red) == pytest.approx((0.6, 0.3), abs=0.02)
+
+
+def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
+    rng = np.random.default_rng(5)
+    tank = rng.integers(0, 256, (90, 120), np.uint8)
+    kept = tank.copy()
+    painter = Painter(tank)
+    for _ in range(30):
+        painter.draw(*rng.uniform(-20, 140, 2), fish(rotation_deg=rng.uniform(0, 360)))
+    assert not np.array_equal(painter.frame, tank)
+    painter.wipe()
+    assert np.array_equal(painter.frame, tank) and np.array_equal(tank, kept)
+    painter.canvas[0, 0] ^= 255  # nothing is left to wipe
+    painter.wipe()
+    assert not np.array_equal(painter.canvas[0, 0], painter.floor[0, 0])
+    painter.canvas[:] = painter.floor
+    painter.show(placed_at(20.0, 30.0))
+    painter.show(placed_at(80.0, 30.0))
+    assert np.array_equal(painter.frame, seen(80.0, 30.0, fish(), tank=tank))
+
+
+def placed_at(x, y):
+    from finloop.render import Placed
+
+    return Placed(x, y, fish(), None, 0.0)
+
+
+def test_the_box_holds_all_that_was_drawn():
+    for angle in range(0, 360, 11):
+        painter = Painter(BLACK)
+        pixels = np.full((9, 40, 2), 255, np.uint8)
+        box = painter.draw(60.3, 45.4, Turned(picture(pixels, 8.0, 4.0), angle, 1.3))
+        rows, columns = np.nonzero(painter.frame)
+        found = Box(rows.min(), columns.min(), rows.max() + 1, columns.max() + 1)
+        assert np.all(np.abs(np.subtract(found, box)) <= 3)
+        assert Box.around([found, box]) == box
+
+
+# --- edit lists ----------------------------------------------------------------------------------
+
+
+def edit_list(n, **columns):
+    """An edit list of n ticks on the film's own pictures, every column as given."""
+    usual = {
+        "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
+        "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
+        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
+        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0,
+        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "nn",
+        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0, "decision": None,
+    }  # fmt: skip
+    return pd.DataFrame(usual | columns)
+
+
+def gallery(count=3, keep=512):
+    """Pictures of the film: drops of the same size, lying at their own places."""
+    store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
+    own = centre(drop()[..., -1].astype(float))
+    return Gallery({"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep)
+
+
+def test_rows_are_drawn_as_they_say():
+    shelf = gallery()
+    edit = edit_list(
+        2, source=[0, 2], rotation_deg=[0.0, 30.0], scale=[1.0, 1.5], weight=[0.0, 0.25],
+        partner_kind=[None, "frame"], partner=pd.array([pd.NA, 1], dtype="Int32"),
+        partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
+    )  # fmt: skip
+    first, second = placed(edit, shelf)
+    pictures = [shelf.picture("frame", i) for i in range(3)]
+    assert first == (30.0, 45.0, Turned(pictures[0]), None, 0.0)
+    assert second == (
+        90.0,
+        45.0,
+        Turned(pictures[2], 30.0, 1.5),
+        Turned(pictures[1], -20.0, 0.5),
+        0.25,
+    )
+
+
+def test_the_gallery_holds_no_more_than_it_may():
+    shelf = gallery(5, keep=2)
+    for number in (0, 1, 2, 3, 4, 4, 3):
+        assert isinstance(shelf.picture("frame", number), Picture)
+    info = shelf.picture.cache_info()
+    assert (info.currsize, info.hits, info.misses) == (2, 2, 5)
+
+
+FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "partner_scale": 1.0}
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        ({"source": [0, 3, 3]}, r"tick 1: source is 3, wanted a frame, 0 … 2 \(and at 1 more"),
+        ({"source": [0, 0, -1]}, "tick 2: source is -1"),
+        ({"kind": "sprite"}, "kind is sprite, wanted frame"),
+        ({"scale": [1.0, 0.0, 1.0]}, "tick 1: scale is 0.0, wanted more than 0"),
+        ({"scale": -1.0}, "scale is -1.0"),
+        ({"scale": np.inf}, "scale is inf"),
+        ({"rotation_deg": np.inf}, "rotation_deg is inf"),
+        ({"x_px": np.nan}, "x_px is nan"),
+        ({"weight": 1.5}, "weight is 1.5"),
+        ({"weight": 0.5}, "partner_kind is None"),
+        ({**FADE, "partner": 7}, "partner is 7"),
+        ({**FADE, "partner": 0, "partner_scale": 0.0}, "partner_scale is 0.0"),
+        ({"tick": [0, 1, 3]}, "tick 3: tick is 3"),
+    ],
+)
+def test_what_cannot_be_drawn_is_said_at_once(harm, said):
+    with pytest.raises(FinloopError, match=said):
+        placed(edit_list(3, **harm), gallery())
+
+
+def test_all_problems_are_said_together_and_none_is_none():
+    with pytest.raises(FinloopError) as caught:
+        placed(edit_list(3, source=9, scale=0.0, weight=2.0), gallery())
+    assert all(word in str(caught.value) for word in ("source", "scale", "weight"))
+    with pytest.raises(FinloopError, match="the edit list is empty"):
+        placed(edit_list(0), gallery())
+    assert len(list(placed(edit_list(3), gallery()))) == 3
+
+
+def test_a_step_is_the_distance_of_the_two_pictures():
+    tank = np.random.default_rng(6).integers(0, 200, (90, 120, 3), np.uint8)
+    for channels in (1, 3):
+        painter = Painter(tank[..., 0] if channels == 1 else tank)
+        steps, shown = Steps(painter), []
+        for x in (-50.0, 3.0, 30.0, 33.7, 90.0, 90.0, 300.0, 300.0):
+            step = steps.to(painter.show(placed_at(x, 40.0)))
+            shown.append(painter.canvas.astype(float))
+            if len(shown) == 1:
+                assert np.isnan(step)
+            else:
+                wanted = np.sqrt(((shown[-1] - shown[-2]) ** 2).sum() / channels)
+                assert step == pytest.approx(wanted, rel=1e-5)
+
+
+def test_steps_of_the_film_join_consecutive_frames_of_one_track():
+    """In whatever order its rows are; a gap and a change of track are no steps."""
+    shelf, painter = gallery(5), Painter(BLACK)
+    places = shelf.shelves["frame"].centres_px
+    tracks = pd.DataFrame(
+        {
+            "track_id": [7, 2, 7, 2, 2],
+            "frame": [3, 9, 4, 7, 8],
+            "x_px": places[:, 0],
+            "y_px": places[:, 1],
+        }
+    )
+    found = film_steps(painter, shelf, "frame", tracks)
+    pictures = [seen(*places[i], Turned(shelf.picture("frame", i))).astype(float) for i in range(5)]
+    wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((3, 4), (4, 1), (0, 2))]
+    assert found == pytest.approx(wanted)
+    assert len(film_steps(painter, shelf, "frame", tracks, most=2)) == 2
+    assert len(film_steps(painter, shelf, "frame", tracks.iloc[:1])) == 0
+
+
+def test_step_numbers_are_one_where_nothing_differs():
+    steps = np.linspace(1, 2, 101)
+    numbers = step_numbers([np.nan, *steps], steps)
+    assert numbers["picture_step_ratio"] == 1
+    assert numbers["picture_steps_above_film_p95_share"] == pytest.approx(0.05, abs=0.01)
+    assert step_numbers([np.nan], steps) == {}
+
+
+# --- marks and pictures --------------------------------------------------------------------------
+
+TANK = np.full((240, 320), 150, np.uint8)
+GOALS = [Goal("A", 90.0, 60.0), Goal("B", 230.0, 120.0)]
+
+
+def journey():
+    """Ten ticks to A, ten to B, ten of wandering, straight but for a turn in the middle."""
+    return edit_list(
+        30, x_px=np.linspace(40, 280, 30), y_px=np.linspace(60, 140, 30),
+        goal=["A"] * 10 + ["B"] * 10 + [""] * 10, state=["straight"] * 12 + ["turn"] * 6 + ["straight"] * 12,
+        heading_deg=np.r_[np.zeros(12), np.arange(6) * 10, np.full(12, 60)],
+    )  # fmt: skip
+
+
+def test_parts_and_aims():
+    edit = journey()
+    names, colours = parts(edit)
+    assert list(names) == list(edit["state"])
+    assert colours == {word: COLOURS[word] for word in ("straight", "turn")}
+    assert aims(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
+    mixed = edit.assign(mode=["nn"] * 15 + ["loop"] * 15)
+    assert list(parts(mixed)[1]) == ["nn", "loop"]
+    assert len(parts(edit.assign(state="hovers"))[1]) == 1
+    assert rgb("#0072B2") == (0, 114, 178)
+
+
+def test_marks_lie_below_the_fish_and_the_way_grows():
+    edit = journey()
+    shelf = Gallery(
+        {"frame": Shelf([Cutout(0, 0, 0, 0, np.full((5, 5, 2), 255, np.uint8))], [[2, 2]])}
+    )
+    marked, clean = Painter(TANK, colour=True), Painter(TANK, colour=True)
+    marks = Marks(marked, edit, GOALS)
+    marks_seen = []
+    for tick, one in enumerate(placed(edit, shelf)):
+        clean.show(one)
+        marks.show(tick, one)
+        differs = (marked.frame != clean.frame).any(axis=2)
+        marks_seen.append(differs.sum())
+        x, y = round(one.x_px), round(one.y_px)
+        assert not differs[y - 1 : y + 2, x - 1 : x + 2].any()  # the fish is on top
+        above = (marked.canvas != marked.floor).any(axis=2)
+        above[y - 4 : y + 5, x - 4 : x + 5] = above[marks._plate.of] = False
+        assert not above.any()  # all else is on the floor, and shown at once
+        if tick == 15:
+            way = marked.frame[round(edit["y_px"][6]), round(edit["x_px"][6])].astype(int)
+            assert np.abs(way - rgb(COLOURS["straight"])).max() < 90
+    assert marks_seen[-1] > marks_seen[1] + 100
+    ring = marked.floor[60 - 8 : 60 + 9, 90 - 8 : 90 + 9]
+    assert (ring.min(axis=2) > 200).any()  # goal A, reached, in white
+    marked.wipe()
+    assert np.array_equal(marked.canvas, marked.floor)
+
+
+def test_the_caption_keeps_out_of_the_fishs_way():
+    for corner, (x, y) in enumerate([(20, 20), (300, 20), (20, 220), (300, 220)]):
+        edit = edit_list(5, x_px=float(x), y_px=float(y))
+        painter = Painter(TANK, colour=True)
+        marks = Marks(painter, edit, [])
+        marks.show(0, next(placed(edit, gallery())))
+        dark = (painter.canvas == 75).all(axis=2)
+        assert dark.sum() > 500, corner
+        assert not dark[max(0, y - 15) : y + 15, max(0, x - 15) : x + 15].any(), corner
+
+
+def test_a_name_at_the_edge_is_written_to_the_other_side():
+    painter = Painter(TANK, colour=True)
+    Marks(painter, journey(), [Goal("feeder", 310.0, 200.0)])
+    assert (painter.floor[190:210, 250:300] > 200).any()
+
+
+def test_the_trajectory_shows_ways_and_goals():
+    edit = journey()
+    figure = trajectory(edit, GOALS, TANK)
+    axes = figure.axes[0]
+    drawn = sum(
+        len(lines.get_segments()) for lines in axes.collections if hasattr(lines, "get_segments")
+    )
+    assert drawn == len(edit) - 1
+    assert {text.get_text() for text in axes.texts} == {"A  0.4 s", "B  0.8 s"}
+    key = {text.get_text() for text in figure.legends[0].get_texts()}
+    assert key == {"straight", "turn", "wandering", "start"}
+    assert trajectory(edit.iloc[:1], GOALS, TANK).axes  # of a single tick, too
+
+
+def test_the_sheet_begins_where_most_happens():
+    edit = journey()
+    assert 8 <= liveliest(edit, 10) <= 13
+    assert liveliest(edit, 30) == liveliest(edit, 99) == 0
+    over = edit.assign(heading_deg=[*[179.0, -179.0] * 5, *range(0, 60, 3)])  # ±180 is no turn
+    assert liveliest(over, 10) >= 9
+    tiles = [Tile(TANK[:41, :41], tick, "turn", "#D55E00", 0.3) for tick in range(10)]
+    sheet = contact_sheet(tiles, columns=4, size=60)
+    assert sheet.shape == (3 * (60 + 18 + 2), 4 * 62, 3)
+
+
+def test_a_window_goes_on_beyond_the_edge():
+    picture = np.arange(100, dtype=np.uint8).reshape(10, 10)
+    assert np.array_equal(window(picture, 5.2, 4.9, 2), picture[3:8, 3:8])
+    assert np.array_equal(window(picture, 0, 0, 1), [[0, 0, 1], [0, 0, 1], [10, 10, 11]])
+
+
+# --- films ---------------------------------------------------------------------------------------
+
+RATE = Fraction(2807, 100)
+
+
+def clip(count, shape):
+    """A bright square that wanders over a slope."""
+    slope = np.linspace(40, 200, shape[1]).astype(np.uint8)
+    for number in range(count):
+        frame = np.broadcast_to(slope if len(shape) == 2 else slope[:, None], shape).copy()
+        frame[10:20, 2 * number : 2 * number + 10] = 250
+        yield frame
+
+
+def write(writer, frames):
+    with writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+@pytest.mark.parametrize("shape", [(48, 64), (48, 64, 3), (47, 63), (47, 63, 3)])
+def test_an_mp4_comes_back(tmp_path, shape):
+    path = tmp_path / "a.mp4"
+    frames = list(clip(20, shape))
+    write(Mp4Writer(path, shape, RATE, 10), frames)
+    with av.open(str(path)) as container:
+        stream = container.streams.video[0]
+        assert (stream.average_rate, stream.frames, stream.codec_context.pix_fmt) == (
+            RATE,
+            20,
+            "yuv420p",
+        )
+        assert (stream.height, stream.width) == (
+            48,
+            64,
+        )  # odd sides repeat their last row or column
+        assert stream.codec_context.color_range == ColorRange.MPEG
+        assert stream.codec_context.colorspace == Colorspace.ITU709
+        assert stream.codec_context.color_primaries == stream.codec_context.color_trc == 1
+        back = [frame.to_ndarray(format="rgb24") for frame in container.decode(stream)]
+        times = [round(Fraction(p.pts) * stream.time_base * RATE) for p in _shown(path)]
+    assert times == list(range(20))
+    for frame, shown in zip(frames, back, strict=True):
+        wanted = frame if frame.ndim == 3 else np.dstack([frame] * 3)
+        error = np.abs(shown[: shape[0], : shape[1]].astype(int) - wanted)
+        assert error.mean() < 1.5 and np.quantile(error, 0.99) <= 8
+        assert np.abs(shown[:, -1].astype(int) - shown[:, -2]).max() <= 30  # nothing black
+        assert np.abs(shown[-1].astype(int) - shown[-2]).max() <= 30
+    data = path.read_bytes()
+    assert data.index(b"moov") < data.index(b"mdat")  # plays before it is loaded
+
+
+def _shown(path):
+    with av.open(str(path)) as container:
+        yield from container.decode(video=0)
+
+
+def test_colours_come_back(tmp_path):
+    colours = np.array(
+        [(213, 94, 0), (0, 114, 178), (0, 158, 115), (255, 255, 255), (0, 0, 0)], np.uint8
+    )
+    frame = np.repeat(np.repeat(colours[None], 32, axis=0), 32, axis=1)
+    write(Mp4Writer(tmp_path / "a.mp4", frame.shape, RATE, 5), [frame] * 3)
+    write(WebpWriter(tmp_path / "a.webp", frame.shape, RATE, 160, 95), [frame] * 3)
+    film = next(_shown(tmp_path / "a.mp4")).to_ndarray(format="rgb24")
+    webp = np.asarray(Image.open(tmp_path / "a.webp").convert("RGB"))
+    for shown in (film, webp):
+        assert np.abs(shown[16, 16::32].astype(int) - colours).max() <= 6
+
+
+@pytest.mark.parametrize("shape", [(48, 64), (96, 127, 3)])
+def test_a_webp_comes_back(tmp_path, shape):
+    path = tmp_path / "a.webp"
+    write(WebpWriter(path, shape, RATE, 64, 90), clip(20, shape))
+    with Image.open(path) as film:
+        assert (film.n_frames, film.size, film.info["loop"]) == (20, (64, 48), 0)
+        lasts = []
+        for number in range(20):
+            film.seek(number)
+            film.load()
+            lasts.append(film.info["duration"])
+        at = np.asarray(film.convert("L")).astype(int)
+    assert sum(lasts) == pytest.approx(20 * 1000 / RATE, abs=2) and set(lasts) == {35, 36}
+    assert at[round(15 * 48 / shape[0]), round((2 * 19 + 5) * 64 / shape[1])] > 230
+
+
+def test_same_frames_give_the_same_bytes(tmp_path):
+    for name in "ab":
+        write(Mp4Writer(tmp_path / f"{name}.mp4", (48, 64), RATE, 20), clip(20, (48, 64)))
+        write(WebpWriter(tmp_path / f"{name}.webp", (48, 64), RATE, 64, 75), clip(20, (48, 64)))
+    for kind in ("mp4", "webp"):
+        assert (tmp_path / f"a.{kind}").read_bytes() == (tmp_path / f"b.{kind}").read_bytes()
+
+
+@pytest.mark.parametrize("make", [
+    lambda path: Mp4Writer(path, (48, 64), RATE, 20),
+    lambda path: WebpWriter(path, (48, 64), RATE, 64, 75),
+])  # fmt: skip
+def test_an_unfinished_film_leaves_what_was_there(tmp_path, make):
+    path = tmp_path / "a.film"
+    path.write_bytes(b"before")
+    with pytest.raises(ValueError, match="wanted"):
+        write(make(path), [np.zeros((48, 64), np.uint8), np.zeros((48, 65), np.uint8)])
+    with pytest.raises(ValueError, match="wanted"):
+        write(make(path), [np.zeros((48, 64), float)])
+    assert path.read_bytes() == b"before" and len(list(tmp_path.iterdir())) == 1
+
+
+def test_goals_come_back(tmp_path):
+    goals = [Goal("A", 1.5, 2.0), Goal("Füttern", 3.0, 4.25)]
+    save_goals(tmp_path / "goals.json", goals)
+    assert load_goals(tmp_path / "goals.json") == goals
+    for text in ("", "[1]", '[{"name": "A"}]', '{"a": 1}'):
+        (tmp_path / "goals.json").write_text(text)
+        with pytest.raises(FinloopError, match="cannot be read"):
+            load_goals(tmp_path / "goals.json")
+    with pytest.raises(FinloopError, match="cannot be read"):
+        load_goals(tmp_path / "none.json")
+
+
+# --- the stage -----------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def extracted(tmp_path_factory):
+    """A folder with the drawn carp, extracted, and an edit list that replays its first track."""
+    folder = tmp_path_factory.mktemp("render")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(stages.extract, "THREADS", 1)
+        prepare(folder, *TINY_CARP, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
+        stages.clip.main()
+        stages.extract.main()
+    tracks = pd.read_parquet(folder / "data/extract/tracks.parquet")
+    own = tracks[tracks["track_id"] == tracks["track_id"].mode()[0]].sort_values("frame")
+    edit = edit_list(
+        len(own), source=own.index, x_px=own["x_px"].to_numpy(), y_px=own["y_px"].to_numpy(),
+        goal=["A"] * 10 + [""] * (len(own) - 10),
+    )  # fmt: skip
+    save_table(folder / "data/animate/nn.parquet", edit, EDIT)
+    save_goals(folder / "data/animate/goals.json", [Goal("A", 100.0, 60.0)])
+    (folder / "first_frame").write_text(str(own["frame"].iloc[0]))
+    return folder
+
+
+@pytest.fixture
+def folder(extracted, tmp_path, monkeypatch):
+    """A copy of it, to be in."""
+    shutil.copytree(extracted, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def edited(folder, **columns):
+    """Change columns of the edit list."""
+    path = folder / "data/animate/nn.parquet"
+    save_table(path, pd.read_parquet(path).assign(**columns), EDIT)
+
+
+def test_a_replay_of_the_film_is_the_film(folder):
+    """Ground truth: the film's own frames, at their own places, show what the film shows."""
+    prepare(folder, *TINY_CARP, "render.crf=5")
+    stages.render.main()
+    start = int((folder / "first_frame").read_text())
+    film = list(read_frames(Path("data/clip/clip.mp4"), colour=True, start=start))
+    tank = load_picture(Path("data/extract/background.png")).astype(int)
+    shown = [frame.to_ndarray(format="rgb24") for frame in _shown("data/render/nn.mp4")]
+    assert shown[0].shape[:2] == (242, 320)  # 241 rows of film
+    for real, drawn in zip(film, shown, strict=False):
+        fish = np.abs(real.astype(int) - tank).max(axis=2) > 40
+        assert fish.sum() > 200
+        error = np.abs(drawn[:241].astype(int) - real)[fish]
+        assert error.mean() < 5 and error.mean() < 0.08 * np.abs(real - tank)[fish].mean()
+    metrics = json.loads(Path("reports/render/metrics.json").read_text())
+    assert metrics["frames"] == len(shown)
+    assert metrics["picture_step_ratio"] == pytest.approx(1, abs=0.01)
+    assert metrics["nn_mp4_bytes"] == Path("data/render/nn.mp4").stat().st_size
+    assert set(content(Path("data/render"))) == {"nn.mp4", "nn_marked.mp4", "nn.webp"}
+    for name in ("trajectory.png", "contact_sheet.png"):
+        assert load_picture(Path("reports/render") / name).std() > 10
+
+
+def test_the_same_edit_list_gives_the_same_bytes(folder):
+    stages.render.main()
+    first = content(Path("data/render")) | content(Path("reports/render"))
+    stages.render.main()
+    assert content(Path("data/render")) | content(Path("reports/render")) == first
+
+
+def test_without_marks_and_webp_there_is_only_the_film(folder):
+    Path("data/render").mkdir(parents=True)
+    Path("data/render/old.mp4").write_text("of another run")
+    prepare(folder, *TINY_CARP, "render.marks=false", "render.webp_seconds=0.0")
+    stages.render.main()
+    assert set(content(Path("data/render"))) == {"nn.mp4"}
+
+
+def test_a_webp_is_as_short_as_asked(folder):
+    prepare(folder, *TINY_CARP, "render.webp_seconds=0.4", "render.webp_width_px=100")
+    stages.render.main()
+    with Image.open("data/render/nn.webp") as film:
+        assert (film.n_frames, film.size) == (10, (100, 76))
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (lambda f: edited(f, source=99_999), "wanted a frame"),
+        (lambda f: edited(f, scale=0.0), "wanted more than 0"),
+        (lambda f: save_table(f / "data/animate/nn.parquet", edit_list(0), EDIT), "edit list is empty"),
+        (lambda f: (f / "data/animate/nn.parquet").unlink(), "nn.parquet cannot be read"),
+        (lambda f: (f / "data/animate/goals.json").unlink(), "goals.json cannot be read"),
+        (lambda f: (f / "data/extract/cutouts.arrow").unlink(), "cutouts.arrow cannot be read"),
+        (lambda f: (f / "data/extract/background.png").unlink(), "background.png cannot be read"),
+        (lambda f: edited(f, kind="sprite"), "sprites.parquet cannot be read"),
+        (lambda f: edited(f, kind="ghost"), "kind is ghost"),
+        (lambda f: prepare(f, *TINY_CARP, "render.mode=loops"), "loops.parquet cannot be read"),
+        (lambda f: _spoil(f / "data/extract/cutouts.arrow"), "is damaged"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_and_what_was_there_stays(folder, harm, said):
+    Path("data/render").mkdir(parents=True)
+    Path("data/render/nn.mp4").write_text("before")
+    harm(folder)
+    with pytest.raises(FinloopError, match=said):
+        stages.render.main()
+    assert set(content(Path("data/render"))) == {"nn.mp4"}
+    assert not Path("reports/render").exists()
+
+
+def _spoil(path):
+    """Make the cut-outs of a store unreadable."""
+    data = path.read_bytes()
+    path.write_bytes(data.replace(b"\x28\xb5\x2f\xfd", b"spoi"))  # zstd's mark
+
+
+def test_sprites_are_drawn_about_their_own_mass_centres(folder):
+    """The second of two sprites, which lies elsewhere in its picture."""
+    pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
+    own = centre(drop()[..., -1].astype(float))
+    with CutoutWriter(folder / "data/sprites/sprites.arrow") as store:
+        for row in range(48):
+            store.write(Cutout(0, row, 7, 9, pixels[row // 24]))
+    numbers = {column.name: 0 for column in SPRITES.columns if column.dtype != "string"}
+    table = pd.DataFrame({"sequence": "straight", "phase": "cycle", **numbers}, index=range(2))
+    table = table.assign(
+        sprite=[0, 1], mirrored=False, x_px=own[0] + 7.0, y_px=own[1] + 9 + np.array([0.0, 5.0])
+    )
+    save_table(folder / "data/sprites/sprites.parquet", table, SPRITES)
+    edited(
+        folder,
+        kind="sprite",
+        source=np.int32(24),
+        x_px=160.0,
+        y_px=120.0,
+        rotation_deg=np.float32(0),
+    )
+    prepare(folder, *TINY_CARP, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
+    stages.render.main()
+    tank = load_picture(Path("data/extract/background.png"))
+    wanted = seen(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
+    shown = next(_shown("data/render/nn.mp4")).to_ndarray(format="rgb24")[:241]
+    assert np.abs(shown - wanted).mean() < 2 and np.abs(wanted - tank).max() > 60
+    around = np.s_[105:136, 145:176]
+    assert np.abs(shown - wanted)[around].mean() < 0.1 * np.abs(wanted - tank)[around].mean() + 2
+
+
+def test_masses_and_pictures_that_do_not_match_are_said(folder):
+    path = folder / "data/extract/tracks.parquet"
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    pq.write_table(table.slice(0, table.num_rows - 1), path)
+    with pytest.raises(FinloopError, match="mass centres"):
+        stages.render.main()
+
+
+@pytest.mark.parametrize(
+    "bad",
+    ["render.crf=60", "render.mode=dance", "render.webp_seconds=-1.0", "render.webp_width_px=5"],
+)
+def test_bad_parameters_are_refused(tmp_path, bad):
+    with pytest.raises(FinloopError, match=bad.partition("=")[0]):
+        prepare(tmp_path, bad)

@@ -1,0 +1,925 @@
+"""Sprites: turning, picking, Table 1 after, atlas; laws on drawn shapes and a toy film.
+
+The toy film is a fish with a bright head that glides, beats its tail at a known rate and turns at
+known frames; its cut-outs, backbones and tables are drawn here. y is down; angles are degrees,
+anticlockwise as seen.
+"""
+
+import json
+import re
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY_CARP
+from PIL import Image
+from scratch import content, prepare, put_clip
+
+import stages.sprites
+from finloop import sprites_atlas, sprites_pick
+from finloop.errors import FinloopError
+from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features import FEATURES, ORIENTATIONS, features, wrap_deg
+from finloop.features import Settings as FeatureSettings
+from finloop.features_report import table1
+from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.files.picture import load_picture
+from finloop.files.scene import save_scene
+from finloop.files.table import load_table, save_table
+from finloop.sprites import (
+    SPRITES,
+    Choice,
+    Gallery,
+    Settings,
+    choose,
+    drawn,
+    phases,
+    placed,
+    sprite_table,
+)
+from finloop.sprites_pick import (
+    beats,
+    closure,
+    cycle_heading,
+    pictured,
+    sharpness,
+    slides,
+    smooth,
+    swimmers,
+    together,
+    turns,
+)
+from finloop.sprites_report import (
+    complete,
+    contact_sheet,
+    faults,
+    is_still,
+    loop_numbers,
+    numbers,
+    table1_after,
+)
+from finloop.sprites_turn import Placed, aligned, reflection, rotation, trimmed, turned
+
+RATE = 25.0
+POINTS = 33
+LENGTH = 60.0
+HALF_WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt
+AUTOMATIC = Settings(None, None, None, None, 0.4, 1.0)
+
+
+# -- a toy film -------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Film:
+    """Tables and cut-outs of one drawn fish, as the earlier stages would write them."""
+
+    tracks: pd.DataFrame
+    features: pd.DataFrame
+    cutouts: list
+
+    @property
+    def table(self):
+        return swimmers(self.features, self.tracks)
+
+
+BEAT = 10  # frames of a toy tail beat
+PLAN = (
+    ("slide", 16),
+    ("beat", 40),
+    ("left", 16),
+    ("beat", 40),
+    ("slide", 16),
+    ("right", 16),
+    ("slide", 20),
+)
+
+
+def plan_frames(plan, word):
+    """First and last frame of each part of a plan that is called `word`."""
+    edges = np.cumsum([0, *(n for _, n in plan)])
+    return [
+        (int(a), int(b) - 1)
+        for (w, _), a, b in zip(plan, edges[:-1], edges[1:], strict=True)
+        if w == word
+    ]
+
+
+def draw(line, contrast=0.5):
+    """A fish (backbone head first, px) as a premultiplied cut-out; its head is brighter."""
+    step = np.gradient(line, axis=0)
+    normal = np.stack([-step[:, 1], step[:, 0]], 1) / np.hypot(*step.T)[:, None]
+    edge = np.vstack(
+        [line + HALF_WIDTH[:, None] * normal, (line - HALF_WIDTH[:, None] * normal)[::-1]]
+    )
+    low = np.floor(edge.min(0)).astype(int) - 3
+    width, height = (np.ceil(edge.max(0)).astype(int) + 4 - low).tolist()
+    alpha = np.zeros((height, width), np.uint8)
+    cv2.fillPoly(alpha, [np.round(16 * (edge - low)).astype(np.int32)], 255, cv2.LINE_AA, 4)
+    y, x = np.mgrid[:height, :width]
+    to_head = np.hypot(x + low[0] - line[0, 0], y + low[1] - line[0, 1])
+    colour = alpha * (contrast + 0.4 * np.exp(-to_head / 12))
+    mass = alpha.astype(float)
+    centre = np.array([(mass * x).sum(), (mass * y).sum()]) / mass.sum() + low
+    return low, centre, np.dstack([colour.round().astype(np.uint8), alpha]), mass.sum() / 255
+
+
+def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
+    """A fish that swims a plan. A turn takes it 90° round, bent by as much amid it."""
+    words = [(w, i, n) for w, n in plan for i in range(n)]
+    place, rows, cutouts = np.array([400.0, 300.0]), [], []
+    phase = 0.0
+    for number, (word, at, n) in enumerate(words):
+        side = {"left": 1, "right": -1}.get(word, 0) * (-1 if mirrored else 1)
+        turning = side * 90 / n * (1 - np.cos(2 * np.pi * (at + 0.5) / n))
+        arc = side * 100 * np.sin(np.pi * (at + 0.5) / n) ** 2
+        phase += 2 * np.pi / BEAT
+        wave = (50 if word == "beat" else 0) * (-1 if mirrored else 1)
+        share = (np.arange(POINTS - 1) + 0.5) / (POINTS - 1)
+        along = np.radians(heading - arc * share + wave * share**1.5 * np.sin(phase - 2.5 * share))
+        step = LENGTH / (POINTS - 1) * np.stack([np.cos(along), -np.sin(along)], 1)
+        line = place + np.vstack([[0, 0], -np.cumsum(step, 0)])
+        low, centre, pixels, area = draw(line)
+        rows.append(
+            {
+                "track_id": track, "frame": start + number, "x_px": centre[0], "y_px": centre[1],
+                "area_px": area, "contrast": 100.0, "length_px": LENGTH,
+                "backbone_x_px": line[:, 0].astype(np.float32),
+                "backbone_y_px": line[:, 1].astype(np.float32),
+                "half_width_px": HALF_WIDTH.astype(np.float32),
+                "outline_x_px": np.zeros(OUTLINE_POINTS, np.float32),
+                "outline_y_px": np.zeros(OUTLINE_POINTS, np.float32),
+            }
+        )  # fmt: skip
+        cutouts.append(Cutout(track, start + number, int(low[0]), int(low[1]), pixels))
+        heading += turning
+        place = place + speed * np.array(
+            [np.cos(np.radians(heading)), -np.sin(np.radians(heading))]
+        )
+    tracks = pd.DataFrame(rows)
+    table, _ = features(tracks, RATE, FeatureSettings(0.2, 16.0, 0.04, 0.5))
+    return Film(tracks, table, cutouts)
+
+
+@pytest.fixture(scope="module")
+def toy():
+    return film()
+
+
+@pytest.fixture(scope="module")
+def chosen(toy):
+    return choose(toy.table, Gallery(toy.table, toy.cutouts), RATE, AUTOMATIC)
+
+
+@pytest.fixture(scope="module")
+def sprites(toy, chosen):
+    return sprite_table(toy.table, chosen)
+
+
+@pytest.fixture(scope="module")
+def pictures(toy, sprites):
+    return list(drawn(sprites, source(toy)))
+
+
+def source(film):
+    where = {(c.track_id, c.frame): c for c in film.cutouts}
+    return lambda track, frame: where[track, frame]
+
+
+def pick(film, **asked):
+    return choose(
+        film.table,
+        Gallery(film.table, film.cutouts),
+        RATE,
+        Settings(**{**vars(AUTOMATIC), **asked}),
+    )
+
+
+# -- turning ----------------------------------------------------------------------------------------
+
+
+def shape(colour=None):
+    """An asymmetrical drawing: a body with a knob; (h, w, 2), or RGB where `colour` says."""
+    alpha = np.zeros((41, 53), np.uint8)
+    cv2.ellipse(alpha, (24, 20), (18, 6), 20, 0, 360, 255, -1, cv2.LINE_AA)
+    cv2.circle(alpha, (36, 28), 6, 255, -1, cv2.LINE_AA)
+    if colour is None:
+        x = np.arange(53)
+        return np.dstack([(alpha * (0.2 + 0.5 * x / 53)).astype(np.uint8), alpha])
+    return np.dstack([*(np.round(alpha * c).astype(np.uint8) for c in colour), alpha])
+
+
+def centre(one):
+    mass = one.pixels[..., -1].astype(float)
+    y, x = np.mgrid[: mass.shape[0], : mass.shape[1]]
+    return np.array([(mass * x).sum(), (mass * y).sum()]) / mass.sum() + [one.x0_px, one.y0_px]
+
+
+def canvas(one, size=120):
+    """The picture on a canvas whose middle is film (100, 200)."""
+    big = np.zeros((size, size, one.pixels.shape[2]), np.int16)
+    x, y = one.x0_px - 100 + size // 2, one.y0_px - 200 + size // 2
+    big[y : y + one.pixels.shape[0], x : x + one.pixels.shape[1]] = one.pixels
+    return big
+
+
+PIVOTS = [(100.0, 200.0), (100.5, 199.5), (101.3, 203.81)]
+SOURCE = Placed(shape(), 80, 185)
+
+
+@pytest.mark.parametrize("angle", [0, 360, -720])
+def test_turning_by_nothing_gives_the_source(angle):
+    assert turned(SOURCE, 101.3, 203.81, angle) is SOURCE
+
+
+@pytest.mark.parametrize("pivot", PIVOTS[:2])
+@pytest.mark.parametrize("quarter", [1, 2, 3])
+def test_quarter_turns_that_take_pixels_to_pixels_are_exact(pivot, quarter):
+    one = turned(SOURCE, *pivot, 90 * quarter)
+    _, _, want = trimmed(np.rot90(SOURCE.pixels, quarter))  # anticlockwise as seen
+    np.testing.assert_array_equal(one.pixels, want)
+    np.testing.assert_allclose(
+        centre(one), rotation(90 * quarter) @ (centre(SOURCE) - pivot) + pivot
+    )
+
+
+@pytest.mark.parametrize("pivot", PIVOTS)
+@pytest.mark.parametrize("angle", [7.5, 45, 111, 195, -60, 90])
+def test_mass_and_its_centre_are_kept(pivot, angle):
+    one = turned(SOURCE, *pivot, angle)
+    mass = int(SOURCE.pixels[..., -1].sum())
+    assert int(one.pixels[..., -1].sum()) == pytest.approx(mass, rel=3e-3)  # nothing is clipped
+    want = rotation(angle) @ (centre(SOURCE) - pivot) + pivot
+    np.testing.assert_allclose(centre(one), want, atol=0.03)
+
+
+def test_quarter_turns_are_exact_matrices():
+    np.testing.assert_array_equal(rotation(90), [[0, 1], [-1, 0]])
+    np.testing.assert_array_equal(rotation(-90) @ rotation(90), np.eye(2))
+
+
+def test_a_positive_angle_is_anticlockwise_as_seen():
+    dot = np.zeros((3, 3, 2), np.uint8)
+    dot[1, 1] = 200, 255
+    one = turned(Placed(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
+    np.testing.assert_allclose(
+        centre(one), [100 + 10 * np.cos(np.pi / 6), 200 - 10 * np.sin(np.pi / 6)], atol=0.1
+    )
+
+
+@pytest.mark.parametrize("angle", [15, 37, 135])
+def test_there_and_back_is_close(angle):
+    pivot = (101.3, 203.81)
+    back = turned(turned(SOURCE, *pivot, angle), *pivot, -angle)
+    off = canvas(back) - canvas(SOURCE)
+    assert np.sqrt((off[canvas(SOURCE)[..., -1] > 0] ** 2.0).mean()) < 8
+    smeared = cv2.GaussianBlur(canvas(SOURCE).astype(np.float32), (0, 0), 0.7) - canvas(SOURCE)
+    assert (off**2.0).mean() < 0.25 * (smeared**2).mean()  # sharper by far than a slight blur
+
+
+@pytest.mark.parametrize("angle", [0, 12, 77, 180])
+@pytest.mark.parametrize("axis", [None, 33.0])
+def test_colour_never_exceeds_alpha_and_edges_do_not_shine(angle, axis):
+    flat = Placed(shape((0.6, 0.2, 1.0)), 80, 185)
+    one = turned(flat, 101.3, 203.81, angle, mirror_axis_deg=axis).pixels.astype(float)
+    assert (one[..., :3] <= one[..., 3:]).all()
+    for channel, share in enumerate((0.6, 0.2, 1.0)):  # of one colour it was, of one it stays
+        np.testing.assert_allclose(one[..., channel], share * one[..., 3], atol=1.6)
+
+
+def test_nothing_but_what_is_not_transparent_is_kept():
+    one = turned(SOURCE, *PIVOTS[2], 33).pixels
+    assert all(
+        edge.any() for edge in (one[0, :, -1], one[-1, :, -1], one[:, 0, -1], one[:, -1, -1])
+    )
+    assert trimmed(np.zeros((5, 6, 2), np.uint8))[2].shape == (1, 1, 2)
+
+
+@pytest.mark.parametrize(("axis", "flip"), [(0, np.flipud), (90, np.fliplr), (180, np.flipud)])
+def test_mirrored_is_the_mirror_image(axis, flip):
+    one = turned(SOURCE, 100, 200, 0, mirror_axis_deg=axis)
+    _, _, want = trimmed(flip(SOURCE.pixels))
+    np.testing.assert_array_equal(one.pixels, want)
+
+
+def test_mirroring_comes_before_turning_and_keeps_the_axis():
+    both = turned(SOURCE, 101.3, 203.81, 50, mirror_axis_deg=25.0)
+    one_by_one = turned(turned(SOURCE, 101.3, 203.81, 0, mirror_axis_deg=25.0), 101.3, 203.81, 50)
+    assert np.abs(canvas(both) - canvas(one_by_one)).mean() < 0.4
+    direction = np.array([np.cos(np.radians(25)), -np.sin(np.radians(25))])
+    np.testing.assert_allclose(reflection(25) @ direction, direction, atol=1e-12)
+    assert np.linalg.det(reflection(25)) == pytest.approx(-1)
+
+
+def test_aligned_fish_are_headed_right_in_the_middle(toy):
+    table = toy.table
+    look = Gallery(table, toy.cutouts)
+    rows = np.array([3, 8])
+    for picture in look(rows, table["heading"].to_numpy()[rows]):
+        one = Placed((255 * picture).round().astype(np.uint8), 0, 0)
+        np.testing.assert_allclose(centre(one), (sprites_pick.PICTURE - 1) / 2, atol=0.2)
+        assert abs(tilt(one)) < 2
+    turned_around = aligned(placed(toy.cutouts[3]), *table[["x_px", "y_px"]].iloc[3], 20, 1.0, 64)
+    assert turned_around.max() <= 1
+
+
+def tilt(one):
+    """Direction of a straight drawn fish: its longest axis, towards the brighter end."""
+    alpha = one.pixels[..., -1].astype(float)
+    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]].astype(float)
+    x -= (alpha * x).sum() / alpha.sum()
+    y -= (alpha * y).sum() / alpha.sum()
+    xx, xy, yy = ((alpha * a).sum() for a in (x * x, x * y, y * y))
+    axis = np.degrees(0.5 * np.arctan2(-2 * xy, xx - yy))
+    light = one.pixels[..., 0] / np.maximum(alpha, 1) - 0.5 * (alpha > 0)
+    ahead = (light * (x * np.cos(np.radians(axis)) - y * np.sin(np.radians(axis)))).sum()
+    return float(wrap_deg(np.array(axis if ahead > 0 else axis + 180)))
+
+
+# -- the table of swimmers --------------------------------------------------------------------------
+
+
+def test_swimmers_say_how_fish_move(toy):
+    table = toy.table
+    assert len(table) == len(toy.tracks) and table["usable"].all()
+    glide = table.iloc[3:13]
+    np.testing.assert_allclose(glide["speed"], 2.5 / LENGTH, atol=4e-3)  # pixels: 0.2 px
+    assert np.abs(glide["tail"]).max() < 0.01
+    beat = table[table["frame"].between(*plan_frames(PLAN, "beat")[0])]
+    assert 0.1 < np.ptp(beat["tail"]) < 0.6
+    (first, last), *_ = plan_frames(PLAN, "left")
+    assert table["heading"][last + 1] - table["heading"][first] == pytest.approx(
+        90, abs=5
+    )  # the head yaws
+    assert np.isinf(table["alone"]).all()
+
+
+@pytest.mark.parametrize(
+    ("column", "value"), [("head_confidence", 0.89), ("body_length_px", 1.1 * LENGTH)]
+)
+def test_doubtful_frames_cannot_be_used(toy, column, value):
+    spoilt = toy.features.copy()
+    spoilt.loc[30, column] = value
+    usable = swimmers(spoilt, toy.tracks)["usable"].to_numpy()
+    assert not usable[30] and usable.sum() == len(usable) - 1
+
+
+def test_fish_near_another_cannot_be_used(toy):
+    other = film((("slide", 30),), track=4)
+    near = Film(
+        pd.concat([toy.tracks, other.tracks], ignore_index=True),
+        pd.concat([toy.features, other.features], ignore_index=True),
+        [],
+    )
+    assert not near.table["usable"][:30].any()
+    assert near.table["usable"][60:160].all()
+
+
+def test_features_of_another_film_are_refused(toy):
+    with pytest.raises(FinloopError, match="have no cut-out"):
+        swimmers(toy.features, toy.tracks[:-5])
+
+
+@pytest.mark.parametrize("values", [[1.0], [1.0, 5.0], [3.0, 5.0, 7.0, 9.0]])
+def test_smoothing_keeps_lines(values):
+    np.testing.assert_allclose(smooth(np.array(values)), values)
+
+
+def test_smoothing_keeps_a_monotone_run_monotone():
+    run = np.sort(np.random.default_rng(1).exponential(size=30)).cumsum()
+    assert (np.diff(smooth(run)) > 0).all()
+
+
+# -- picking ----------------------------------------------------------------------------------------
+
+
+def within(stretch, parts, slack=0):
+    return any(a - slack <= stretch.first and stretch.last <= b + slack for a, b in parts)
+
+
+def test_the_straight_cycle_is_one_beat_that_closes(toy, chosen):
+    straight = chosen["straight"].stretch
+    assert len(straight) == BEAT
+    assert within(straight, plan_frames(PLAN, "beat"))
+    result = loop_numbers(
+        "straight", chosen["straight"], toy.table, Gallery(toy.table, toy.cutouts)
+    )
+    assert result["straight_closure_after_last_to_first"] < 1
+    assert result["straight_closure_last_to_first"] < 1.5
+
+
+def test_a_slide_has_a_still_tail(toy, chosen):
+    slide = chosen["slide"].stretch
+    assert within(slide, plan_frames(PLAN, "slide"), slack=1)
+    assert 0.4 * RATE <= len(slide) <= RATE
+    assert is_still(chosen["slide"], toy.table, 10)
+    assert not is_still(chosen["straight"], toy.table, 10)
+    assert not is_still(chosen["slide"], toy.table, 100)
+
+
+@pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
+def test_a_turn_goes_in_holds_and_comes_out(toy, chosen, sprites, word, sign):
+    ((first, last),) = plan_frames(PLAN, word)
+    stretch = chosen[word].stretch
+    assert first - 3 <= stretch.first <= first + 4 and last - 4 <= stretch.last <= last + 3
+    rows = sprites[sprites["sequence"] == word]
+    order = "".join(phase[0] for phase in rows["phase"])
+    assert re.fullmatch("i+h+o+", order)
+    bend = sign * rows["bend"].to_numpy()
+    held = (rows["phase"] == "hold").to_numpy()
+    assert bend.argmax() in np.flatnonzero(held)
+    assert (bend[held] >= 0.9 * bend.max()).all() and (bend[~held] < 0.9 * bend.max()).all()
+    assert abs(bend[0]) < 0.25 * bend.max() and abs(bend[-1]) < 0.25 * bend.max()
+    assert rows["turn_deg"].sum() == pytest.approx(sign * 90, abs=8)
+    assert (sign * rows["turn_deg"] >= -1e-4).all()
+    assert not rows["mirrored"].any()
+
+
+def test_picks_do_not_depend_on_the_film_s_orientation(chosen):
+    picked = pick(film(heading=161.0))
+    for word in ("left", "right"):
+        a, b = picked[word].stretch, chosen[word].stretch
+        assert abs(a.first - b.first) <= 1 and abs(a.last - b.last) <= 1
+    straight = picked["straight"].stretch  # every beat is as good
+    assert len(straight) == BEAT and within(straight, plan_frames(PLAN, "beat"))
+
+
+def test_left_and_right_change_places_in_a_mirrored_film(chosen):
+    picked = pick(film(heading=-20.0, mirrored=True))
+    for word, other in (("left", "right"), ("right", "left")):
+        assert abs(picked[word].stretch.first - chosen[other].stretch.first) <= 1
+        assert abs(picked[word].stretch.last - chosen[other].stretch.last) <= 1
+
+
+@pytest.mark.parametrize("gone", ["left", "right"])
+def test_a_side_without_turns_gets_the_other_mirrored(gone):
+    one = film(tuple(part for part in PLAN if part[0] != gone))
+    picked = pick(one)
+    other = {"left": "right", "right": "left"}[gone]
+    assert picked[gone].mirrored and not picked[other].mirrored
+    assert picked[gone].stretch == picked[other].stretch
+    table = sprite_table(one.table, picked)
+    mine, theirs = (table[table["sequence"] == w].reset_index() for w in (gone, other))
+    for name in ("bend", "sideways", "turn_deg", "head_offset_deg"):
+        np.testing.assert_allclose(mine[name], -theirs[name], atol=1e-5)
+    for name in ("forward", "motion_area_rel", "phase", "x_px", "heading_deg"):
+        assert (mine[name] == theirs[name]).all()
+    two = table[table["mirrored"] | (table["sequence"] == other)]
+    made = list(drawn(two, source(one)))
+    for step in range(len(mine)):
+        left, right = (made[(k * len(mine) + step) * ORIENTATIONS] for k in (0, 1))
+        x, y = mine["x_px"][step], mine["y_px"][step]
+        flipped = turned(placed(right), x, y, 0, mirror_axis_deg=0.0)
+        shift = Placed(flipped.pixels, flipped.x0_px - int(x) + 100, flipped.y0_px - int(y) + 200)
+        here = Placed(left.pixels, left.x0_px - int(x) + 100, left.y0_px - int(y) + 200)
+        assert np.abs(canvas(shift) - canvas(here))[..., -1].mean() < 0.6  # twice resampled
+
+
+def test_a_film_without_any_turn_says_so():
+    with pytest.raises(FinloopError, match="neither to the left nor to the right"):
+        pick(film((("slide", 20), ("beat", 40))))
+
+
+def test_a_film_without_a_tail_beat_says_so():
+    with pytest.raises(
+        FinloopError, match=r"no full tail beat.*\n.*\n.*sprites.straight=8:120-140"
+    ):
+        pick(film((("slide", 20), ("left", 16), ("slide", 20))))
+
+
+def test_a_film_without_a_glide_slides_as_straight_as_it_can():
+    one = film((("beat", 30), ("left", 16), ("beat", 30)))
+    picked = pick(one)
+    assert len(picked["slide"].stretch) >= 2
+    assert not is_still(picked["slide"], one.table, 10)
+
+
+def test_a_film_of_doubtful_frames_says_so(toy):
+    table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks)
+    with pytest.raises(FinloopError, match="head and tail are in doubt"):
+        choose(table, Gallery(table, toy.cutouts), RATE, AUTOMATIC)
+
+
+def test_spoilt_frames_are_never_picked(toy, chosen):
+    spoilt = toy.features.copy()
+    at = chosen["straight"].stretch.rows
+    spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
+    table = swimmers(spoilt, toy.tracks)
+    picked = choose(table, Gallery(table, toy.cutouts), RATE, AUTOMATIC)
+    for choice in picked.values():
+        assert table["usable"][choice.stretch.rows].all()
+    assert picked["straight"].stretch != chosen["straight"].stretch
+
+
+def test_candidates_do_not_reach_across_tracks(toy):
+    cut = toy.table.copy()
+    cut.loc[70:, "track_id"] = 9  # amid the left turn and its surroundings
+    for found in (beats(cut, RATE), slides(cut, RATE, 0.4, 1.0), turns(cut, 1), turns(cut, -1)):
+        if len(found):
+            last = found["start"].to_numpy() + found["length"].to_numpy()
+            assert not ((found["start"] < 70) & (last > 70)).any()
+
+
+def test_one_animal_for_all_unless_it_costs_much(toy):
+    table = pd.concat([toy.table, toy.table.assign(track_id=8)], ignore_index=True)
+
+    def stretch(track, cost):
+        return sprites_pick.Stretch(track, 0, 9, slice(0, 10), {"fault": cost})
+
+    both = {
+        "straight": [stretch(3, 1.0), stretch(8, 1.1)],
+        "left": [stretch(3, 2.0), stretch(8, 1.9)],
+    }
+    assert {s.track_id for s in together(table, both).values()} == {3}
+    both["left"] = [stretch(3, 9.0), stretch(8, 1.9)]
+    assert {s.track_id for s in together(table, both).values()} == {8}
+
+
+def test_the_head_s_yaw_does_not_tilt_the_line():
+    table = pd.DataFrame(
+        {"heading": 40 + 0.5 * np.arange(30) + 6 * np.sin(2 * np.pi * np.arange(30) / 10)}
+    )
+    for start in range(10):
+        line = cycle_heading(table, start, 10)
+        np.testing.assert_allclose(line, 40 + 0.5 * (start + np.arange(11)), atol=1e-9)
+
+
+def test_closure_counts_natural_steps():
+    wheel = np.stack([[np.cos(a), np.sin(a)] for a in 2 * np.pi * np.arange(9) / 8])
+    assert closure(wheel) == pytest.approx(0, abs=1e-9)
+    assert closure(wheel[:-1]) == pytest.approx(1)
+
+
+def test_a_loop_that_closes_is_preferred(toy):
+    (first, _), *_ = plan_frames(PLAN, "beat")
+    found = pd.DataFrame({"start": first + 5, "length": [BEAT - 3, BEAT, BEAT + 3], "fault": 1.0})
+    look = Gallery(toy.table, toy.cutouts)
+    (best,) = pictured(toy.table, found, look, 1e-6, loops=True)
+    assert len(best) == BEAT and set(best.faults) == {"fault", "does not close", "soft"}
+
+
+def test_blurred_pictures_are_soft(toy):
+    look = Gallery(toy.table, toy.cutouts)
+    clear = look(np.array([3]), np.array([20.0]))
+    soft = np.stack([cv2.GaussianBlur(one, (0, 0), 1.5) for one in clear])
+    assert sharpness(soft)[0] < 0.8 * sharpness(clear)[0]
+    assert sharpness(np.zeros_like(clear))[0] == 0
+
+
+@pytest.mark.parametrize(("swing", "still"), [(0.04, True), (0.06, False)])
+def test_a_still_tail_moves_less_than_its_width(swing, still):
+    stretch = sprites_pick.Stretch(3, 0, 11, slice(0, 12))
+    table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
+    assert is_still(Choice(stretch), table, 10) == still
+
+
+def test_faults_explain_the_choice(chosen):
+    table = faults(chosen)
+    assert set(table["sequence"]) == {"straight", "slide", "left", "right"}
+    for word, rows in table.groupby("sequence"):
+        assert rows["value"].sum() == pytest.approx(chosen[word].stretch.cost)
+        assert (rows["value"] >= -1e-9).all()
+
+
+# -- frames listed by hand --------------------------------------------------------------------------
+
+
+def test_listed_frames_are_taken_as_they_are(toy):
+    ((a, b),) = plan_frames(PLAN, "left")
+    picked = pick(toy, straight="3:20-33", left=f" 3 : {a} - {b} ")
+    assert (picked["straight"].stretch.first, picked["straight"].stretch.last) == (20, 33)
+    assert (picked["left"].stretch.first, picked["left"].stretch.last) == (a, b)
+    assert faults(picked)["fault"].eq("listed by hand").sum() == 2
+
+
+def test_listed_frames_may_be_a_track_s_last(toy):
+    end = int(toy.tracks["frame"].max())
+    picked = pick(toy, slide=f"3:{end - 9}-{end}")
+    rows = sprite_table(toy.table, picked).query("sequence == 'slide'")
+    np.testing.assert_allclose(rows["forward"], 2.5 / LENGTH, atol=4e-3)
+    assert len(rows) == 10
+    result = loop_numbers("slide", picked["slide"], toy.table, Gallery(toy.table, toy.cutouts))
+    assert "slide_closure_last_to_first" not in result  # there is no frame after
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ({"straight": "20-33"}, 'a track and its first and last frame, as "8:120-140"'),
+        ({"left": "3:a-b"}, r"sprites.left=3:a-b"),
+        ({"slide": "7:20-33"}, r"there is no track 7\n  wanted: one of 3\n"),
+        (
+            {"slide": "3:150-180"},
+            r"track 3 lacks 17 of these frames\n  wanted: frames within 0-163",
+        ),
+        ({"straight": "3:33-20"}, "0 frames"),
+        ({"right": "3:20-21"}, "2 frames\n  wanted: at least 3"),
+        ({"left": "3:2-12"}, "does not bend to the left"),
+        ({"right": "3:56-71"}, "does not bend to the right"),
+    ],
+)
+def test_nonsense_in_the_list_is_refused(toy, asked, message):
+    with pytest.raises(FinloopError, match=message):
+        pick(toy, **asked)
+
+
+def test_phases_need_frames_on_both_sides_of_the_bend(toy):
+    ((a, b),) = plan_frames(PLAN, "left")
+    half = sprites_pick.Stretch(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
+    assert phases(toy.table, half, 1) == ["none"]
+
+
+# -- the table and the pictures ---------------------------------------------------------------------
+
+
+def test_the_table_fits_its_schema(tmp_path, sprites):
+    save_table(tmp_path / "s.parquet", sprites, SPRITES)
+    back = load_table(tmp_path / "s.parquet", SPRITES)
+    assert list(back["sprite"]) == list(range(len(back)))
+    assert list(back["sequence"].drop_duplicates()) == ["straight", "slide", "left", "right"]
+    for _, rows in back.groupby("sequence"):
+        assert list(rows["step"]) == list(range(len(rows)))
+
+
+def test_motion_is_the_film_s_own(toy, sprites):
+    """Playing forward, sideways and turns of a sequence leads where the fish of the film went."""
+    for word, rows in sprites.groupby("sequence"):
+        angle = np.radians(rows["heading_deg"].to_numpy(float))
+        way = (
+            np.stack(
+                [
+                    rows["forward"] * np.cos(angle) - rows["sideways"] * np.sin(angle),
+                    -rows["forward"] * np.sin(angle) - rows["sideways"] * np.cos(angle),
+                ],
+                1,
+            ).sum(0)
+            * LENGTH
+        )
+        at = toy.tracks.set_index("frame")[["x_px", "y_px"]].to_numpy()
+        first, last = int(rows["frame"].min()), int(rows["frame"].max())
+        np.testing.assert_allclose(way, at[last + 1] - at[first], atol=1.0, err_msg=word)
+        np.testing.assert_allclose(
+            wrap_deg(np.diff(rows["heading_deg"])), rows["turn_deg"].to_numpy()[:-1], atol=1e-3
+        )
+
+
+def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
+    slide = sprites[sprites["sequence"] == "slide"].iloc[3]
+    for number in range(ORIENTATIONS):
+        one = placed(pictures[int(slide["sprite"]) * ORIENTATIONS + number])
+        off = wrap_deg(np.array(tilt(one) - 15 * number))
+        assert abs(off) < 1.5, number + 1
+        np.testing.assert_allclose(centre(one), [slide["x_px"], slide["y_px"]], atol=0.1)
+
+
+def test_pictures_come_in_order(sprites, pictures):
+    assert len(pictures) == len(sprites) * ORIENTATIONS
+    for row in sprites.itertuples():
+        for one in pictures[row.sprite * ORIENTATIONS : (row.sprite + 1) * ORIENTATIONS]:
+            assert (one.track_id, one.frame) == (row.track_id, row.frame)
+
+
+def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
+    row = sprites[:1].assign(heading_deg=45.0)
+    one = list(drawn(row, source(toy)))[3]  # orientation 4: 45°
+    want = source(toy)(int(row["track_id"].iloc[0]), int(row["frame"].iloc[0]))
+    np.testing.assert_array_equal(one.pixels, want.pixels)
+    assert (one.x0_px, one.y0_px) == (want.x0_px, want.y0_px)
+
+
+def test_table_1_has_all_types_in_every_orientation(toy, sprites):
+    before, after = table1(toy.features), table1_after(sprites, toy.features)
+    assert complete(before) < ORIENTATIONS == complete(after)
+    np.testing.assert_allclose(after[["straight_pct", "left_pct", "right_pct"]].sum(axis=1), 100)
+    np.testing.assert_allclose(after["amount_pct"], 100 / ORIENTATIONS)
+    for word in ("left", "right"):
+        assert after[f"max_area_{word}"].between(0.9, 1.0 + 1e-6).all()
+    assert list(before.columns) == list(after.columns)
+
+
+def test_numbers_are_flat_and_finite(toy, sprites):
+    found = numbers(sprites, toy.table, toy.features, len(toy.features), RATE)
+    assert all(np.isfinite(value) for value in found.values())
+    picked = sprites[["track_id", "frame"]].drop_duplicates()
+    assert found["picked_of_fish_frames_pct"] == pytest.approx(100 * len(picked) / len(toy.tracks))
+    assert found["tail_beat_hz"] == pytest.approx(RATE / BEAT)
+    assert found["tracks_used"] == 1 and found["mirrored_turns"] == 0
+
+
+def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
+    sheet = contact_sheet(sprites, lambda row: placed(pictures[row]), columns=6, size=60)
+    lines = sum(-(-len(rows) // 6) for _, rows in sprites.groupby("sequence")) + ORIENTATIONS // 6
+    assert sheet.shape == (60 * lines, 360, 3) and sheet.std() > 5
+
+
+# -- the atlas --------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def few(sprites):
+    """Two short sequences are an atlas too."""
+    rows = sprites[sprites["sequence"].isin(["straight", "left"])].reset_index(drop=True)
+    return rows.assign(sprite=np.arange(len(rows)))
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory, few, toy):
+    path = tmp_path_factory.mktemp("store") / "sprites.arrow"
+    with CutoutWriter(path) as writer:
+        for one in drawn(few, source(toy)):
+            writer.write(one)
+    with open_cutouts(path) as opened:
+        yield opened
+
+
+def write_atlas(folder, few, store, page_px):
+    made = sprites_atlas.pages(few, store.index, page_px)
+    for number, page in enumerate(made):
+        rgba = sprites_atlas.picture(page, lambda row: store[row].pixels)
+        (folder / f"atlas-{number}.png").write_bytes(sprites_atlas.png(rgba))
+        text = json.dumps(sprites_atlas.document(made, number, few, store.index, RATE))
+        (folder / f"atlas-{number}.json").write_text(text)
+    return made
+
+
+def read_atlas(folder):
+    """An independent reader, from the layout's documentation alone.
+
+    `frame`: where on the page; `spriteSourceSize`: where that lies on the untrimmed picture, which is
+    as large as `sourceSize`; `pivot`: a share of the untrimmed size; alpha is straight.
+    Yields name, untrimmed RGBA float 0-1 premultiplied, pivot in px from the edge, duration.
+    """
+    waiting, seen = ["atlas-0.json"], set()
+    while waiting:
+        name = waiting.pop()
+        if name in seen:
+            continue
+        seen.add(name)
+        sheet = json.loads((folder / name).read_text())
+        waiting += sheet["meta"].get("related_multi_packs", [])
+        with Image.open(folder / sheet["meta"]["image"]) as opened:
+            assert opened.mode == "RGBA"
+            assert opened.size == (sheet["meta"]["size"]["w"], sheet["meta"]["size"]["h"])
+            page = np.asarray(opened).astype(float) / 255
+        for frame_name, entry in sheet["frames"].items():
+            box, at, size = entry["frame"], entry["spriteSourceSize"], entry["sourceSize"]
+            whole = np.zeros((size["h"], size["w"], 4))
+            part = page[box["y"] : box["y"] + box["h"], box["x"] : box["x"] + box["w"]].copy()
+            part[..., :3] *= part[..., 3:]
+            whole[at["y"] : at["y"] + at["h"], at["x"] : at["x"] + at["w"]] = part
+            pivot = entry["pivot"]["x"] * size["w"], entry["pivot"]["y"] * size["h"]
+            yield frame_name, whole, pivot, entry["duration"]
+
+
+@pytest.mark.parametrize("page_px", [4096, 512])
+def test_an_independent_reader_finds_every_sprite(tmp_path, few, store, page_px):
+    made = write_atlas(tmp_path, few, store, page_px)
+    assert (len(made) > 1) == (page_px == 512)
+    names = set()
+    for name, whole, pivot, duration in read_atlas(tmp_path):
+        sequence, orientation, step = name.split("/")
+        row = few[(few["sequence"] == sequence) & (few["step"] == int(step))].iloc[0]
+        want = store[int(row["sprite"]) * ORIENTATIONS + int(orientation) - 1]
+        # From a pixel's centre in the film to its edge-counted place around the pivot.
+        x = want.x0_px - row["x_px"] - 0.5 + pivot[0]
+        y = want.y0_px - row["y_px"] - 0.5 + pivot[1]
+        assert (x, y) == (pytest.approx(round(x), abs=1e-3), pytest.approx(round(y), abs=1e-3))
+        expected = np.zeros_like(whole)
+        h, w = want.pixels.shape[:2]
+        part = expected[round(y) : round(y) + h, round(x) : round(x) + w]
+        part[..., :3], part[..., 3:] = want.pixels[..., :-1] / 255, want.pixels[..., -1:] / 255
+        assert np.abs(whole - expected).max() <= 0.5 / 255
+        assert duration == 40
+        names.add(name)
+    assert len(names) == len(store)
+
+
+def test_tags_and_animations_name_each_sequence_in_each_orientation(tmp_path, few, store):
+    write_atlas(tmp_path, few, store, 512)
+    tags = []
+    for path in sorted(tmp_path.glob("*.json")):
+        sheet = json.loads(path.read_text())
+        names = list(sheet["frames"])
+        for tag in sheet["meta"]["frameTags"]:
+            of = names[tag["from"] : tag["to"] + 1]
+            assert of == sheet["animations"][tag["name"]]  # Aseprite's and PixiJS's say the same
+            assert of == [f"{tag['name']}/{step:02d}" for step in range(len(of))]
+            assert tag["direction"] == "forward"
+            sequence = tag["name"].split("/")[0]
+            assert len(of) == (few["sequence"] == sequence).sum()
+            tags.append(tag["name"])
+        motion = sheet["meta"]["motion"]["left/02"]
+        row = few[(few["sequence"] == "left") & (few["step"] == 2)].iloc[0]
+        assert motion["turn_deg"] == pytest.approx(row["turn_deg"], abs=1e-4)
+    words = ("straight", "left")
+    assert sorted(tags) == sorted(f"{w}/{o:02d}" for w in words for o in range(1, 25))
+
+
+def test_pictures_on_a_page_do_not_touch(few, store):
+    for page in sprites_atlas.pages(few, store.index, 512):
+        assert page.width <= 512 and page.height <= 512
+        taken = np.zeros((page.height, page.width), int)
+        for spot in page.spots:
+            taken[spot.y - 1 : spot.y + spot.height + 1, spot.x - 1 : spot.x + spot.width + 1] += 1
+        assert taken.max() == 1
+        assert taken.sum() == sum((s.width + 2) * (s.height + 2) for s in page.spots)
+
+
+def test_a_page_too_small_for_one_sequence_is_refused(few, store):
+    with pytest.raises(FinloopError, match="do not fit on a page of 100 px"):
+        sprites_atlas.pages(few, store.index, 100)
+
+
+def test_colour_bleeds_under_the_edge_and_stays_the_same():
+    premultiplied = np.zeros((12, 12, 4), np.uint8)
+    rng = np.random.default_rng(0)
+    alpha = rng.integers(1, 256, (4, 4))
+    premultiplied[4:8, 4:8, 3] = alpha
+    premultiplied[4:8, 4:8, :3] = (alpha[..., None] * rng.random((4, 4, 3))).round()
+    out = sprites_atlas.straight_alpha(premultiplied)
+    back = np.round(out[..., :3] * (out[..., 3:] / 255.0))
+    np.testing.assert_array_equal(back, premultiplied[..., :3])
+    np.testing.assert_array_equal(out[..., 3], premultiplied[..., 3])
+    even = np.zeros((12, 12, 4), np.uint8)
+    even[4:8, 4:8] = 51, 102, 204, 255
+    out = sprites_atlas.straight_alpha(even)
+    assert (out[2:10, 2:10, :3] == (51, 102, 204)).all()  # no dark rim when a filter mixes
+    assert not out[:2].any()
+
+
+# -- the stage --------------------------------------------------------------------------------------
+
+
+def put_film(folder, one):
+    prepare(folder, *TINY_CARP)
+    put_clip(folder, [np.zeros((32, 48), np.uint8)] * 4, rate=round(RATE))
+    extract = folder / "data/extract"
+    save_scene(extract / "scene.json", SceneFacts("dark", 1.0, 5.0, 450.0, LENGTH, 100.0, POINTS))
+    save_table(extract / "tracks.parquet", one.tracks, tracks_schema(POINTS))
+    with CutoutWriter(extract / "cutouts.arrow") as writer:
+        for cutout in one.cutouts:
+            writer.write(cutout)
+    save_table(folder / "data/features/features.parquet", one.features, FEATURES)
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch, toy):
+    put_film(tmp_path, toy)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys):
+    stages.sprites.main()
+    assert sorted(p.name for p in (work / "data/sprites").iterdir()) == [
+        "atlas-0.json", "atlas-0.png", "sprites.arrow", "sprites.parquet",
+    ]  # fmt: skip
+    back = load_table(work / "data/sprites/sprites.parquet", SPRITES)
+    assert list(back["frame"]) == list(sprites["frame"])
+    with open_cutouts(work / "data/sprites/sprites.arrow") as store:
+        assert len(store) == len(pictures)
+        np.testing.assert_array_equal(store[30].pixels, pictures[30].pixels)
+    metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
+    assert metrics["orientations_with_all_types_after"] == 24
+    assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 0
+    assert load_picture(work / "reports/sprites/contact_sheet.png").ndim == 3
+    assert len(pd.read_csv(work / "reports/sprites/table1_after.csv")) == ORIENTATIONS
+    said = capsys.readouterr().err
+    assert "mirrored" not in said and "glide" not in said
+    first = content(work / "data/sprites")
+    stages.sprites.main()
+    assert content(work / "data/sprites") == first  # the same again
+
+
+def test_stage_says_what_stands_in(work, capsys):
+    put_film(work, film((("beat", 30), ("left", 16), ("beat", 30))))
+    stages.sprites.main()
+    said = capsys.readouterr().err
+    assert "no turn to the right; mirrored the left one" in said
+    assert "no glide with a still tail" in said
+    metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
+    assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 1
+    assert metrics["orientations_with_all_types_after"] == 24
+
+
+def test_stage_that_fails_leaves_nothing_behind(work):
+    prepare(work, *TINY_CARP, "sprites.straight='5:1-9'")
+    with pytest.raises(FinloopError, match="there is no track 5"):
+        stages.sprites.main()
+    assert not (work / "data/sprites").exists() and not (work / "reports/sprites").exists()
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("sprites.slide_least_s=2.0", "slide_least_s is more than slide_most_s"),
+        ("sprites.page_px=100", "page_px"),
+        ("sprites.slide_least_s=-1.0", "slide_least_s"),
+    ],
+)
+def test_bad_parameters_are_refused(work, asked, message):
+    with pytest.raises((FinloopError, ValueError), match=message):
+        prepare(work, *TINY_CARP, asked)
+        stages.sprites.main()
