@@ -22,6 +22,9 @@ demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to ope
 	@dvc repro
 	@echo
 	@echo "Done. Open:"
+	@echo "  data/render/nn_marked.mp4            the fish that swims to A, B and C"
+	@echo "  reports/render/trajectory.png        its way"
+	@echo "  reports/sprites/contact_sheet.png    the frames it is made of"
 	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
 	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"
 	@echo "  dvc_plots/index.html                 every chart and picture"
