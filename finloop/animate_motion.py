@@ -24,6 +24,7 @@ STATES = ("straight", "slide", "accelerate", "decelerate", "turn")
 
 _STILL = 0.25  # a tail is still where it moves less than this share of a beating one
 _STEADY = 0.5  # per second; a speed that changes by a smaller share is steady
+_MOST_DRIFT_DEG = 20.0  # more is a turn too short to have been called one
 _LEAST_TICKS = 3  # shorter phases belong to the one before
 _SPEEDS = (0.002, 0.998)  # quantiles between which the film's speeds are believed
 
@@ -177,12 +178,16 @@ def _phases(runs: list[Run], still: float, rate_hz: float, delta: int) -> Phases
         came = TURN if first > 0 else -1
         for label, a, b in labels:
             prior = max(a - 1, 0)
+            drifted = c.heading_deg[a:b] - c.heading_deg[prior]
+            if np.abs(drifted).max() > _MOST_DRIFT_DEG:
+                came = label
+                continue
             state.append(label)
             before.append(came)
             ticks.append(b - a)
             first_speed.append(c.speed[prior])
             change.append(c.speed[a:b] - c.speed[prior])
-            drift.append(c.heading_deg[a:b] - c.heading_deg[prior])
+            drift.append(drifted)
             came = label
     return Phases(
         np.array(state, np.int8),

@@ -49,6 +49,12 @@ def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
     return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
 
 
+def sought(edit: pd.DataFrame) -> NDArray[np.bool_]:
+    """The ticks on the way to a goal; where there is no goal at all, every tick."""
+    found = (edit["goal"] != "").to_numpy()
+    return found if found.any() else ~found
+
+
 def rgb(colour: str) -> tuple[int, int, int]:
     """ "#RRGGBB" as three numbers."""
     red, green, blue = bytes.fromhex(colour.removeprefix("#"))
@@ -77,6 +83,11 @@ class Marks:
         self._line = max(1, round(height / 450))
         names, colours = parts(edit)
         self._colour = [rgb(colours[name]) for name in names]
+        pale = _pale(painter.floor), 1
+        self._way = [
+            (colour, self._line) if goal else pale
+            for colour, goal in zip(self._colour, sought(edit), strict=True)
+        ]
         self._places = edit[["x_px", "y_px"]].to_numpy(float)
         self._turns = {first: (name, stop) for name, first, stop in aims(edit)}
         self._times = [f"{time:.1f} s" for time in edit["time_s"]]
@@ -109,10 +120,9 @@ class Marks:
                 self._goal(self._current, _CURRENT)
         if tick:
             start, stop = self._places[tick - 1], self._places[tick]
+            colour, width = self._way[tick]
             ends = _fixed(start), _fixed(stop)
-            cv2.line(
-                self._painter.floor, *ends, self._colour[tick], self._line, cv2.LINE_AA, _SHIFT
-            )
+            cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
             self._touch(np.stack([start, stop]), self._line + 2)
 
     def _above(self, tick: int) -> None:
@@ -160,6 +170,13 @@ class Marks:
         right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
         box = Box(int(top), int(left), int(bottom), int(right))
         self._painter.touch(box.within(self._painter.canvas.shape))
+
+
+def _pale(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
+    """A colour that is seen on this floor, but hardly: for a way that leads to no goal."""
+    middle = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
+    red, green, blue = (0.75 * middle if middle.mean() > 80 else middle + 40).astype(int).tolist()
+    return red, green, blue
 
 
 def _fixed(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:

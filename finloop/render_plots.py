@@ -13,7 +13,7 @@ from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from finloop.animate_edit import Goal
-from finloop.render_marks import aims, parts, rgb, write
+from finloop.render_marks import aims, parts, rgb, sought, write
 
 Picture = NDArray[np.uint8]
 _WANDERING = "0.35"
@@ -33,13 +33,13 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     names, colours = parts(edit)
     way = edit[["x_px", "y_px"]].to_numpy(float)
     steps = np.stack([way[:-1], way[1:]], axis=1)
-    sought = (edit["goal"] != "").to_numpy()[1:]
+    aimed = sought(edit)[1:]
     named = names.to_numpy()[1:]
-    axes.add_collection(LineCollection(list(steps[~sought]), colors=_WANDERING, lw=0.7, alpha=0.7))
+    axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
-        chosen = steps[sought & (named == name)]
+        chosen = steps[aimed & (named == name)]
         axes.add_collection(LineCollection(list(chosen), colors=colour, lw=2.4, capstyle="round"))
-    _arrows(axes, edit[np.r_[False, sought]])
+    _arrows(axes, edit[np.r_[False, aimed]])
     axes.plot(*way[0], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {name: edit["time_s"].iloc[stop] for name, _, stop in aims(edit) if stop < len(edit)}
     for goal in goals:
@@ -49,9 +49,9 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
             when, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,
         )  # fmt: skip
-    shown = [name for name in colours if (sought & (named == name)).any()]
+    shown = [name for name in colours if (aimed & (named == name)).any()]
     key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in shown]
-    if not sought.all():
+    if not aimed.all():
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
     figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)

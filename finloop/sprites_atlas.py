@@ -213,6 +213,10 @@ def _frame(
 ) -> dict[str, Any]:
     size = 2 * reach + 1
     origin_x, origin_y = int(np.floor(x + 0.5)) - reach, int(np.floor(y + 0.5)) - reach
+    pivot = {
+        "x": round((x - origin_x + 0.5) / size, 6),
+        "y": round((y - origin_y + 0.5) / size, 6),
+    }
     return {
         "frame": {"x": spot.x, "y": spot.y, "w": spot.width, "h": spot.height},
         "rotated": False,
@@ -221,9 +225,8 @@ def _frame(
             "x": int(left - origin_x), "y": int(top - origin_y), "w": spot.width, "h": spot.height,
         },
         "sourceSize": {"w": size, "h": size},
-        "pivot": {
-            "x": round((x - origin_x + 0.5) / size, 6), "y": round((y - origin_y + 0.5) / size, 6),
-        },
+        "pivot": pivot,
+        "anchor": pivot,  # PixiJS's name for it
         "duration": duration,
     }  # fmt: skip
 

@@ -96,7 +96,9 @@ def main() -> None:
             pages = write_atlas(folder, sprites, page_px, rate_hz)
         loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
 
-    still = is_still(chosen["slide"], table, round(settings.slide_least_s * rate_hz))
+    still = settings.slide is not None or is_still(
+        chosen["slide"], table, round(settings.slide_least_s * rate_hz)
+    )
     say(chosen, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)

@@ -305,6 +305,13 @@ def test_every_tick_of_a_film_is_learnt_once():
     assert len(motion.turns.forward) == motion.turns.ticks.sum()
 
 
+def test_a_flick_within_straight_swimming_is_not_learnt_as_drift():
+    table = film()
+    here = (table["track_id"] == 1) & (table["frame"] >= 4)
+    table.loc[here, "heading_deg"] = wrap_deg(table.loc[here, "heading_deg"] + 70)
+    assert np.abs(learn(table, RATE, DELTA).phases.drift_deg).max() <= 20
+
+
 def test_turns_have_the_angle_that_was_swum():
     table = film()
     angles = learn(table, RATE, DELTA).turns.angle_deg

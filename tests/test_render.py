@@ -43,7 +43,7 @@ from finloop.render import (
     placed,
     step_numbers,
 )
-from finloop.render_marks import COLOURS, Marks, aims, parts, rgb
+from finloop.render_marks import COLOURS, Marks, aims, parts, rgb, sought
 from finloop.render_plots import Tile, contact_sheet, liveliest, trajectory, window
 from finloop.sprites import SPRITES
 
@@ -461,6 +461,8 @@ def test_parts_and_aims():
     mixed = edit.assign(mode=["nn"] * 15 + ["loop"] * 15)
     assert list(parts(mixed)[1]) == ["nn", "loop"]
     assert len(parts(edit.assign(state="hovers"))[1]) == 1
+    assert list(sought(edit)) == [True] * 20 + [False] * 10
+    assert sought(edit.assign(goal="")).all()
     assert rgb("#0072B2") == (0, 114, 178)
 
 
@@ -486,6 +488,8 @@ def test_marks_lie_below_the_fish_and_the_way_grows():
             way = marked.frame[round(edit["y_px"][6]), round(edit["x_px"][6])].astype(int)
             assert np.abs(way - rgb(COLOURS["straight"])).max() < 90
     assert marks_seen[-1] > marks_seen[1] + 100
+    wandered = marked.floor[round(edit["y_px"][25]), round(edit["x_px"][25])].astype(int)
+    assert np.ptp(wandered) == 0 and wandered[0] < 140  # grey, and no more of the states' colours
     ring = marked.floor[60 - 8 : 60 + 9, 90 - 8 : 90 + 9]
     assert (ring.min(axis=2) > 200).any()  # goal A, reached, in white
     marked.wipe()

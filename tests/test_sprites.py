@@ -769,6 +769,7 @@ def read_atlas(folder):
             part = page[box["y"] : box["y"] + box["h"], box["x"] : box["x"] + box["w"]].copy()
             part[..., :3] *= part[..., 3:]
             whole[at["y"] : at["y"] + at["h"], at["x"] : at["x"] + at["w"]] = part
+            assert entry["anchor"] == entry["pivot"]  # PixiJS reads the one, Phaser the other
             pivot = entry["pivot"]["x"] * size["w"], entry["pivot"]["y"] * size["h"]
             yield frame_name, whole, pivot, entry["duration"]
 
