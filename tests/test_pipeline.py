@@ -227,7 +227,7 @@ def drawn_offline(page: Path) -> int | None:
 def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
     before = repo.text("params.yaml")
     repo.dvc("exp", "run", "--temp", "--name", "apart", *overrides("features.delta_s=0.3"))
-    repo.dvc("exp", "run", "--queue", *overrides("features.delta_s=0.4,0.5"))
+    repo.dvc("exp", "run", "--queue", *overrides("features.delta_s=0.16,0.24"))
     repo.dvc("queue", "start")
     deadline = time.monotonic() + 60
     while "Queued" in (status := repo.dvc("queue", "status")) or "Running" in status:

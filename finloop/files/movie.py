@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 from finloop.files.atomic import whole_file
 from finloop.files.video import THREADS
 
+_SAME = "mbtree=0:rc-lookahead=0:weightp=0"
 _KEY_EVERY_S = 2  # a player can jump to every two seconds
 
 
@@ -121,8 +122,8 @@ class Mp4Writer(Movie):
         self._crf = crf
 
     def __enter__(self) -> Self:
-        # Without B-frames: with them x264's bytes depend on what lay in memory before.
-        options = {"crf": str(self._crf), "preset": "fast", "bf": "0"}
+        # Without B-frames, looking ahead, weights: with them x264 does not always give the same bytes.
+        options = {"crf": str(self._crf), "preset": "veryfast", "bf": "0", "x264-params": _SAME}
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
         height, width = self._shape[:2]
         self._odd = height % 2, width % 2
