@@ -122,7 +122,7 @@ class Mp4Writer(Movie):
         self._crf = crf
 
     def __enter__(self) -> Self:
-        # Without B-frames, looking ahead, weights: with them x264 does not always give the same bytes.
+        # With B-frames, looking ahead or weights x264 does not always give the same bytes.
         options = {"crf": str(self._crf), "preset": "veryfast", "bf": "0", "x264-params": _SAME}
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
         height, width = self._shape[:2]
