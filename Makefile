@@ -31,7 +31,7 @@ demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to ope
 	@dvc plots show >/dev/null
 
 test: setup ## run the tests
-	@python -m pytest
+	@python -m pytest -n 2 --dist loadfile
 
 # The environment is made anew when the lock or the folder is not the one that it was made from.
 setup: ## create .venv from requirements.lock, once

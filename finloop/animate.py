@@ -87,7 +87,7 @@ def swim(mode: NetworkMode, goals: Sequence[Goal], ticks: int, rng: np.random.Ge
     wander, left = np.zeros(2), 0
     while tick < ticks:
         if number < len(goals):
-            name, at = goals[number].name, np.array(goals[number][1:])
+            name, at = goals[number].name, np.array(goals[number][1:3])
         else:
             if left <= 0:
                 wander, left = somewhere(mode, fish, rng)

@@ -48,8 +48,9 @@ model, `goal` the goal's name (empty: the fish wanders), aim the point that it i
 
 
 class Goal(NamedTuple):
-    """A place to swim to, in pixels of the clip."""
+    """A place to swim to, in pixels of the clip; a fish that comes within the radius is there."""
 
     name: str
     x_px: float
     y_px: float
+    radius_px: float = 0.0

@@ -72,7 +72,7 @@ def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], mode: NetworkMode) -> di
     errors, asked, swum = [], 0.0, 0.0
     start = place[0]
     for i, (a, b) in enumerate(pairwise(ends)):
-        goal = np.array(goals[i][1:])
+        goal = np.array(goals[i][1:3])
         leg = place[a : b + 1]
         errors.append(_off_segment(leg, start, goal))
         asked += float(np.hypot(*(place[b] - place[a])))

@@ -141,24 +141,26 @@ class Marks:
 
     def _goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
         """Draw a goal on the floor: a ring with its name beside it, on a dark edge."""
-        goal, radius, line = self._goals[name], 0.7 * self._size, self._line
+        goal, line = self._goals[name], self._line
+        radius = max(0.7 * self._size, goal.radius_px)
         floor, at = self._painter.floor, (goal.x_px, goal.y_px)
         for tone, edge in ((_EDGE, 1), (colour, 0)):
             ring = round(radius * 2**_SHIFT)
             cv2.circle(floor, _fixed(at), ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
             if reached:
-                dot = round((0.4 * radius + edge) * 2**_SHIFT)
+                dot = round((0.28 * self._size + edge) * 2**_SHIFT)
                 cv2.circle(floor, _fixed(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
-        left = round(goal.x_px + 1.4 * radius)
+        left = round(goal.x_px + radius + 0.3 * self._size)
         base, length = round(goal.y_px + 0.35 * self._size), self._width(name)
         if left + length > floor.shape[1]:
-            left = round(goal.x_px - 1.4 * radius) - length
+            left = round(goal.x_px - radius - 0.3 * self._size) - length
         beside = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
         for tone, moves in ((_EDGE, beside), (colour, [(0, 0)])):
             for x, y in moves:
                 place = left + x, base + y
                 write(floor, name, place, tone, self._size, _BOLD)
-        self._touch(np.array([at, [left, base], [left + length, base]], float), 2 * self._size)
+        reach = max(2.0 * self._size, radius + line + 2)
+        self._touch(np.array([at, [left, base], [left + length, base]], float), reach)
 
     def _width(self, text: str) -> int:
         size = cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
@@ -44,7 +45,9 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     reached = {name: edit["time_s"].iloc[stop] for name, _, stop in aims(edit) if stop < len(edit)}
     for goal in goals:
         when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
-        axes.plot(goal.x_px, goal.y_px, "o", mfc="none", mec="black", ms=14, mew=1.8, zorder=4)
+        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
+        axes.add_patch(ring)
+        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
         axes.annotate(
             when, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,

@@ -2,7 +2,6 @@
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from finloop.distance import distance
 from finloop.features import FEATURES
 from finloop.files.atomic import whole_folder
 from finloop.files.cutouts import CutoutStore, open_cutouts
+from finloop.files.goals import save_goals
 from finloop.files.model import load_model
 from finloop.files.picture import save_figure
 from finloop.files.table import load_table, save_table
@@ -86,7 +86,10 @@ def main() -> None:
         fish, natural = brought.fish, brought.natural
         mode, length = fish.mode, fish.mode.motion.body_length_px
         reach = mode.touch_px + mode.head_px
-        goals = place_goals(p.goals, p.goals_in, mode.tank, reach)
+        goals = [
+            goal._replace(radius_px=mode.touch_px)
+            for goal in place_goals(p.goals, p.goals_in, mode.tank, reach)
+        ]
         ticks = round(p.seconds * mode.motion.rate_hz)
         edit = fish.play(goals, ticks, np.random.default_rng(p.seed))
         drawn = drawn_steps(edit, sprite_pictures(fish.sprites, store, length))
@@ -109,9 +112,7 @@ def main() -> None:
 
     with whole_folder(OUT) as folder:
         save_table(folder / f"{NETWORK}.parquet", edit, EDIT)
-        (folder / "goals.json").write_text(
-            json.dumps([goal._asdict() for goal in goals], indent=2) + "\n", encoding="utf-8"
-        )
+        save_goals(folder / "goals.json", goals)
     film_numbers = measures.of_film(features, swum, natural, mode.motion)
     mine = measures.motion_of_edit(edit, fish)
     save_figure(

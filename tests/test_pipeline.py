@@ -192,15 +192,13 @@ def overrides(*own: str) -> list[str]:
 
 
 def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
-    text = repo.dvc("exp", "run", "--name", "surer", *overrides("extract.noise_sigmas=7"))
-    assert "Ran experiment(s): surer" in text
+    text = repo.dvc("exp", "run", "--name", "longer", *overrides("bpn.epochs=8"))
+    assert "Ran experiment(s): longer" in text
     changed = json.loads(repo.dvc("params", "diff", "--json"))
-    assert changed == {
-        "params.yaml": {"extract.noise_sigmas": {"old": 5.0, "new": 7.0, "diff": 2.0}}
-    }
+    assert changed == {"params.yaml": {"bpn.epochs": {"old": 5, "new": 8, "diff": 3}}}
     diff = json.loads(repo.dvc("metrics", "diff", "--json"))
-    threshold = diff["reports/extract/metrics.json"]["threshold_grey"]
-    assert threshold["new"] > threshold["old"]
+    error = diff["reports/bpn/metrics.json"]["train_area_rmse"]
+    assert error["new"] < error["old"]
     for command in ("show", "diff"):
         repo.dvc("plots", command)
         page = repo.text("dvc_plots/index.html")
@@ -224,10 +222,10 @@ def drawn_offline(page: Path) -> int | None:
     return done.stdout.count('class="marks"')
 
 
-def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
+def test_queued_experiments_run_apart_and_leave_the_workspace_alone(repo: Copy):
     before = repo.text("params.yaml")
-    repo.dvc("exp", "run", "--temp", "--name", "apart", *overrides("features.delta_s=0.3"))
-    repo.dvc("exp", "run", "--queue", *overrides("features.delta_s=0.16,0.24"))
+    repo.dvc("exp", "run", "--queue", "--name", "apart", *overrides("render.crf=30"))
+    repo.dvc("exp", "run", "--queue", *overrides("render.crf=32"))
     repo.dvc("queue", "start")
     deadline = time.monotonic() + 60
     while "Queued" in (status := repo.dvc("queue", "status")) or "Running" in status:
@@ -238,7 +236,7 @@ def test_experiments_apart_and_in_a_queue_leave_the_workspace_alone(repo: Copy):
     assert repo.text("params.yaml") == before
     assert repo.git("status", "--porcelain") == ""
     repo.dvc("exp", "apply", "apart")
-    assert yaml.safe_load(repo.text("params.yaml"))["features"]["delta_s"] == 0.3
+    assert yaml.safe_load(repo.text("params.yaml"))["render"]["crf"] == 30
     assert "up to date" in repo.dvc("status")
     assert repo.dvc("repro").count("didn't change, skipping") == len(STAGES)
 
@@ -276,24 +274,38 @@ def blow_kill_dvc(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
     assert not alive(stage), "the stage works on without DVC"
 
 
-@pytest.mark.parametrize(
-    ("blow", "words"),
-    [(blow_kill_dvc, list(GROUPS)), (blow_ctrl_c, ["features"]), (blow_kill_stage, ["extract"])],
-)
-def test_a_stopped_run_goes_on_to_the_same_end(repo: Copy, blow: Any, words: list[str]):
+def stop(repo: Copy, word: str, blow: Any, *options: str) -> None:
+    """Stop a run while it is in the stage `word`."""
+    with repo.start("dvc", "repro", *options) as dvc:
+        stage = running(dvc, word)
+        time.sleep(0.3)
+        blow(dvc, stage)
+        text, _ = dvc.communicate(timeout=60)
+    assert dvc.returncode != 0
+    assert "Traceback" not in text
+    assert not alive(stage)
+
+
+def test_a_run_stopped_in_every_stage_goes_on_to_the_same_end(repo: Copy):
     wanted = repo.text("dvc.lock")  # the digest of every artifact of a run without a stop
     for name in ("data", "reports", ".dvc/cache"):
         shutil.rmtree(repo.root / name)
     (repo.root / "dvc.lock").unlink()
-    for word in words:
-        with repo.start("dvc", "repro") as dvc:
-            stage = running(dvc, word)
-            time.sleep(0.3)
-            blow(dvc, stage)
-            text, _ = dvc.communicate(timeout=60)
-        assert dvc.returncode != 0
-        assert "Traceback" not in text
-        assert not alive(stage)
+    for word in GROUPS:
+        stop(repo, word, blow_kill_dvc)
     repo.dvc("repro")
     assert repo.text("dvc.lock") == wanted
+    assert repo.git("status", "--porcelain") == ""
+
+
+@pytest.mark.parametrize(
+    ("blow", "word"), [(blow_ctrl_c, "features"), (blow_kill_stage, "extract")]
+)
+def test_a_run_stopped_in_another_way_goes_on_to_the_same_end(repo: Copy, blow: Any, word: str):
+    wanted = repo.text("dvc.lock")
+    stop(repo, word, blow, "--force", "--single-item", word)
+    shutil.rmtree(repo.root / ".dvc/cache/runs", ignore_errors=True)  # run again, not remembered
+    repo.dvc("repro", word)
+    assert repo.text("dvc.lock") == wanted
+    repo.dvc("repro")
     assert repo.git("status", "--porcelain") == ""

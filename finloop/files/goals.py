@@ -20,7 +20,10 @@ def load_goals(path: Path) -> list[Goal]:
     """Read what `save_goals` wrote; FinloopError if it is missing or damaged."""
     try:
         records = json.loads(path.read_text(encoding="utf-8"))
-        return [Goal(str(r["name"]), float(r["x_px"]), float(r["y_px"])) for r in records]
+        return [
+            Goal(str(r["name"]), *(float(r[key]) for key in ("x_px", "y_px", "radius_px")))
+            for r in records
+        ]
     except (OSError, ValueError, TypeError, KeyError) as error:
         raise FinloopError(
             f"{path} cannot be read ({error!r})",
