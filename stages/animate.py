@@ -12,12 +12,10 @@ from finloop import animate_measures as measures
 from finloop.animate import Player, player, random_goals
 from finloop.animate_edit import EDIT, NETWORK
 from finloop.animate_pictures import (
+    SIZE,
     drawn_steps,
     film_next,
     film_steps,
-    following,
-    outlines,
-    pictures,
     seams,
     sprite_pictures,
 )
@@ -33,6 +31,7 @@ from finloop.files.picture import save_figure
 from finloop.files.table import load_table, save_table
 from finloop.files.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.sprites import SPRITES
+from finloop.sprites_pictures import following, outlines, pictures
 from stages.params import load
 from stages.params.animate import OPTIONS, Animate
 
@@ -58,8 +57,8 @@ def bring(p: Animate, features: pd.DataFrame, film: CutoutStore, store: CutoutSt
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
     length = float(features["body_length_px"].median())
     natural = film_steps(features, film, length)
-    shown = pictures(sprites, store, length)
-    pose = distance(following(sprites, features, film, length), shown)
+    shown = pictures(sprites, store, length, SIZE)
+    pose = distance(following(sprites, features, film, length, SIZE), shown)
     fish = player(
         features,
         load_model(Path("data/bpn/model.json")),

@@ -12,15 +12,13 @@ from finloop.animate_pictures import (
     drawn_steps,
     film_next,
     film_steps,
-    following,
-    outlines,
-    pictures,
     seams,
     sprite_pictures,
 )
 from finloop.distance import SPAN, centred, distance, steps
 from finloop.features import ORIENTATIONS
 from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.sprites_pictures import following, outlines, pictures
 
 
 def fish(
@@ -142,8 +140,8 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        after = following(sprites, table, film, 40.0)
-        shown = pictures(sprites, store, 40.0)
+        after = following(sprites, table, film, 40.0, SIZE)
+        shown = pictures(sprites, store, 40.0, SIZE)
     assert shown.shape == (3, SIZE, SIZE, 2)
     pose = distance(after, shown)
     assert (pose < 0.12 * np.linalg.norm(shown[0])).all()  # one wedge, whichever frame it is of
