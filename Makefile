@@ -22,8 +22,10 @@ demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to ope
 	@dvc repro
 	@echo
 	@echo "Done. Open:"
-	@echo "  data/render/nn_marked.mp4            the fish that swims to A, B and C"
-	@echo "  reports/render/trajectory.png        its way"
+	@echo "  data/render/hybrid_marked.mp4        the fish that swims to A, B and C"
+	@echo "  reports/render/trajectory.png        its way, film and sprites in two colours"
+	@echo "  reports/render/switches.png          where it goes from one to the other, tick by tick"
+	@echo "  reports/animate/measures.csv         its measures, beside the film's own"
 	@echo "  reports/sprites/contact_sheet.png    the frames it is made of"
 	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
 	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"

@@ -1,7 +1,7 @@
 """All benchmarks, one after the other: `python -m benchmarks`, or `make bench`."""
 
-from benchmarks import accuracy, animate, bpn, memory, render, speed
+from benchmarks import accuracy, animate, bpn, distance, memory, render, speed, table2
 
 if __name__ == "__main__":
-    for benchmark in (speed, memory, accuracy, bpn, animate, render):
+    for benchmark in (speed, memory, accuracy, bpn, distance, animate, render, table2):
         benchmark.main()

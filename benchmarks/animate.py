@@ -17,15 +17,14 @@ import pandas as pd
 
 from benchmarks.pipeline import prepare, stage
 from benchmarks.speed import paired
-from finloop.animate import random_goals
-from finloop.files.cutouts import open_cutouts
-from finloop.files.table import load_table
-from stages.animate import EXTRACT, FEATURES, SPRITES_FOLDER, bring
+from finloop.animate import Player, random_goals
+from finloop.animate_edit import Goal
+from stages.animate import bring
 from stages.params import load
 from stages.params.animate import OPTIONS
 
-TICKS, COPIES = 50_000, 500
-STAGES = ("clip", "extract", "features", "bpn", "sprites")
+TICKS, COPIES = 20_000, 500
+STAGES = ("clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways")
 
 
 def main() -> None:
@@ -38,17 +37,10 @@ def main() -> None:
         home = Path.cwd()
         os.chdir(scratch)
         try:
-            features = load_table(Path("data/features/features.parquet"), FEATURES)
-            with (
-                open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store,
-                open_cutouts(EXTRACT / "cutouts.arrow") as film,
-            ):
-                fish = bring(load("animate", OPTIONS), features, film, store).fish
+            with bring(load("animate", OPTIONS)) as brought:
+                players = brought.players
         finally:
             os.chdir(home)
-    mode = fish.mode
-    rng = np.random.default_rng(0)
-    goals = random_goals(mode.tank, mode.touch_px, 20, rng)
     frame = np.zeros((720, 1280, 3), np.uint8)
     canvas = np.empty_like(frame)
 
@@ -56,15 +48,19 @@ def main() -> None:
         for _ in range(COPIES):
             np.copyto(canvas, frame)
 
-    ours, theirs, _, _ = paired(lambda: fish.play(goals, TICKS, np.random.default_rng(1)), copy)
-    table = pd.DataFrame(
-        [
-            ("planning and edit list", "ticks/s", TICKS / ours),
-            ("copy of one 1280×720 frame", "frames/s", COPIES / theirs),
-            ("time of a tick / time of a copy", "1", (ours / TICKS) / (theirs / COPIES)),
-        ],
-        columns=["what", "unit", "value"],
-    )
+    rows = []
+    for name, fish in players.items():
+        goals = random_goals(fish.mode.tank, fish.mode.touch_px, 20, np.random.default_rng(0))
+
+        def play(fish: Player = fish, goals: list[Goal] = goals) -> None:
+            fish.play(goals, TICKS, np.random.default_rng(1))
+
+        ours, theirs, _, _ = paired(play, copy)
+        rows += [
+            (f"{name}: planning and edit list", "ticks/s", TICKS / ours),
+            (f"{name}: time of a tick / time of a copy", "1", (ours / TICKS) / (theirs / COPIES)),
+        ]
+    table = pd.DataFrame(rows, columns=["what", "unit", "value"])
     print(table.to_string(index=False))
     table.to_csv(Path(__file__).with_name("animate.csv"), index=False, float_format="%.4g")
 

@@ -1,71 +1,81 @@
-"""Goals → edit list: the fish is sent from goal to goal, then wanders (Figs. 16, 18)."""
+"""Goals → edit list: the fish is sent from goal to goal, then wanders (Figs. 16-19)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate_edit import EDIT, NETWORK, SPRITE, Goal
-from finloop.animate_motion import SLIDE, STATES, TURN, learn
-from finloop.animate_nn import Fish, NetworkMode, Stretch
-from finloop.animate_sprites import arrange
-from finloop.animate_tank import Tank, goal_name, tank
-from finloop.bpn import MotionModel
-from finloop.features import ORIENTATIONS, delta_frames, orientation, wrap_deg
+from finloop.animate_edit import CONSIDERED, EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
+from finloop.animate_film import Film
+from finloop.animate_motion import STATES, TURN, Motion
+from finloop.animate_nn import Fish, Stretch
+from finloop.animate_sprites import Sprites
+from finloop.animate_tank import Tank, goal_name
+from finloop.features import ORIENTATIONS, orientation, wrap_deg
 
-FADE_S = 0.1
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
+
+Floats = NDArray[np.float64]
+
+
+class Mode(Protocol):
+    """A way to swim: NetworkMode, LoopMode, HybridMode."""
+
+    @property
+    def motion(self) -> Motion: ...
+    @property
+    def tank(self) -> Tank: ...
+    @property
+    def touch_px(self) -> float: ...
+    @property
+    def head_px(self) -> float: ...
+
+    def begin(self, rng: np.random.Generator) -> Fish: ...
+
+    def stretch(self, fish: Fish, at: Floats, name: str, rng: np.random.Generator) -> Stretch: ...
+
+
+@dataclass(frozen=True)
+class Cast:
+    """What is drawn: the sprites (n rows), the film's frames, and their outlines.
+
+    sprite_hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass
+    centre, at the drawn size; frame_hulls (rows, k, 2): of every frame.
+    """
+
+    sprites: pd.DataFrame
+    order: Sprites
+    film: Film
+    sprite_hulls: Sequence[Floats]
+    frame_hulls: NDArray[np.float32]
+
+    def hull(self, kind: str, source: int) -> Floats:
+        """The outline of a picture as an edit list names it."""
+        if kind == FRAME:
+            return self.frame_hulls[source].astype(float)
+        return self.sprite_hulls[source // ORIENTATIONS]
+
+    def after(self, kind: str, number: int) -> int:
+        """The picture after this one, itself where there is none."""
+        if kind == SPRITE:
+            return int(self.order.following[number])
+        return number + int(self.film.more[number])
 
 
 @dataclass(frozen=True)
 class Player:
-    """Whoever swims: a mode, and the sprites (n rows) it draws with.
+    """Whoever swims: a mode, what it is drawn with, how many ticks a cross-fade takes."""
 
-    hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass centre, at
-    the drawn size.
-    """
-
-    mode: NetworkMode
-    sprites: pd.DataFrame
-    hulls: Sequence[NDArray[np.float64]]
+    mode: Mode
+    cast: Cast
+    fade: int
 
     def play(self, goals: Sequence[Goal], ticks: int, rng: np.random.Generator) -> pd.DataFrame:
         """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
         return edit_list(swim(self.mode, goals, ticks, rng), ticks, self)
-
-
-def player(
-    features: pd.DataFrame,
-    model: MotionModel,
-    sprites: pd.DataFrame,
-    pose: NDArray[np.float64],
-    alike: NDArray[np.bool_],
-    hulls: Sequence[NDArray[np.float64]],
-    arena: NDArray[np.bool_],
-    rate_hz: float,
-    goal_radius: float,
-) -> Player:
-    """A fish that has learnt from a feature table.
-
-    pose (n, n): distance between what the film shows after sprite i, and sprite j; alike (n, n):
-    which two sprites are like one another; goal_radius in body lengths.
-
-    Raises
-    ------
-    FinloopError
-        If the film shows too little, or the tank (`arena`) is smaller than the fish.
-    """
-    motion = learn(features, rate_hz, delta_frames(model.delta_s, rate_hz))
-    reach = max(float(np.hypot(*hull.T).max()) for hull in hulls)
-    head = np.hypot(
-        features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
-    ).median()
-    touch = goal_radius * motion.body_length_px
-    drawn = arrange(sprites, pose, alike, rate_hz)
-    mode = NetworkMode(motion, drawn, model, tank(arena, reach), touch, float(head))
-    return Player(mode, sprites, hulls)
 
 
 @dataclass(frozen=True)
@@ -76,16 +86,29 @@ class Swim:
     names: list[str]  # of the goal, for each stretch
     reached: NDArray[np.int64]
 
+    def considered(self, ticks: int) -> pd.DataFrame:
+        """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`."""
+        begins = np.cumsum([0] + [len(s.way) for s in self.stretches])
+        rows = [
+            (tick, *one)
+            for tick, stretch in zip(begins, self.stretches, strict=False)
+            if tick < ticks
+            for one in stretch.considered
+        ]
+        table = pd.DataFrame(rows, columns=[column.name for column in CONSIDERED.columns])
+        value = table["value_s"].astype(float)
+        return table.assign(value_s=value.where(np.isfinite(value)))
 
-def swim(mode: NetworkMode, goals: Sequence[Goal], ticks: int, rng: np.random.Generator) -> Swim:
+
+def swim(mode: Mode, goals: Sequence[Goal], ticks: int, rng: np.random.Generator) -> Swim:
     """Swim at least `ticks` ticks: to the goals one after the other, afterwards anywhere."""
-    fish = begin(mode, rng)
+    fish = mode.begin(rng)
     reached = np.full(len(goals), -1)
     stretches: list[Stretch] = []
     names = []
-    tick, number = 0, 0
-    wander, left = np.zeros(2), 0
-    while tick < ticks:
+    number, left = 0, 0
+    wander = np.zeros(2)
+    while fish.tick < ticks:
         if number < len(goals):
             name, at = goals[number].name, np.array(goals[number][1:3])
         else:
@@ -95,10 +118,10 @@ def swim(mode: NetworkMode, goals: Sequence[Goal], ticks: int, rng: np.random.Ge
         found = mode.stretch(fish, at, name, rng)
         stretches.append(found)
         names.append(name)
-        tick += len(found.way)
+        fish.tick += len(found.way)
         left = 0 if found.touched else left - len(found.way) * (found.state != TURN)
         if found.touched and number < len(goals):
-            reached[number] = tick - 1
+            reached[number] = fish.tick - 1
             number, left = number + 1, 0
     reached[reached >= ticks] = -1
     return Swim(stretches, names, reached)
@@ -115,17 +138,7 @@ def random_goals(tank: Tank, touch_px: float, count: int, rng: np.random.Generat
     return goals
 
 
-def begin(mode: NetworkMode, rng: np.random.Generator) -> Fish:
-    """A fish somewhere in the tank, gliding."""
-    x, y = mode.tank.random_point(rng)
-    speed = float(np.median(mode.motion.phases.first_speed))
-    sprite = int(mode.sprites.cycles[SLIDE][0])
-    return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
-
-
-def somewhere(
-    mode: NetworkMode, fish: Fish, rng: np.random.Generator
-) -> tuple[NDArray[np.float64], int]:
+def somewhere(mode: Mode, fish: Fish, rng: np.random.Generator) -> tuple[NDArray[np.float64], int]:
     """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
     motion = mode.motion
     for _ in range(_TRIES):
@@ -141,45 +154,40 @@ def somewhere(
 
 def edit_list(found: Swim, ticks: int, player: Player) -> pd.DataFrame:
     """The first `ticks` ticks as an edit list with the columns of `EDIT`."""
-    stretches, motion = found.stretches, player.mode.motion
+    stretches, motion, cast = found.stretches, player.mode.motion, player.cast
     lengths = np.array([len(s.way) for s in stretches])
     of = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
-    number = np.concatenate([s.sprite for s in stretches])[:ticks]
+    rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
+    shown = Shown(
+        np.array([s.kind == FRAME for s in stretches])[of],
+        np.concatenate([s.number for s in stretches])[:ticks],
+        np.concatenate(rots)[:ticks],
+    )
     start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     first = start[start < ticks]
     heading = wrap_deg(way[:, 2])
     step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
     speed = step / motion.body_length_px * motion.rate_hz
     speed[:1] = speed[1:2]
-    partner, weight = cross_fades(number, [s.new for s in stretches], first, player.mode)
-    sector = orientation(heading)
-    turned = wrap_deg(heading - (sector - 1) * (360 / ORIENTATIONS)).astype(np.float32)
-    scale = player.sprites["scale"].to_numpy()
-    faded = partner >= 0
-    row = np.where(faded, partner, 0) * ORIENTATIONS + sector - 1
-    aims = np.array([s.target for s in stretches])
+    partner, weight = cross_fades(shown, [s.new for s in stretches], first, cast, player.fade)
+    faded = weight > 0
     decision = np.full(ticks, None, dtype=object)
     decision[first] = [stretches[i].why for i in range(len(first))]
+    aims = np.array([s.target for s in stretches])
     table = pd.DataFrame(
         {
             "tick": np.arange(ticks),
             "time_s": np.arange(ticks) / motion.rate_hz,
-            "kind": SPRITE,
-            "source": number * ORIENTATIONS + sector - 1,
-            "rotation_deg": turned,
-            "scale": scale[number],
+            **drawn(shown, heading, cast),
             "x_px": way[:, 0],
             "y_px": way[:, 1],
-            "partner_kind": [SPRITE if one else None for one in faded],
-            "partner": pd.array(row, "Int32"),
-            "partner_rotation_deg": np.where(faded, turned, np.nan),
-            "partner_scale": np.where(faded, scale[np.where(faded, partner, 0)], np.nan),
+            **{f"partner_{name}": column for name, column in drawn(partner, heading, cast).items()},
             "weight": weight,
             "heading_deg": heading,
             "speed": speed,
             "motion_area": np.array([s.area for s in stretches])[of],
-            "mode": NETWORK,
+            "mode": np.where(shown.frame, LOOPS, NETWORK),
             "state": np.array(STATES)[np.array([s.state for s in stretches])][of],
             "goal": np.array(found.names)[of],
             "aim_x_px": aims[of, 0],
@@ -187,31 +195,55 @@ def edit_list(found: Swim, ticks: int, player: Player) -> pd.DataFrame:
             "decision": decision,
         }
     )
-    table.loc[~faded, "partner"] = pd.NA
+    table = table.rename(columns={"partner_source": "partner"})
+    table["partner"] = pd.array(table["partner"], "Int32")
+    table.loc[~faded, ["partner_kind", "partner"]] = None
+    table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
     return table[[column.name for column in EDIT.columns]]
 
 
-def cross_fades(
-    number: NDArray[np.int64],
-    new: list[bool],
-    first: NDArray[np.int64],
-    mode: NetworkMode,
-) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """The sprite (ticks,) that fades out at each tick, −1 for none, and its share.
+@dataclass(frozen=True)
+class Shown:
+    """Pictures (ticks,): whether it is a frame, its number, by how much a frame is turned."""
 
-    Where a new sequence begins, the old one plays on for `FADE_S` and loses its share, as long as
-    the two are alike: two unlike fish on one another look like ghosts.
+    frame: NDArray[np.bool_]
+    number: NDArray[np.int64]
+    rot: Floats
+
+
+def drawn(shown: Shown, heading: Floats, cast: Cast) -> dict[str, NDArray[np.generic]]:
+    """The columns kind, source, rotation_deg, scale of an edit list."""
+    sector = orientation(heading)
+    residual = wrap_deg(heading - (sector - 1) * (360 / ORIENTATIONS))
+    sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
+    oriented = sprite * ORIENTATIONS + sector - 1
+    return {
+        "kind": np.where(shown.frame, FRAME, SPRITE),
+        "source": np.where(shown.frame, cast.film.cutout[frame], oriented),
+        "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
+        "scale": np.where(
+            shown.frame, cast.film.scale[frame], cast.sprites["scale"].to_numpy()[sprite]
+        ),
+    }
+
+
+def cross_fades(
+    shown: Shown, new: list[bool], first: NDArray[np.int64], cast: Cast, fade: int
+) -> tuple[Shown, Floats]:
+    """The pictures (ticks,) that fade out, and their shares, 0 where none does.
+
+    Where something else begins, the old plays on for `fade` ticks and loses its share.
     """
-    fade = max(1, round(FADE_S * mode.motion.rate_hz))
-    partner = np.full(len(number), -1)
-    weight = np.zeros(len(number))
+    ticks = len(shown.number)
+    partner = Shown(np.zeros(ticks, bool), np.zeros(ticks, np.int64), np.zeros(ticks))
+    weight = np.zeros(ticks)
     for begins, is_new in zip(first, new, strict=False):
         if begins == 0 or not is_new:
             continue
-        old = number[begins - 1]
-        for k in range(min(fade, len(number) - begins)):
-            old = mode.sprites.following[old]
-            if not mode.sprites.alike[old, number[begins + k]]:
-                break
-            partner[begins + k], weight[begins + k] = old, 1 - (k + 1) / (fade + 1)
+        frame, old = bool(shown.frame[begins - 1]), int(shown.number[begins - 1])
+        for tick in range(begins, min(begins + fade, ticks)):
+            old = cast.after(FRAME if frame else SPRITE, old)
+            partner.frame[tick], partner.number[tick] = frame, old
+            partner.rot[tick] = shown.rot[begins - 1]
+            weight[tick] = 1 - (tick - begins + 1) / (fade + 1)
     return partner, weight

@@ -13,8 +13,8 @@ from finloop.files.table import Column, Schema
 SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a picture of the sprites' store, or of the film's cut-outs."""
 
-NETWORK = "nn"
-"""The network mode's name."""
+NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
+"""The modes: sprites moved by what the network learnt; the film, jumping at loops; both in turn."""
 
 EDIT = Schema(
     (
@@ -42,9 +42,24 @@ EDIT = Schema(
         Column("decision", "string", "1", nullable=True),
     )
 )
+
+CONSIDERED = Schema(
+    (
+        Column("tick", "int32", "1"),
+        Column("row", "int32", "1"),
+        Column("seam", "float32", "median step of the film"),
+        Column("value_s", "float32", "s", nullable=True),
+        Column("fails", "string", "1"),
+        Column("taken", "bool", "1"),
+    )
+)
+"""What was weighed at a tick: rows of the feature table that could have been shown, what the best
+way from there costs (empty: there is none, or it was passed over for better ones), and which test
+of Fig. 19 it fails ("" = none)."""
 """`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
 model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for, and
-`decision` says on a state's first tick why it was entered."""
+`decision` says on a state's first tick why it was entered. `mode` is "nn" or "loops", whichever the
+tick is in."""
 
 
 class Goal(NamedTuple):

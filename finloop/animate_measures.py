@@ -5,7 +5,7 @@ measure. A *jump* i → j shows after frame i another one than the film's next. 
 D(i + 1, j) over the median of the film's steps: 1 = as smooth as the film.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -13,10 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
-from finloop.animate import Player
-from finloop.animate_edit import Goal
-from finloop.animate_motion import STATES, TURN, Motion
-from finloop.animate_nn import NetworkMode
+from finloop.animate import Cast, Mode, Player
+from finloop.animate_edit import FRAME, LOOPS, Goal
+from finloop.animate_motion import FILM, STATES, TURN, Motion
 from finloop.animate_tank import Tank
 from finloop.features import ORIENTATIONS, wrap_deg
 
@@ -28,12 +27,12 @@ def of_plan(
 ) -> dict[str, float]:
     """All measures that need no picture. `film`: its kinematics, as `motion_of_film` gives them."""
     mode = player.mode
-    number = edit["source"].to_numpy() // ORIENTATIONS
     return {
         **of_goals(edit, goals, mode),
         **of_kinematics(motion_of_edit(edit, player), film),
         **of_turns(edit),
-        "frames_outside": outside(edit, player.hulls, number, mode.tank),
+        "frames_outside": outside(edit, player.cast, mode.tank),
+        "film_pct": 100 * float((edit["mode"] == LOOPS).mean()),
     }
 
 
@@ -60,7 +59,7 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     return found
 
 
-def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], mode: NetworkMode) -> dict[str, float]:
+def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], mode: Mode) -> dict[str, float]:
     """Goals reached, time, path error against the straight ways from goal to goal, straightness."""
     ticks, motion = reached(edit, goals, mode.touch_px, mode.head_px), mode.motion
     done = np.flatnonzero(~np.isnan(ticks))
@@ -98,8 +97,10 @@ def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
 
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """
-    sway = player.sprites["head_offset_deg"].to_numpy(float)
-    head = edit["heading_deg"].to_numpy(float) + sway[edit["source"] // ORIENTATIONS]
+    sprite = (edit["kind"] != FRAME).to_numpy()
+    number = np.where(sprite, edit["source"] // ORIENTATIONS, 0)
+    sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
+    head = edit["heading_deg"].to_numpy(float) + sway
     return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.mode.motion)
 
 
@@ -139,21 +140,14 @@ def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> d
     }
 
 
-def outside(
-    edit: pd.DataFrame, outlines: Sequence[Floats], number: NDArray[np.intp], tank: Tank
-) -> int:
-    """Ticks at which any point of the drawn fish is outside the arena.
-
-    outlines: per picture (k, 2) px from the mass centre, x ahead, y to the left, at the drawn
-    size; `number` (ticks,): which of them is drawn.
-    """
+def outside(edit: pd.DataFrame, cast: Cast, tank: Tank) -> int:
+    """Ticks at which any point of the drawn fish is outside the arena."""
     count = 0
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
-    for picture in np.unique(number):
-        ticks = np.flatnonzero(number == picture)
-        ahead, left = outlines[picture].T
+    for (kind, source), ticks in edit.groupby(["kind", "source"]).indices.items():
+        ahead, left = cast.hull(str(kind), int(source)).T
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
         column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
         row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
@@ -214,8 +208,9 @@ def of_states(edit: pd.DataFrame) -> dict[str, float]:
     return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
 
 
-def longest_repeat(pictures: NDArray[np.int64]) -> int:
-    """The longest run of pictures (n,) that comes twice, the second after the first, in ticks."""
+def longest_repeat(edit: pd.DataFrame) -> int:
+    """The longest run of pictures that comes twice, the second after the first, in ticks."""
+    pictures = np.where(edit["kind"] == FRAME, -1 - edit["source"], edit["source"])
     longest = 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
@@ -233,7 +228,35 @@ def film_states(features: pd.DataFrame, motion: Motion) -> dict[str, float]:
     straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
     turning = float((features["swimming_type"] != 0).mean())
     share = np.append(straight / straight.sum() * (1 - turning), turning)
-    return {f"{state}_pct": 100 * float(part) for state, part in zip(STATES, share, strict=True)}
+    return {
+        f"{state}_pct": 100 * float(part) for state, part in zip(STATES[:FILM], share, strict=True)
+    }
+
+
+def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> dict[str, float]:
+    """Freezing and flickering: the longest time one picture stays, the shortest between two jumps.
+
+    jumps: ticks at which the picture does not follow; only those from frame to frame count.
+    """
+    same = (edit[["kind", "source"]] == edit[["kind", "source"]].shift()).all(axis=1).to_numpy()
+    runs = np.diff(np.flatnonzero(np.append(~same, True)))
+    frame = (edit["kind"] == FRAME).to_numpy()
+    across = jumps[frame[jumps] & frame[jumps - 1]]
+    return {
+        "longest_still_s": float(runs.max()) / rate_hz,
+        "jumps_of_the_film": float(len(across)),
+        "shortest_stay_s": float(np.diff(across).min()) / rate_hz if len(across) > 1 else np.nan,
+    }
+
+
+def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
+    """All measures side by side: a row each, a column per mode and one of the film itself."""
+    names = list(dict.fromkeys(name for found in (*modes.values(), film) for name in found))
+    columns = {**modes, "film": film}
+    return pd.DataFrame(
+        {"measure": names}
+        | {column: [found.get(name, np.nan) for name in names] for column, found in columns.items()}
+    )
 
 
 def of_film(

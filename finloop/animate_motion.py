@@ -19,8 +19,9 @@ from scipy.ndimage import uniform_filter1d
 from finloop.errors import FinloopError
 from finloop.features_type import STRAIGHT as TYPE_STRAIGHT
 
-STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN = range(5)
-STATES = ("straight", "slide", "accelerate", "decelerate", "turn")
+STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM = range(6)
+STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film")
+"""What a fish does: by sprites, or as a stretch of film."""
 
 _STILL = 0.25  # a tail is still where it moves less than this share of a beating one
 _STEADY = 0.5  # per second; a speed that changes by a smaller share is steady

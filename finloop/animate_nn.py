@@ -6,13 +6,14 @@ that angle moved. Otherwise the fish slides, accelerates, decelerates or swims s
 long, as fast and drifting as much as a stretch of the film that began at the same speed.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from finloop import animate_step as step
+from finloop.animate_edit import SPRITE
 from finloop.animate_motion import DECELERATE, SLIDE, STATES, TURN, Motion
 from finloop.animate_sprites import Sprites, plan_turn
 from finloop.animate_tank import Tank
@@ -35,7 +36,11 @@ _PACE = (0.7, 1.4)  # tail beats are played at least and at most so much faster 
 class Fish:
     """Where the fish is, and what it is doing. heading in degrees, speed in body lengths/s.
 
-    sprite: the one drawn last; phase: place in its cycle, in frames; area: relative motion area.
+    sprite: the one drawn last, −1 in the film; phase: place in its cycle, in frames; area: relative
+    motion area; tick: how long it has swum. In the film: row, the one drawn last, −1 for none; rot,
+    by how much it is turned; since, ticks since the last jump; waits, ticks without a legal way on;
+    shown, the tick of every row at
+    which it was drawn last.
     """
 
     x: float
@@ -46,25 +51,35 @@ class Fish:
     sprite: int
     phase: float = 0.0
     area: float = 0.0
+    tick: int = 0
+    row: int = -1
+    rot: float = 0.0
+    since: int = 0
+    waits: int = 0
+    shown: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Some ticks (n,) of one state. way (n, 3): x, y px, heading deg; sprite (n,): rows.
+    """Some ticks (n,) of one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
 
-    target: x, y of the point it heads for; new: whether another sequence of sprites begins here;
-    area: asked of the network, NaN where it was not asked; touched: whether the last tick touches
-    the goal; why: in words.
+    target: x, y of the point it heads for; new: whether the first picture does not follow on the
+    one before; area: asked of the network, NaN where it was not asked; touched: whether the last
+    tick touches the goal; why: in words; kind: SPRITE or FRAME; rot (n,): by how much frames are
+    turned; considered: what was weighed, as `CONSIDERED` without the tick.
     """
 
     state: int
     target: NDArray[np.float64]
     way: NDArray[np.float64]
-    sprite: NDArray[np.int64]
+    number: NDArray[np.int64]
     new: bool
     area: float
     touched: bool
     why: str
+    kind: str = SPRITE
+    rot: NDArray[np.float64] | None = None
+    considered: tuple[tuple[int, float, float, str, bool], ...] = ()
 
 
 class NetworkMode:
@@ -94,6 +109,13 @@ class NetworkMode:
             )
         )
 
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank, gliding."""
+        x, y = self.tank.random_point(rng)
+        speed = float(np.median(self.motion.phases.first_speed))
+        sprite = int(self.sprites.cycles[SLIDE][0])
+        return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
+
     def stretch(
         self, fish: Fish, at: NDArray[np.float64], name: str, rng: np.random.Generator
     ) -> Stretch:
@@ -116,7 +138,7 @@ class NetworkMode:
         fish.x, fish.y, fish.heading = last[0], last[1], step.wrap(last[2])
         moved = np.hypot(last[0] - before[0], last[1] - before[1])
         fish.speed = max(moved / self._px * self.motion.rate_hz, self.motion.low)
-        fish.state, fish.sprite = found.state, int(found.sprite[-1])
+        fish.state, fish.sprite = found.state, int(found.number[-1])
         return found
 
     def _target(self, fish: Fish, at: NDArray[np.float64]) -> NDArray[np.float64]:

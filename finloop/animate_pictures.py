@@ -1,46 +1,123 @@
-"""Pictures behind an edit list: how alike any two sprites are, what is drawn from tick to tick."""
+"""Pictures behind an edit list: what is drawn from tick to tick, and how well it joins (Eq. 5)."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate_edit import SPRITE
-from finloop.distance import film_rows, picture
+from finloop.animate_edit import FRAME, SPRITE
+from finloop.distance import FILM, film_pictures, picture
 from finloop.features import ORIENTATIONS
 from finloop.files.cutouts import CutoutStore
 
 SIZE = 64  # px of a centred picture
-_PAIRS = 3000  # natural steps that are looked at
+_PAIRS, _LOT = 3000, 500  # natural steps that are looked at, and at once
 
 Floats = NDArray[np.float64]
+Picture = NDArray[np.float32]
 
 
-def film_steps(features: pd.DataFrame, film: CutoutStore, length_px: float) -> Floats:
+def film_steps(features: pd.DataFrame, film: CutoutStore) -> Floats:
     """Eq. 5 between successive frames of the film, at most `_PAIRS` of them spread over it."""
-    rows = film_rows(film)
-    table = features.sort_values(["track_id", "frame"])
-    same = (np.diff(table["track_id"]) == 0) & (np.diff(table["frame"]) == 1)
-    starts = np.flatnonzero(same)
+    table = features[["track_id", "frame"]].to_numpy()
+    starts = np.flatnonzero((np.diff(table, axis=0) == (0, 1)).all(1))
     starts = starts[np.linspace(0, len(starts) - 1, min(len(starts), _PAIRS)).astype(int)]
-    places = list(table[["track_id", "frame", "x_px", "y_px"]].itertuples(index=False))
-
-    def shown(place: int) -> NDArray[np.float32]:
-        one = places[place]
-        return picture(film[int(rows[one[:2]])], one, length_px, SIZE)
-
-    return np.array([float(np.linalg.norm(shown(a + 1) - shown(a))) for a in starts])
+    steps = []
+    for lot in np.array_split(starts, -(-len(starts) // _LOT)):  # few pictures at a time
+        before, after = (film_pictures(features, film, SIZE, FILM, lot + k) for k in (0, 1))
+        steps.append(np.linalg.norm((after - before).reshape(len(lot), -1), axis=1))
+    return np.concatenate(steps).astype(float)
 
 
-def drawn_steps(
-    edit: pd.DataFrame, picture_of: Callable[[str, int, float, float], NDArray[np.float32]]
-) -> Floats:
-    """Eq. 5 between what is drawn at successive ticks, cross-fades and all.
+class Place(NamedTuple):
+    """A mass centre, px of the film."""
 
-    `picture_of(kind, source, rotation_deg, scale)` gives a centred picture.
+    x_px: float
+    y_px: float
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Centred pictures of what an edit list names, at the drawn size.
+
+    sprites: the table of n; headed (n, SIZE, SIZE, c): each headed right; after: what the film
+    shows after it, turned as the sprite's next one would be; cutout (rows,): the row in the film's
+    store of every row of the feature table.
     """
-    shown = _drawn(edit, picture_of)
+
+    sprites: pd.DataFrame
+    store: CutoutStore
+    headed: Picture
+    after: Picture
+    features: pd.DataFrame
+    film: CutoutStore
+    cutout: NDArray[np.int64]
+
+    def __call__(self, kind: str, source: int, rotation_deg: float, scale: float) -> Picture:
+        """The picture of a sprite or frame, turned as asked."""
+        if kind == FRAME:
+            one, cutout = self._places[FRAME][self._row(source)], self.film[int(source)]
+        else:
+            one = self._places[SPRITE][int(source) // ORIENTATIONS]
+            cutout = self.store[int(source)]
+        return picture(cutout, one, self._length_px / scale, SIZE, float(rotation_deg))
+
+    def _row(self, source: int) -> int:
+        return int(self._rows[source])
+
+    @cached_property
+    def _length_px(self) -> float:
+        return float(self.features["body_length_px"].median())
+
+    @cached_property
+    def _places(self) -> dict[str, list[Place]]:
+        tables = {FRAME: self.features, SPRITE: self.sprites}
+        return {
+            kind: [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy()]
+            for kind, table in tables.items()
+        }
+
+    @cached_property
+    def _rows(self) -> NDArray[np.int64]:
+        return np.argsort(self.cutout)
+
+    def following(self, source: int) -> int | None:
+        """The frame after a frame of the same track."""
+        row = self._row(source)
+        track = self.features["track_id"].to_numpy()
+        if row + 1 < len(track) and track[row] == track[row + 1]:
+            return int(self.cutout[row + 1])
+        return None
+
+
+def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
+    """The edit list without what fades out while it is farther than `most` from what fades in.
+
+    Two unlike fish on one another look like ghosts.
+    """
+    ghosts: list[int] = []
+    for row in edit[edit["weight"] > 0].itertuples():
+        shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
+        partner = pictures(
+            row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
+        )
+        before = bool(ghosts) and ghosts[-1] == row.Index - 1  # once gone, it does not come back
+        if before or np.linalg.norm(shown - partner) > most:
+            ghosts.append(row.Index)
+    clean = edit.copy()
+    clean.loc[ghosts, "weight"] = 0.0
+    clean.loc[ghosts, ["partner_kind", "partner"]] = None
+    clean.loc[ghosts, ["partner_rotation_deg", "partner_scale"]] = np.nan
+    return clean
+
+
+def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
+    """Eq. 5 between what is drawn at successive ticks, cross-fades and all."""
+    shown = _drawn(edit, pictures)
     before = next(shown)
     steps = []
     for after in shown:
@@ -49,46 +126,47 @@ def drawn_steps(
     return np.array(steps)
 
 
-def _drawn(
-    edit: pd.DataFrame, picture_of: Callable[[str, int, float, float], NDArray[np.float32]]
-) -> Iterator[NDArray[np.float32]]:
+def _drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     for row in edit.itertuples():
-        shown = picture_of(row.kind, row.source, row.rotation_deg, row.scale)
+        shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
         if row.weight > 0:
-            partner = picture_of(
+            partner = pictures(
                 row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
             )
             shown = (1 - row.weight) * shown + row.weight * partner
         yield shown
 
 
-def sprite_pictures(
-    sprites: pd.DataFrame, store: CutoutStore, length_px: float
-) -> Callable[[str, int, float, float], NDArray[np.float32]]:
-    """Centred pictures of sprites as an edit list names them."""
-    table = list(sprites.itertuples())
+def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
+    """D(i + 1, j) of every jump i → j of an edit list, without its cross-fade, and its tick.
 
-    def picture_of(
-        kind: str, source: int, rotation_deg: float, scale: float
-    ) -> NDArray[np.float32]:
-        if kind != SPRITE:
-            raise ValueError(f"a {kind} in an edit list of sprites")
-        row = table[int(source) // ORIENTATIONS]
-        return picture(store[int(source)], row, length_px / scale, SIZE, float(rotation_deg))
-
-    return picture_of
-
-
-def seams(edit: pd.DataFrame, pose: Floats, following_of: NDArray[np.int64]) -> Floats:
-    """D(i + 1, j) of every jump of an edit list of sprites.
-
-    pose (n, n): between what the film shows after sprite i, and sprite j; following_of (n,): the
-    sprite that shows what the film shows after i, −1 where none does.
+    What the film shows after the picture on screen, turned as that is, against what is drawn.
     """
-    number = edit["source"].to_numpy() // ORIENTATIONS
-    before, after = number[:-1], number[1:]
-    jump = after != following_of[before]
-    return pose[before[jump], after[jump]]
+    next_sprite = film_next(pictures.sprites)
+    found, ticks = [], []
+    rows = list(edit.itertuples())
+    for tick in range(1, len(rows)):
+        before, now = rows[tick - 1], rows[tick]
+        turn = -float(now.heading_deg)
+        if before.kind == FRAME:
+            follows = pictures.following(before.source)
+            if follows is None:
+                follows = before.source
+            elif now.kind == FRAME and now.source == follows:
+                continue
+            expected = pictures(FRAME, follows, before.rotation_deg + turn, before.scale)
+        else:
+            number = before.source // ORIENTATIONS
+            if now.kind == SPRITE and now.source // ORIENTATIONS == next_sprite[number]:
+                continue
+            expected = pictures.after[number]
+        if now.kind == FRAME:
+            drawn = pictures(FRAME, now.source, now.rotation_deg + turn, now.scale)
+        else:
+            drawn = pictures.headed[now.source // ORIENTATIONS]
+        found.append(float(np.linalg.norm(drawn - expected)))
+        ticks.append(tick)
+    return np.array(found), np.array(ticks, np.intp)
 
 
 def film_next(sprites: pd.DataFrame) -> NDArray[np.int64]:

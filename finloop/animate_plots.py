@@ -36,7 +36,8 @@ def kinematics(
             )  # fmt: skip
         axes.set(xlabel=f"{name}, over Δ", ylabel="density")
         axes.set_yscale("log")
-        axes.legend(frameon=False)
+        axes.set_ylim(top=20 * axes.get_ylim()[1])  # room for the key
+        axes.legend(frameon=False, loc="upper right")
     place = np.arange(len(STATES))
     width = 0.8 / (1 + len(modes))
     shown = {"film": (_FILM, film_states)} | {
@@ -44,7 +45,7 @@ def kinematics(
         for colour, (mode, (_, share)) in zip(COLOURS, modes.items(), strict=False)
     }
     for number, (mode, (colour, share)) in enumerate(shown.items()):
-        values = [share[f"{state}_pct"] for state in STATES]
+        values = [share.get(f"{state}_pct", 0.0) for state in STATES]
         states.bar(place + width * number, values, width, color=colour, label=mode)
     states.set_xticks(place + width * len(modes) / 2, STATES, rotation=20)
     states.set(ylabel="% of the time")

@@ -64,14 +64,12 @@ class Sprites:
 
     cycles: frames of the cycle that each straight state plays; entry: per cycle and sprite, where
     to enter the cycle after it; following: the sprite after each one of its sequence, that of a
-    turn's last one itself; alike: which two may be drawn on one another; cycle_speed: of the
-    straight cycle in the film, body lengths/s.
+    turn's last one itself; cycle_speed: of the straight cycle in the film, body lengths/s.
     """
 
     cycles: dict[int, Ints]
     entry: dict[int, Ints]
     following: Ints
-    alike: NDArray[np.bool_]
     turns: dict[int, TurnFrames]
     cycle_speed: float
 
@@ -113,11 +111,11 @@ def plan_turn(frames: TurnFrames, angle_deg: float, area: float, most: int) -> T
     return TurnPlan(numbers, share / share[-1], float(frames.up_area[depth]), film)
 
 
-def arrange(table: pd.DataFrame, pose: Floats, alike: NDArray[np.bool_], rate_hz: float) -> Sprites:
+def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
     """Sequences of a table of sprites.
 
     pose (n, n): distance between what the film shows after sprite i, and sprite j of the same
-    orientation; alike (n, n): which two may be drawn on one another.
+    orientation.
     """
     parts = {
         name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")
@@ -134,7 +132,6 @@ def arrange(table: pd.DataFrame, pose: Floats, alike: NDArray[np.bool_], rate_hz
         cycles,
         entry,
         following,
-        alike,
         {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
         float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
         * rate_hz,

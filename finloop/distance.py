@@ -64,7 +64,7 @@ def film_rows(film: CutoutStore) -> pd.Series:
 def film_pictures(
     features: pd.DataFrame, film: CutoutStore, size: int, pose: str, rows: NDArray[np.intp]
 ) -> NDArray[np.float32]:
-    """Centred pictures (n, size, size, c) of some rows of the feature table.
+    """Centred pictures (n, size, size, c) of some rows of the feature table, at least one.
 
     A track's typical length is that of all its pictures. `pose` FILM: as filmed; BODY: headed to
     the right.
@@ -73,12 +73,12 @@ def film_pictures(
     length = typical_length(features).to_numpy()
     turn = -features["heading_deg"].to_numpy(float) * (pose == BODY)
     places = features[["track_id", "frame", "x_px", "y_px"]].iloc[rows].itertuples(index=False)
-    return np.stack(
-        [
-            picture(film[int(cutout[one.track_id, one.frame])], one, length[row], size, turn[row])
-            for row, one in zip(rows, places, strict=True)
-        ]
-    )
+    channels = film[0].pixels.shape[2]
+    shown = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
+    for number, (row, one) in enumerate(zip(rows, places, strict=True)):
+        at = film[int(cutout[one.track_id, one.frame])]
+        shown[number] = picture(at, one, length[row], size, turn[row])
+    return shown
 
 
 def typical_length(features: pd.DataFrame) -> pd.Series:

@@ -23,7 +23,7 @@ COLOURS = {
     "accelerate": "#E69F00",
     "decelerate": "#CC79A7",
     "nn": "#0072B2",
-    "loop": "#D55E00",
+    "loops": "#D55E00",
 }
 """Of the states, or where an edit list has several modes, of the modes."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")

@@ -91,6 +91,26 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
     return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
 
 
+def switches(edit: pd.DataFrame, most: int) -> list[int]:
+    """Ticks at which something else begins: another part of the film, or another sequence.
+
+    At most so many, spread over the animation, those between sprite and frame first.
+    """
+    kind = edit["kind"].to_numpy()
+    fades = (edit["weight"] > 0).to_numpy()
+    changed = np.append(False, kind[1:] != kind[:-1])
+    begins = changed | (fades & ~np.append(False, fades[:-1]))
+    between, across = np.flatnonzero(changed), np.flatnonzero(begins & ~changed)
+    wanted = min(most, len(between) + len(across))
+    first = min(len(between), max(wanted - len(across), wanted // 2))
+    chosen = [
+        where[np.linspace(0, len(where) - 1, count).astype(int)]
+        for where, count in ((between, first), (across, wanted - first))
+        if count
+    ]
+    return sorted(int(tick) for tick in np.concatenate(chosen)) if chosen else []
+
+
 def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
     """The square of a frame around a place; beyond the picture its edge goes on."""
     x, y = round(x_px), round(y_px)
@@ -102,8 +122,8 @@ def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
 def contact_sheet(tiles: Sequence[Tile], columns: int = 8, size: int = 150) -> Picture:
     """Consecutive ticks side by side, the bar above each in the colour of its state."""
     drawn = [_tile(tile, size) for tile in tiles]
-    while len(drawn) % columns:
-        drawn.append(np.full_like(drawn[0], 255))
+    while len(drawn) % columns or not drawn:
+        drawn.append(np.full((size + 20, size + 2, 3), 255, np.uint8))
     return np.vstack([np.hstack(drawn[i : i + columns]) for i in range(0, len(drawn), columns)])
 
 

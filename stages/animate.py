@@ -1,7 +1,10 @@
-"""Stage `animate`: goals become an edit list, with the measures of how good it is."""
+"""Stage `animate`: goals become an edit list a mode, with the measures of how good each is."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,118 +12,170 @@ import numpy as np
 import pandas as pd
 
 from finloop import animate_measures as measures
-from finloop.animate import Player, player, random_goals
-from finloop.animate_edit import EDIT, NETWORK
-from finloop.animate_pictures import (
-    SIZE,
-    drawn_steps,
-    film_next,
-    film_steps,
-    seams,
-    sprite_pictures,
-)
+from finloop.animate import Cast, Player, edit_list, random_goals, swim
+from finloop.animate_edit import CONSIDERED, EDIT, LOOPS, NETWORK
+from finloop.animate_film import film
+from finloop.animate_motion import learn
+from finloop.animate_pictures import SIZE, Pictures, drawn_steps, film_steps, seams, without_ghosts
+from finloop.animate_players import frame_hulls, players, reach
 from finloop.animate_plots import kinematics
+from finloop.animate_sprites import arrange
 from finloop.animate_tank import place_goals
-from finloop.distance import distance
-from finloop.features import FEATURES
+from finloop.distance import distance, film_rows, typical_length
+from finloop.extract_table import tracks_schema
+from finloop.features import FEATURES, delta_frames
 from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import CutoutStore, open_cutouts
+from finloop.files.cutouts import open_cutouts
+from finloop.files.distances import MAP_FACTS_NAME, load_map_facts
 from finloop.files.goals import save_goals
 from finloop.files.model import load_model
 from finloop.files.picture import save_figure
-from finloop.files.table import load_table, save_table
+from finloop.files.scene import load_scene
+from finloop.files.table import lists_to_array, load_table, save_csv, save_table
 from finloop.files.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.gateways import GATEWAYS
+from finloop.loops import LOOPS as LOOPS_TABLE
+from finloop.loops_graph import loop_graph
 from finloop.sprites import SPRITES
 from finloop.sprites_pictures import following, outlines, pictures
 from stages.params import load
 from stages.params.animate import OPTIONS, Animate
 
-CLIP, EXTRACT, SPRITES_FOLDER = Path("data/clip"), Path("data/extract"), Path("data/sprites")
-OUT, REPORT = Path("data/animate"), Path("reports/animate")
+DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 TRIAL_GOALS = 3
-ALIKE = 3.0  # median steps of the film; sprites no farther apart may be drawn on one another
+ALIKE = 2.0  # median steps of the film; pictures no farther apart may be drawn on one another
+OUTLINE = ("outline_x_px", "outline_y_px")
 
 
 @dataclass(frozen=True)
 class Brought:
-    """The fish that swims; pose (n, n): Eq. 5 between what the film shows after a sprite, and a
-    sprite; natural (steps,): Eq. 5 between successive frames of the film."""
+    """The fish that swims, one a mode; natural (steps,): Eq. 5 between the film's frames."""
 
-    fish: Player
-    pose: np.ndarray
+    players: dict[str, Player]
+    pictures: Pictures
     natural: np.ndarray
+    features: pd.DataFrame
 
 
-def bring(p: Animate, features: pd.DataFrame, film: CutoutStore, store: CutoutStore) -> Brought:
-    """Everything that planning needs, from what the stages before have made."""
-    facts = load_facts(CLIP / FACTS_NAME)
-    sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
+@contextmanager
+def bring(p: Animate) -> Iterator[Brought]:
+    """Everything that planning and measuring need, from what the stages before have made."""
+    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
+    model = load_model(DATA / "bpn/model.json")
+    points = load_scene(DATA / "extract/scene.json").points
+    outline = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE)
+    map_facts = load_map_facts(DATA / "distance" / MAP_FACTS_NAME)
+    found = load_table(DATA / "loops/loops.parquet", LOOPS_TABLE)
+    gates = load_table(DATA / "gateways/gateways.parquet", GATEWAYS)
+    arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
+    rate, delta = facts.frame_rate_hz, delta_frames(model.delta_s, facts.frame_rate_hz)
     length = float(features["body_length_px"].median())
-    natural = film_steps(features, film, length)
-    shown = pictures(sprites, store, length, SIZE)
-    pose = distance(following(sprites, features, film, length, SIZE), shown)
-    fish = player(
-        features,
-        load_model(Path("data/bpn/model.json")),
-        sprites,
-        pose,
-        distance(shown, shown) <= ALIKE * np.median(natural),
-        outlines(sprites, store),
-        load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px),
-        facts.frame_rate_hz,
-        p.goal_radius,
-    )
-    return Brought(fish, pose, natural)
+    with (
+        open_cutouts(DATA / "sprites/sprites.arrow") as store,
+        open_cutouts(DATA / "extract/cutouts.arrow") as frames,
+    ):
+        natural = film_steps(features, frames)
+        headed = pictures(sprites, store, length, SIZE)
+        after = following(sprites, features, frames, length, SIZE)
+        cutout = film_rows(frames).loc[pd.MultiIndex.from_frame(features[["track_id", "frame"]])]
+        stored = features.iloc[np.argsort(cutout.to_numpy())]
+        hulls = frame_hulls(
+            np.stack([lists_to_array(outline[name]) for name in OUTLINE], axis=-1),
+            stored,
+            (length / typical_length(stored)).to_numpy(float),
+        )
+        sprite_hulls = outlines(sprites, store)
+        reach_px, barred = reach(sprite_hulls, hulls)
+        graph = loop_graph(found, features["track_id"].to_numpy())
+        reel = film(
+            features, graph, map_facts.step_median, map_facts.pose, rate, delta,
+            cutout.to_numpy(), barred[cutout.to_numpy()],
+        )  # fmt: skip
+        order = arrange(sprites, distance(after, headed), rate)
+        head = np.hypot(
+            features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
+        ).median()
+        made = players(
+            Cast(sprites, order, reel, sprite_hulls, hulls), learn(features, rate, delta), model,
+            gates, arena, reach_px, float(head), p.goal_radius, p.stay_s, p.fade_s,
+            map_facts.step_median,
+        )  # fmt: skip
+        yield Brought(
+            made,
+            Pictures(sprites, store, headed, after, features, frames, cutout.to_numpy()),
+            natural,
+            features,
+        )
+
+
+def trials(
+    p: Animate, fish: Player, film_motion: tuple[np.ndarray, np.ndarray]
+) -> dict[str, float]:
+    """The measures of further animations, to random goals, on average."""
+    mode = fish.mode
+    ticks, goal_reach = round(p.seconds * mode.motion.rate_hz), mode.touch_px + mode.head_px
+    found = []
+    with progress("animate", p.trials, "trials") as advance:
+        for seed in range(p.trials):
+            rng = np.random.default_rng([p.seed, seed])
+            asked = random_goals(mode.tank, goal_reach, TRIAL_GOALS, rng)
+            found.append(measures.of_plan(fish.play(asked, ticks, rng), asked, fish, film_motion))
+            advance()
+    return pd.DataFrame(found).mean().add_prefix("trials_").to_dict()
 
 
 def main() -> None:
     """Make data/animate/, reports/animate/."""
     p = load("animate", OPTIONS)
-    features = load_table(Path("data/features/features.parquet"), FEATURES)
-    with (
-        open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store,
-        open_cutouts(EXTRACT / "cutouts.arrow") as film,
-    ):
-        brought = bring(p, features, film, store)
-        fish, natural = brought.fish, brought.natural
-        mode, length = fish.mode, fish.mode.motion.body_length_px
-        reach = mode.touch_px + mode.head_px
+    numbers: dict[str, dict[str, float]] = {}
+    shown = {}
+    with bring(p) as brought, whole_folder(OUT) as folder:
+        network = brought.players[NETWORK].mode
         goals = [
-            goal._replace(radius_px=mode.touch_px)
-            for goal in place_goals(p.goals, p.goals_in, mode.tank, reach)
+            goal._replace(radius_px=network.touch_px)
+            for goal in place_goals(
+                p.goals, p.goals_in, network.tank, network.touch_px + network.head_px
+            )
         ]
-        ticks = round(p.seconds * mode.motion.rate_hz)
-        edit = fish.play(goals, ticks, np.random.default_rng(p.seed))
-        drawn = drawn_steps(edit, sprite_pictures(fish.sprites, store, length))
-    swum = measures.motion_of_film(features, mode.motion)
-    numbers = {
-        **measures.of_plan(edit, goals, fish, swum),
-        **measures.of_steps(drawn, natural),
-        **measures.of_seams(seams(edit, brought.pose, film_next(fish.sprites)), natural),
-        **(states := measures.of_states(edit)),
-        "longest_exact_repeat_s": measures.longest_repeat(edit["source"].to_numpy())
-        / mode.motion.rate_hz,
-    }
-    trials = []
-    with progress("animate", p.trials, "trials") as advance:
-        for seed in range(p.trials):
-            rng = np.random.default_rng([p.seed, seed])
-            asked = random_goals(mode.tank, reach, TRIAL_GOALS, rng)
-            trials.append(measures.of_plan(fish.play(asked, ticks, rng), asked, fish, swum))
-            advance()
-
-    with whole_folder(OUT) as folder:
-        save_table(folder / f"{NETWORK}.parquet", edit, EDIT)
         save_goals(folder / "goals.json", goals)
-    film_numbers = measures.of_film(features, swum, natural, mode.motion)
-    mine = measures.motion_of_edit(edit, fish)
-    save_figure(
-        REPORT / "kinematics.png", kinematics(swum, film_numbers, {NETWORK: (mine, states)})
-    )
-    average = pd.DataFrame(trials).mean().add_prefix("trials_").to_dict()
+        motion, ticks = network.motion, round(p.seconds * network.motion.rate_hz)
+        swum = measures.motion_of_film(brought.features, motion)
+        for name, fish in brought.players.items():
+            found = swim(fish.mode, goals, ticks, np.random.default_rng(p.seed))
+            edit = edit_list(found, ticks, fish)
+            edit = without_ghosts(edit, brought.pictures, ALIKE * np.median(brought.natural))
+            save_table(folder / f"{name}.parquet", edit, EDIT)
+            save_table(folder / f"{name}_considered.parquet", found.considered(ticks), CONSIDERED)
+            joins, jumps = seams(edit, brought.pictures)
+            numbers[name] = {
+                **measures.of_plan(edit, goals, fish, swum),
+                **measures.of_steps(drawn_steps(edit, brought.pictures), brought.natural),
+                **measures.of_seams(joins, brought.natural),
+                **measures.of_states(edit),
+                **measures.of_rhythm(edit, jumps, motion.rate_hz),
+                "longest_exact_repeat_s": measures.longest_repeat(edit) / motion.rate_hz,
+                **trials(p, fish, swum),
+            }
+            shown[name] = measures.motion_of_edit(edit, fish), measures.of_states(edit)
+        film_numbers = measures.of_film(brought.features, swum, brought.natural, motion)
+    if LOOPS not in numbers:
+        print(
+            "animate: the film has no loops to go on by: no mode `loops`, and `hybrid` is the "
+            "network mode alone (the stage `loops` says what would give some)",
+            file=sys.stderr,
+        )
+    save_figure(REPORT / "kinematics.png", kinematics(swum, film_numbers, shown))
+    side_by_side = measures.table(numbers, film_numbers)
+    save_csv(REPORT / "measures.csv", side_by_side, decimals=3)
     save_metrics(
         REPORT / "metrics.json",
-        {f"{NETWORK}_{name}": value for name, value in (numbers | average).items()}
+        {
+            f"{mode}_{name}": value
+            for mode, found in numbers.items()
+            for name, value in found.items()
+        }
         | {f"film_{name}": value for name, value in film_numbers.items()},
     )
 

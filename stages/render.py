@@ -23,7 +23,7 @@ from finloop.files.table import load_table
 from finloop.files.video import FACTS_NAME, load_facts
 from finloop.render import Gallery, Painter, Shelf, Steps, film_steps, placed, step_numbers
 from finloop.render_marks import Marks, parts
-from finloop.render_plots import Tile, contact_sheet, liveliest, trajectory, window
+from finloop.render_plots import Tile, contact_sheet, liveliest, switches, trajectory, window
 from finloop.sprites import SPRITES
 from stages.params import load
 from stages.params.render import OPTIONS, Render
@@ -32,6 +32,7 @@ CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
 OUT, REPORT = Path("data/render"), Path("reports/render")
 SHOWN = 40  # ticks on the contact sheet
+SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on the sheet of switches; ticks before, and from, each
 Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
 
 
@@ -68,12 +69,13 @@ def films(
     background: np.ndarray,
     half_px: int,
     advance: Callable[[], None],
-) -> tuple[list[float], list[Tile], dict[str, int]]:
-    """Write the films of an edit list; steps between its frames, a contact sheet's tiles, sizes."""
+) -> tuple[list[float], list[list[Tile]], dict[str, int]]:
+    """Write the films of an edit list; steps between its frames, tiles of two sheets, sizes."""
     rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
     names, colours = parts(edit)
-    sheet = range(start := liveliest(edit, SHOWN), start + SHOWN)
-    clean, change, tiles = Painter(background), list[float](), list[Tile]()
+    start, changes = liveliest(edit, SHOWN), switches(edit, SWITCHES)
+    wanted = {*range(start, start + SHOWN)}.union(*(around(tick, len(edit)) for tick in changes))
+    clean, change, tiles = Painter(background), list[float](), dict[int, Tile]()
     steps = Steps(clean)
     with whole_folder(OUT) as folder:
         with ExitStack() as stack:
@@ -102,14 +104,25 @@ def films(
                 for writer, painter, ticks in outputs:
                     if tick < ticks:
                         writer.write(painter.frame)
-                if tick in sheet:
+                if tick in wanted:
                     film = window(clean.frame, one.x_px, one.y_px, half_px)
-                    tiles.append(Tile(film, tick, names[tick], colours[names[tick]], one.weight))
+                    name = names[tick]
+                    tiles[tick] = Tile(film, tick, name, colours[name], one.weight)
                 advance()
         sizes = {
             path.name.replace(".", "_") + "_bytes": path.stat().st_size for path in folder.iterdir()
         }
-    return change, tiles, sizes
+    sheets = [
+        [tiles[tick] for tick in range(start, min(start + SHOWN, len(edit)))],
+        [tiles[tick] for one in changes for tick in around(one, len(edit))],
+    ]
+    return change, sheets, sizes
+
+
+def around(tick: int, ticks: int) -> range:
+    """The ticks shown of a switch."""
+    first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
+    return range(first, min(first + BEFORE + AFTER, ticks))
 
 
 def main() -> None:
@@ -119,15 +132,20 @@ def main() -> None:
     background = load_picture(EXTRACT / "background.png")
     columns = ["track_id", "frame", "x_px", "y_px"]
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
-    edit, goals = (
-        load_table(ANIMATE / f"{p.mode}.parquet", EDIT),
-        load_goals(ANIMATE / "goals.json"),
-    )
+    path = ANIMATE / f"{p.mode}.parquet"
+    if not path.exists():
+        raise FinloopError(
+            f"there is no {path}: the film has no loops, or `animate` has not run",
+            "an edit list of the mode that is to be rendered",
+            "render.mode=hybrid or nn; or let more frames join: loops.threshold",
+        )
+    edit, goals = load_table(path, EDIT), load_goals(ANIMATE / "goals.json")
     with opened(edit, tracks) as gallery, progress("render", len(edit)) as advance:
         half_px = round(0.75 * scene.typical_length_px)
-        change, tiles, sizes = films(p, edit, goals, gallery, background, half_px, advance)
+        change, sheets, sizes = films(p, edit, goals, gallery, background, half_px, advance)
         natural = film_steps(Painter(background), gallery, FRAME, tracks)
-    save_picture(REPORT / "contact_sheet.png", contact_sheet(tiles))
+    for name, tiles in zip(("contact_sheet", "switches"), sheets, strict=True):
+        save_picture(REPORT / f"{name}.png", contact_sheet(tiles, BEFORE + AFTER))
     save_figure(REPORT / "trajectory.png", trajectory(edit, goals, background))
     save_metrics(
         REPORT / "metrics.json",

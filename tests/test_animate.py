@@ -1,6 +1,7 @@
 """Goals → edit list: the tank, steps, what the film shows, the network mode, the measures."""
 
 import re
+from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -10,16 +11,19 @@ import pytest
 
 from finloop import animate_measures as measures
 from finloop import animate_step as step
-from finloop.animate import Player, cross_fades, edit_list, random_goals, swim
-from finloop.animate_edit import EDIT, Goal
+from finloop.animate import Cast, Player, Shown, cross_fades, edit_list, random_goals, swim
+from finloop.animate_edit import EDIT, FRAME, SPRITE, Goal
+from finloop.animate_film import film as film_of
 from finloop.animate_motion import SLIDE, STATES, TURN, learn
 from finloop.animate_nn import NetworkMode
-from finloop.animate_sprites import arrange, plan_turn
+from finloop.animate_sprites import Sprites, arrange, plan_turn
 from finloop.animate_tank import in_sight, inside, place_goals, tank
+from finloop.distance import BODY
 from finloop.errors import FinloopError
 from finloop.features import ORIENTATIONS, wrap_deg
 from finloop.features_type import LEFT, RIGHT
 from finloop.files.table import load_table, save_table
+from finloop.loops_graph import loop_graph
 
 RATE, DELTA, LENGTH = 25.0, 5, 40.0
 TOUCH, HEAD = 0.5 * LENGTH, 0.4 * LENGTH
@@ -113,11 +117,10 @@ class Model:
         return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
 
 
-def likeness(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Distances, and who is alike: all but the deep bend of either turn and straight swimming."""
-    alike = np.ones((count, count), bool)
-    alike[:8, 16:19] = alike[16:19, :8] = False
-    return np.random.default_rng(5).random((count, count)), alike
+def order() -> Sprites:
+    """The sprites as they are played; any of them may follow on any other."""
+    table = sprites()
+    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), RATE)
 
 
 ARENA = np.zeros((600, 800), bool)
@@ -126,20 +129,32 @@ ARENA[20:580, 30:770] = True
 
 @pytest.fixture(scope="module")
 def mode() -> NetworkMode:
-    table = sprites()
     return NetworkMode(
-        learn(film(), RATE, DELTA),
-        arrange(table, *likeness(len(table)), RATE),
-        Model(),
-        tank(ARENA, 0.6 * LENGTH),
-        TOUCH,
-        HEAD,
+        learn(film(), RATE, DELTA), order(), Model(), tank(ARENA, 0.6 * LENGTH), TOUCH, HEAD
     )
 
 
+def cast_of(sprite_hull: np.ndarray, frame_hull: np.ndarray) -> Cast:
+    """The sprites, and the film without a loop; every picture with the same outline."""
+    table, features = sprites(), film()
+    n = len(features)
+    no_loops = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
+    graph = loop_graph(no_loops, features["track_id"].to_numpy())
+    shown = film_of(features, graph, 1.0, BODY, RATE, DELTA, np.arange(n), np.zeros(n, bool))
+    hulls = np.repeat(frame_hull[None].astype(np.float32), n, axis=0)
+    return Cast(table, order(), shown, [sprite_hull] * len(table), hulls)
+
+
+@pytest.fixture(scope="module")
+def cast() -> Cast:
+    hull = np.array([[20.0, 0], [-20, 5], [-20, -5]])
+    return cast_of(hull, hull)
+
+
 def edit(mode: NetworkMode, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
+    hull = np.array([[20.0, 0], [-20, 5], [-20, -5]])
     found = swim(mode, goals, ticks, np.random.default_rng(seed))
-    return edit_list(found, ticks, Player(mode, sprites(), []))
+    return edit_list(found, ticks, Player(mode, cast_of(hull, hull), 2))
 
 
 # --- the tank
@@ -440,10 +455,10 @@ def test_when_the_goals_are_done_the_fish_wanders_on(mode):
     assert set(wandering["state"]) >= filmed
 
 
-def test_a_wandering_fish_swims_as_the_film_does(mode):
+def test_a_wandering_fish_swims_as_the_film_does(mode, cast):
     table = edit(mode, [], 10_000, 1)
     swum = measures.motion_of_film(film(), mode.motion)
-    far = measures.of_kinematics(measures.motion_of_edit(table, Player(mode, sprites(), [])), swum)
+    far = measures.of_kinematics(measures.motion_of_edit(table, Player(mode, cast, 2)), swum)
     assert far["speed_kinematic_distance_sd"] < 0.5
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
 
@@ -451,11 +466,9 @@ def test_a_wandering_fish_swims_as_the_film_does(mode):
 def test_a_way_leads_round_a_wall_to_the_goal():
     arena = ARENA.copy()
     arena[:380, 390:410] = False
-    table = sprites()
     mode = NetworkMode(
-        learn(film(), RATE, DELTA), arrange(table, *likeness(len(table)), RATE), Model(),
-        tank(arena, 0.6 * LENGTH), TOUCH, HEAD,
-    )  # fmt: skip
+        learn(film(), RATE, DELTA), order(), Model(), tank(arena, 0.6 * LENGTH), TOUCH, HEAD
+    )
     goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
     found = edit(mode, goals, 2500, 3)
     assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
@@ -504,15 +517,35 @@ def test_orientation_and_rest_make_the_heading(mode):
     assert np.abs(table["rotation_deg"]).max() <= 7.5 + 1e-4
 
 
-def test_a_new_sequence_fades_in_while_the_old_one_plays_on(mode):
+def sprites_shown(number: list[int]) -> Shown:
+    return Shown(np.zeros(len(number), bool), np.array(number), np.zeros(len(number)))
+
+
+def test_a_new_sequence_fades_in_while_the_old_one_plays_on(cast):
     # A cycle of straight frames 0-7, then the turn that begins with frame 14.
-    number = np.array([5, 6, 7, 14, 15, 16, 17])
-    partner, weight = cross_fades(number, [True, True], np.array([0, 3]), mode)
-    assert list(partner) == [-1, -1, -1, 0, 1, -1, -1]  # 0.1 s are two frames
+    shown = sprites_shown([5, 6, 7, 14, 15, 16, 17])
+    partner, weight = cross_fades(shown, [True, True], np.array([0, 3]), cast, 2)
     assert weight == pytest.approx([0, 0, 0, 2 / 3, 1 / 3, 0, 0])
-    number = np.array([5, 6, 7, 15, 16, 17, 18])  # the fade would lie on a deep bend
-    partner, _ = cross_fades(number, [True, True], np.array([0, 3]), mode)
-    assert list(partner) == [-1, -1, -1, 0, -1, -1, -1]
+    assert list(partner.number[3:5]) == [0, 1] and not partner.frame.any()
+    # After the last frame of a turn that one stays: there is no other.
+    shown = sprites_shown([20, 21, 22, 8, 9, 10, 11])
+    partner, _ = cross_fades(shown, [True, True], np.array([0, 3]), cast, 3)
+    assert list(partner.number[3:6]) == [22, 22, 22]
+
+
+def test_what_goes_on_does_not_fade(cast):
+    shown = sprites_shown([5, 6, 7, 0, 1, 2])
+    _, weight = cross_fades(shown, [True, False], np.array([0, 3]), cast, 2)
+    assert not weight.any()
+    _, weight = cross_fades(shown, [True, True], np.array([0, 3]), cast, 0)
+    assert not weight.any()
+
+
+def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(cast):
+    shown = sprites_shown([5, 6, 14, 15, 8, 9, 10, 11])
+    partner, weight = cross_fades(shown, [True] * 3, np.array([0, 2, 4]), cast, 3)
+    assert weight == pytest.approx([0, 0, 0.75, 0.5, 0.75, 0.5, 0.25, 0])
+    assert list(partner.number[2:7]) == [7, 0, 16, 17, 18]
 
 
 # --- measures
@@ -575,20 +608,43 @@ def test_kinematic_distance_is_in_deviations_of_the_film():
     ],
 )
 def test_longest_exact_repeat(shown, longest):
-    assert measures.longest_repeat(np.array(shown)) == longest
+    for kind in (SPRITE, FRAME):
+        assert measures.longest_repeat(pd.DataFrame({"kind": kind, "source": shown})) == longest
 
 
 def test_longest_repeat_of_a_cycle_is_half_of_it_all():
-    assert measures.longest_repeat(np.tile([1, 2, 3], 8)) == 12
+    table = pd.DataFrame({"kind": FRAME, "source": np.tile([1, 2, 3], 8)})
+    assert measures.longest_repeat(table) == 12
 
 
-def test_a_fish_half_out_of_the_tank_is_counted(mode):
-    hull = [np.array([[20.0, 0], [-20, 5], [-20, -5]])]
+def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
+    kinds = [SPRITE] * 4 + [FRAME] * 4
+    table = pd.DataFrame({"kind": kinds, "source": [0, 1, 2, 3, 0, 1, 2, 3]})
+    assert measures.longest_repeat(table) == 0
+
+
+@pytest.mark.parametrize("kind", [SPRITE, FRAME])
+def test_a_fish_half_out_of_the_tank_is_counted(mode, kind):
+    long, short = np.array([[20.0, 0], [-20, 5], [-20, -5]]), np.zeros((1, 2))
+    here = cast_of(*((long, short) if kind == SPRITE else (short, long)))
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
-    number = np.zeros(4, int)
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
-        here = table.assign(heading_deg=heading)
-        assert measures.outside(here, hull, number, mode.tank) == count
+        drawn = table.assign(heading_deg=heading, kind=kind, source=[5, 5, 29, 29])
+        assert measures.outside(drawn, here, mode.tank) == count
+        other = drawn.assign(kind=FRAME if kind == SPRITE else SPRITE)
+        assert measures.outside(other, here, mode.tank) == 0
+
+
+def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(mode, cast):
+    swaying = replace(cast, sprites=cast.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0))
+    source = np.arange(8) * ORIENTATIONS
+    table = pd.DataFrame(
+        {"kind": SPRITE, "source": source, "x_px": 0.0, "y_px": 0.0, "heading_deg": 0.0}
+    )
+    _, rate = measures.motion_of_edit(table, Player(mode, swaying, 2))
+    assert np.abs(rate) == pytest.approx(10.0 * RATE / DELTA)
+    _, rate = measures.motion_of_edit(table.assign(kind=FRAME), Player(mode, swaying, 2))
+    assert rate == pytest.approx(0)
 
 
 def test_steps_and_seams_of_the_film_itself_are_one():

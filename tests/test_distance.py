@@ -7,18 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.animate_pictures import (
-    SIZE,
-    drawn_steps,
-    film_next,
-    film_steps,
-    seams,
-    sprite_pictures,
-)
 from finloop.distance import SPAN, centred, distance, steps
 from finloop.features import ORIENTATIONS
 from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
 from finloop.sprites_pictures import following, outlines, pictures
+
+SIZE = 64
 
 
 def fish(
@@ -56,12 +50,12 @@ def test_steps_are_the_distances_of_neighbours():
 def test_where_in_its_cut_out_a_fish_lies_does_not_matter():
     a = centred(fish(40, at=(45, 30)), (45, 30), 40, 64)
     b = centred(fish(40, at=(40, 25)), (40, 25), 40, 64)
-    assert b == pytest.approx(a, abs=1e-3)
+    assert b == pytest.approx(a, abs=1e-5)
 
 
 def test_the_mass_centre_comes_to_the_middle():
     picture = centred(fish(40), (45, 30), 40, 65)
-    rows, columns = np.nonzero(picture[..., 1] > 127)
+    rows, columns = np.nonzero(picture[..., 1] > 0.5)
     wide = 65 / SPAN
     assert columns.min() == pytest.approx(32 - wide / 2, abs=1.6)
     assert columns.max() == pytest.approx(32 + wide / 2, abs=1.6)
@@ -71,13 +65,13 @@ def test_the_mass_centre_comes_to_the_middle():
 def test_fish_of_any_size_come_out_equally_long():
     small = centred(fish(40), (45, 30), 40, 64)
     large = centred(cv2.resize(fish(40), None, fx=3, fy=3), (45 * 3 + 1, 30 * 3 + 1), 120, 64)
-    assert np.abs(large - small).mean() < 0.03 * 255 * (small > 0).mean()
+    assert np.abs(large - small).mean() < 0.03 * (small > 0).mean()
 
 
 def test_a_quarter_turn_is_anticlockwise_as_seen():
     plain = centred(fish(40), (45, 30), 40, 64)
     turned = centred(fish(40), (45, 30), 40, 64, 90)
-    assert turned == pytest.approx(np.rot90(plain), abs=1)
+    assert turned == pytest.approx(np.rot90(plain), abs=1 / 255)
 
 
 # --- pictures behind an edit list
@@ -118,21 +112,6 @@ def sprites_of(folder: Path, table: pd.DataFrame, frames: list[int]) -> pd.DataF
     return picked.reset_index(drop=True)
 
 
-def test_a_film_that_stands_still_makes_no_steps(tmp_path):
-    table = film_of(tmp_path, [0.0, 0.0, 30.0])
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        found = film_steps(table, film, 40.0)
-    assert found[:2] == pytest.approx(0)
-    assert found[2] > 10
-
-
-def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
-    table = film_of(tmp_path, [10.0] * 5)
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        assert len(film_steps(table, film, 40.0)) == 5
-        assert len(film_steps(table.drop(index=2), film, 40.0)) == 3
-
-
 def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     table = film_of(tmp_path, [20.0, 20.0, 20.0, 0.0])
     sprites = sprites_of(tmp_path, table, [0, 1, 2])
@@ -147,15 +126,6 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
     assert (pose < 0.12 * np.linalg.norm(shown[0])).all()  # one wedge, whichever frame it is of
 
 
-def test_a_jump_is_what_the_film_does_not_show(tmp_path):
-    sprites = pd.DataFrame({"frame": [5, 6, 7, 9, 10], "step": [0, 1, 2, 0, 1]})
-    assert list(film_next(sprites)) == [1, 2, -1, 4, -1]
-    pose = np.arange(25.0).reshape(5, 5)
-    number = np.array([0, 1, 2, 0, 0, 1, 3, 4])
-    edit = pd.DataFrame({"source": number * ORIENTATIONS + 3})
-    assert list(seams(edit, pose, film_next(sprites))) == [pose[2, 0], pose[0, 0], pose[1, 3]]
-
-
 def test_an_outline_is_ahead_and_to_the_left(tmp_path):
     table = film_of(tmp_path, [0.0])
     sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
@@ -165,17 +135,3 @@ def test_an_outline_is_ahead_and_to_the_left(tmp_path):
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]
     assert np.ptp(blunt[:, 1]) == pytest.approx(2 * 40 / 3, abs=4)
-
-
-def test_a_drawn_cross_fade_lies_between_its_pictures(tmp_path):
-    table = film_of(tmp_path, [0.0])
-    sprites = sprites_of(tmp_path, table, [0])
-    rows = [(0, None, 0.0), (0, 6, 0.5), (6, None, 0.0)]
-    edit = pd.DataFrame(rows, columns=["source", "partner", "weight"]).assign(
-        kind="sprite", partner_kind="sprite", rotation_deg=0.0, partner_rotation_deg=0.0,
-        scale=1.0, partner_scale=1.0,
-    )  # fmt: skip
-    with open_cutouts(tmp_path / "sprites.arrow") as store:
-        made = drawn_steps(edit, sprite_pictures(sprites, store, 40.0))
-        whole = drawn_steps(edit.iloc[[0, 2]], sprite_pictures(sprites, store, 40.0))
-    assert made == pytest.approx([whole[0] / 2] * 2, rel=1e-4)

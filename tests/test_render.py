@@ -44,7 +44,7 @@ from finloop.render import (
     step_numbers,
 )
 from finloop.render_marks import COLOURS, Marks, aims, parts, rgb, sought
-from finloop.render_plots import Tile, contact_sheet, liveliest, trajectory, window
+from finloop.render_plots import Tile, contact_sheet, liveliest, switches, trajectory, window
 from finloop.sprites import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)
@@ -440,6 +440,7 @@ def test_step_numbers_are_one_where_nothing_differs():
 # --- marks and pictures --------------------------------------------------------------------------
 
 TANK = np.full((240, 320), 150, np.uint8)
+NN = (*TINY_CARP, "render.mode=nn")
 GOALS = [Goal("A", 90.0, 60.0), Goal("B", 230.0, 120.0)]
 
 
@@ -458,8 +459,8 @@ def test_parts_and_aims():
     assert list(names) == list(edit["state"])
     assert colours == {word: COLOURS[word] for word in ("straight", "turn")}
     assert aims(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
-    mixed = edit.assign(mode=["nn"] * 15 + ["loop"] * 15)
-    assert list(parts(mixed)[1]) == ["nn", "loop"]
+    mixed = edit.assign(mode=["nn"] * 15 + ["loops"] * 15)
+    assert list(parts(mixed)[1]) == ["nn", "loops"]
     assert len(parts(edit.assign(state="hovers"))[1]) == 1
     assert list(sought(edit)) == [True] * 20 + [False] * 10
     assert sought(edit.assign(goal="")).all()
@@ -674,7 +675,7 @@ def extracted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(stages.extract, "THREADS", 1)
-        prepare(folder, *TINY_CARP, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
+        prepare(folder, *NN, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
         stages.clip.main()
         stages.extract.main()
     tracks = pd.read_parquet(folder / "data/extract/tracks.parquet")
@@ -705,7 +706,7 @@ def edited(folder, **columns):
 
 def test_a_replay_of_the_film_is_the_film(folder):
     """Ground truth: the film's own frames, at their own places, show what the film shows."""
-    prepare(folder, *TINY_CARP, "render.crf=5")
+    prepare(folder, *NN, "render.crf=5")
     stages.render.main()
     start = int((folder / "first_frame").read_text())
     film = list(read_frames(Path("data/clip/clip.mp4"), colour=True, start=start))
@@ -736,13 +737,13 @@ def test_the_same_edit_list_gives_the_same_bytes(folder):
 def test_without_marks_and_webp_there_is_only_the_film(folder):
     Path("data/render").mkdir(parents=True)
     Path("data/render/old.mp4").write_text("of another run")
-    prepare(folder, *TINY_CARP, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
     assert set(content(Path("data/render"))) == {"nn.mp4"}
 
 
 def test_a_webp_is_as_short_as_asked(folder):
-    prepare(folder, *TINY_CARP, "render.webp_seconds=0.4", "render.webp_width_px=100")
+    prepare(folder, *NN, "render.webp_seconds=0.4", "render.webp_width_px=100")
     stages.render.main()
     with Image.open("data/render/nn.webp") as film:
         assert (film.n_frames, film.size) == (10, (100, 76))
@@ -754,13 +755,13 @@ def test_a_webp_is_as_short_as_asked(folder):
         (lambda f: edited(f, source=99_999), "wanted a frame"),
         (lambda f: edited(f, scale=0.0), "wanted more than 0"),
         (lambda f: save_table(f / "data/animate/nn.parquet", edit_list(0), EDIT), "edit list is empty"),
-        (lambda f: (f / "data/animate/nn.parquet").unlink(), "nn.parquet cannot be read"),
+        (lambda f: (f / "data/animate/nn.parquet").unlink(), "there is no data.animate.nn.parquet"),
         (lambda f: (f / "data/animate/goals.json").unlink(), "goals.json cannot be read"),
         (lambda f: (f / "data/extract/cutouts.arrow").unlink(), "cutouts.arrow cannot be read"),
         (lambda f: (f / "data/extract/background.png").unlink(), "background.png cannot be read"),
         (lambda f: edited(f, kind="sprite"), "sprites.parquet cannot be read"),
         (lambda f: edited(f, kind="ghost"), "kind is ghost"),
-        (lambda f: prepare(f, *TINY_CARP, "render.mode=loops"), "loops.parquet cannot be read"),
+        (lambda f: prepare(f, *NN, "render.mode=loops"), "there is no data.animate.loops.parquet"),
         (lambda f: _spoil(f / "data/extract/cutouts.arrow"), "is damaged"),
     ],
 )  # fmt: skip
@@ -801,7 +802,7 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
         y_px=120.0,
         rotation_deg=np.float32(0),
     )
-    prepare(folder, *TINY_CARP, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NN, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
     tank = load_picture(Path("data/extract/background.png"))
     wanted = seen(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
@@ -828,3 +829,84 @@ def test_masses_and_pictures_that_do_not_match_are_said(folder):
 def test_bad_parameters_are_refused(tmp_path, bad):
     with pytest.raises(FinloopError, match=bad.partition("=")[0]):
         prepare(tmp_path, bad)
+
+
+# --- the sheet of switches -----------------------------------------------------------------------
+
+
+def mixed(kinds, fades=()):
+    """An edit list of so many ticks each of a kind, with cross-fades of three ticks."""
+    names = [name for name, count in kinds for _ in range(count)]
+    weight = np.zeros(len(names))
+    for tick in fades:
+        weight[tick : tick + 3] = (0.75, 0.5, 0.25)
+    return edit_list(len(names), kind=names, weight=weight)
+
+
+def test_switches_are_between_kinds_and_across_the_film():
+    edit = mixed([("sprite", 20), ("frame", 30), ("sprite", 20)], fades=(8, 20, 33, 45, 50, 60))
+    assert switches(edit, 12) == [8, 20, 33, 45, 50, 60]  # the first and the last: of sequences
+    assert switches(edit.assign(weight=0.0), 12) == [20, 50]
+    assert switches(mixed([("sprite", 30)], fades=(9,)), 12) == [9]
+    assert switches(mixed([("sprite", 30)]), 12) == []
+    assert switches(mixed([("frame", 1)]), 12) == []
+
+
+def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animation():
+    edit = mixed(
+        [("sprite", 20), ("frame", 80)] * 10,
+        fades=[100 * i + 30 + 10 * k for i in range(10) for k in range(6)],
+    )
+    between = {t for i in range(10) for t in (100 * i, 100 * i + 20)} - {0}
+    for most in (1, 2, 5, 12, 30, 79):
+        shown = switches(edit, most)
+        assert shown == sorted(set(shown)) and len(shown) == most
+        assert len(between & set(shown)) == min(len(between), max(most - 60, most // 2))
+    assert len(switches(edit, 1000)) == 19 + 60
+    assert np.ptp(switches(edit, 12)) > 800
+    only = mixed([("sprite", 20), ("frame", 20)] * 10)
+    assert len(switches(only, 12)) == 12  # there is no other sort
+
+
+@pytest.mark.xfail(strict=True, reason="a jump whose cross-fade was dropped is not seen")
+def test_a_jump_without_a_cross_fade_is_a_switch():
+    source = [*range(10), *range(50, 60)]
+    edit = edit_list(
+        20, source=source, decision=["play on"] + [None] * 9 + ["jump, 1.9 steps"] + [None] * 9
+    )
+    assert switches(edit, 12) == [10]
+
+
+@pytest.mark.parametrize("count", [2, 5, 30])
+@pytest.mark.parametrize("tick", [0, 1, 4])
+def test_around_a_switch_are_ticks_of_the_animation(count, tick):
+    found = stages.render.around(min(tick, count - 1), count)
+    assert len(found) == min(count, stages.render.BEFORE + stages.render.AFTER)
+    assert found[0] >= 0 and found[-1] < count and min(tick, count - 1) in found
+
+
+def test_the_sheet_of_switches_has_a_row_for_each(folder):
+    table = pd.read_parquet(folder / "data/animate/nn.parquet")
+    weight = np.zeros(len(table), np.float32)
+    partner = pd.array([pd.NA] * len(table), "Int32")
+    for tick in (10, 30, 50):
+        weight[tick], partner[tick] = 0.5, table["source"].iloc[tick - 1] + 1
+    fade = weight > 0
+    edited(
+        folder, weight=weight, partner=partner, partner_kind=np.where(fade, "frame", None),
+        partner_rotation_deg=np.where(fade, 0.0, np.nan).astype(np.float32),
+        partner_scale=np.where(fade, 1.0, np.nan).astype(np.float32),
+    )  # fmt: skip
+    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
+    stages.render.main()
+    sheet = load_picture(Path("reports/render/switches.png"))
+    one = load_picture(Path("reports/render/contact_sheet.png")).shape[0] / (
+        stages.render.SHOWN / 8
+    )
+    assert sheet.shape[0] == 3 * one
+
+
+def test_an_animation_without_a_switch_is_rendered_all_the_same(folder):
+    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
+    stages.render.main()
+    assert Path("reports/render/metrics.json").exists()

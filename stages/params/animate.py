@@ -17,6 +17,8 @@ class Animate:
     goal_radius: Positive
     seconds: Positive
     seed: Annotated[int, Field(ge=0)]
+    stay_s: Positive
+    fade_s: Annotated[float, Field(ge=0)]
     trials: Annotated[int, Field(ge=0)]
 
 

@@ -9,8 +9,11 @@ from stages.params import (
     bpn,
     check,
     clip,
+    distance,
     extract,
     features,
+    gateways,
+    loops,
     render,
     sprites,
 )
@@ -21,6 +24,9 @@ GROUPS: dict[str, Mapping[str, type]] = {
     "features": features.OPTIONS,
     "bpn": bpn.OPTIONS,
     "sprites": sprites.OPTIONS,
+    "distance": distance.OPTIONS,
+    "loops": loops.OPTIONS,
+    "gateways": gateways.OPTIONS,
     "animate": animate.OPTIONS,
     "render": render.OPTIONS,
 }

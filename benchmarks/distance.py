@@ -1,0 +1,129 @@
+"""Speed of the distance maps: against the bare matrix product, scipy, and one pair at a time.
+
+`python -m benchmarks.distance` prints the tables and writes benchmarks/distance.csv. Pictures are
+made up; the mix of orientations and types is such that Eq. 7 alone skips what it does in the
+paper's Table 1, 94.4 % of all pairs. Ratios are of runs in turn; the two slow peers are measured
+once, on a part of the map, and their times are scaled to all of it.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import subprocess
+import sys
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
+
+from benchmarks.pipeline import ROOT
+from benchmarks.speed import paired, timed
+from finloop.distance_map import (
+    about_mean,
+    bands,
+    computed,
+    full,
+    order,
+    pair_table,
+    similar,
+)
+
+FRAMES, LONG, SIZE, CHANNELS, THRESHOLD = 4480, 20000, 64, 2, 0.1
+SKIPPED = 0.944  # of all pairs, by orientation and swimming type (Table 1)
+TYPES = np.array([0.62, 0.20, 0.18])  # straight, left, right
+ORIENTATIONS = 24
+PART = 0.02  # of the frames are given to the slow peers
+LEAST = LONG * SIZE**2 * CHANNELS * 4 / 2**30  # GiB, the pictures of the long film
+
+
+def shares() -> NDArray[np.float64]:
+    """Of 24 × 3 kinds; Σ share² = 1 − SKIPPED, the orientations falling geometrically."""
+    low, high = 0.5, 1.0
+    while high - low > 1e-12:
+        fall = (low + high) / 2
+        turn = fall ** np.arange(ORIENTATIONS)
+        share = np.outer(turn / turn.sum(), TYPES).ravel()
+        low, high = (fall, high) if (share**2).sum() > 1 - SKIPPED else (low, fall)
+    return share
+
+
+def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], ...]:
+    """Pictures (n, SIZE, SIZE, CHANNELS), kinds, areas; `mixed` False: only the three types."""
+    rng = np.random.default_rng(frames)
+    pictures = rng.random((frames, SIZE, SIZE, CHANNELS), np.float32)
+    share = shares() if mixed else TYPES
+    kind, area = rng.choice(len(share), frames, p=share), rng.random(frames)
+    rows = order(kind, area)
+    return pictures, kind[rows], area[rows]
+
+
+def grouped(pictures: NDArray[np.float32], kind: NDArray, area: NDArray) -> pd.DataFrame:
+    """Eq. 6 from pictures to the table of pairs."""
+    found = similar(about_mean(pictures), kind, area, THRESHOLD)
+    return pair_table(found, np.arange(len(kind)))
+
+
+def peak_gib(frames: int, mixed: bool) -> float:
+    """Peak resident memory of the grouped way in a process of its own, in GiB."""
+    code = (
+        "import resource; from benchmarks.distance import film, grouped; "
+        f"print(len(grouped(*film({frames}, {mixed}))));"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
+    )
+    pairs, peak = done.stdout.split()
+    print(f"{frames} frames, {'Table 1 mix' if mixed else 'types alone'}: {pairs} pairs compared")
+    return float(peak)
+
+
+def loop(pictures: NDArray[np.float32]) -> list[float]:
+    """Eq. 5 pair by pair."""
+    return [
+        float(np.linalg.norm(one - other))
+        for number, one in enumerate(pictures)
+        for other in pictures[number + 1 :]
+    ]
+
+
+def main() -> None:
+    """Measure, print, write."""
+    pictures, kind, area = film(FRAMES)
+    flat = pictures.reshape(FRAMES, -1)
+    turned = np.ascontiguousarray(flat.T)
+    pairs = FRAMES * (FRAMES - 1) / 2
+    alike = np.bincount(kind)
+    print(
+        f"{FRAMES} frames: orientation and type skip "
+        f"{100 * (1 - (alike * (alike - 1) / 2).sum() / pairs):.1f} % of the pairs, with the area "
+        f"{100 * (1 - computed(bands(kind, area, THRESHOLD)) / pairs):.1f} % are not computed"
+    )
+    all_s, bare_s, bare, _ = paired(lambda: full(pictures), lambda: flat @ turned)
+    some_s, _, faster, _ = paired(lambda: grouped(pictures, kind, area), lambda: full(pictures))
+    few = int(PART * FRAMES)
+    scipy_s = timed(lambda: cdist(flat[:few], flat))[0] * FRAMES / few
+    seconds, found = timed(lambda: loop(pictures[:few]))
+    loop_s = seconds * pairs / len(found)
+    speed = [
+        ("full / the bare product x @ xT", all_s, bare_s, bare),
+        ("grouped, Table 1 mix / full", some_s, all_s, faster),
+        ("full / scipy cdist", all_s, scipy_s, all_s / scipy_s),
+        ("grouped, Table 1 mix / scipy cdist", some_s, scipy_s, some_s / scipy_s),
+        ("full / a loop over pairs", all_s, loop_s, all_s / loop_s),
+        ("grouped, Table 1 mix / a loop over pairs", some_s, loop_s, some_s / loop_s),
+    ]
+    memory = [
+        (f"{LONG} frames grouped, {word}; pictures alone", peak_gib(LONG, mixed), LEAST)
+        for word, mixed in (("Table 1 mix", True), ("types alone, all kept", False))
+    ]
+    results = [(*row, "s") for row in speed] + [
+        (what, peak, alone, peak / alone, "GiB") for what, peak, alone in memory
+    ]
+    table = pd.DataFrame(results, columns=["what", "ours", "theirs", "ratio", "unit"]).round(4)
+    print(table.to_string(index=False))
+    table.to_csv(ROOT / "benchmarks/distance.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,51 @@
+"""Fig. 9 of the fish paper: both distance maps as pictures, dark = similar."""
+
+import numpy as np
+import pandas as pd
+from matplotlib import colormaps
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+SKIPPED = "#F0DFA8"  # no shade of grey: nothing was measured there
+
+
+def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
+    """At most so many rows of the feature table: the longest tracks, in the table's order."""
+    track = features["track_id"]
+    longest = track.groupby(track).transform("size").to_numpy()
+    return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])
+
+
+def figure9(
+    distance: NDArray[np.floating],
+    compared: NDArray[np.bool_],
+    track: NDArray[np.integer],
+    unit: float,
+) -> Figure:
+    """Fig. 9: (a) Eq. 5 for all pairs, (b) Eq. 6; `distance`, `compared` (n, n), `track` (n,).
+
+    `unit`: the median natural step.
+    """
+    figure = Figure(figsize=(13, 6.8), layout="constrained")
+    axes = figure.subplots(1, 2, sharex=True, sharey=True)
+    shades = colormaps["gray"].with_extremes(bad=SKIPPED)
+    # Few pairs are far: without them the shades tell more.
+    top = float(np.quantile(distance, 0.99)) / unit
+    shown = distance / unit
+    skipped = 100 * (1 - compared.mean())
+    titles = (
+        "(a) Eq. 5: every pair",
+        f"(b) Eq. 6: like with like; {skipped:.1f} % of these pairs skipped (tinted)",
+    )
+    for ax, values, title in zip(
+        axes, (shown, np.where(compared, shown, np.nan)), titles, strict=True
+    ):
+        image = ax.imshow(values, cmap=shades, vmin=0, vmax=top, interpolation_stage="rgba")
+        ax.set(title=title, xlabel="frame j (in time order, track after track)")
+        for edge in np.flatnonzero(np.diff(track)) + 0.5:
+            ax.axhline(edge, color="#0072B2", lw=0.4)
+            ax.axvline(edge, color="#0072B2", lw=0.4)
+    axes[0].set_ylabel("frame i")
+    bar = figure.colorbar(image, ax=axes, shrink=0.9, extend="max", pad=0.01)
+    bar.set_label("distance in median natural steps (dark = similar)")
+    return figure

@@ -1,0 +1,194 @@
+"""The graph of video loops: where film can go on, and where it cannot (fish paper Figs. 10, 12).
+
+An *end* is a row of the feature table at which a loop begins or ends. Coming to one, the fish has
+a choice: to play on, or to jump to the other end of one of its loops. The film from an end to the
+next one of its track is a *segment*; it is named by the end it begins at.
+"""
+
+import heapq
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+
+Leg = tuple[int, int, str]
+PLAY, JUMP = "play", "jump"
+_FREE = 1e-9  # frames: a sparse graph cannot hold an edge that costs nothing
+
+
+@dataclass(frozen=True)
+class LoopGraph:
+    """m ends and e jumps; both directions of a loop are jumps.
+
+    Attributes
+    ----------
+    ends
+        (m,) rows of the feature table, rising.
+    ahead
+        (m,) index of the next end of the same track, −1 where there is none.
+    start, to, distance
+        Instead of end k the film can show any end `to[start[k]:start[k + 1]]`, nearest first;
+        `distance` is D of the two. (m + 1,), (e,), (e,).
+    component
+        (m,) strongly connected component of the segment that begins at the end; 0 holds the most
+        film. After segment k comes segment `ahead[k]`, or one to which there is a jump from there.
+        A segment that cannot be reached again has a component of its own.
+    cyclic
+        (m,) whether the segment can be reached again from itself.
+    endless
+        (m,) whether one can play on for ever from the segment that begins at the end. So at end k:
+        play on if `endless[k]`, jump to t if `endless[t]`.
+    """
+
+    ends: NDArray[np.int32]
+    ahead: NDArray[np.int32]
+    start: NDArray[np.int32]
+    to: NDArray[np.int32]
+    distance: NDArray[np.float32]
+    component: NDArray[np.int32]
+    cyclic: NDArray[np.bool_]
+    endless: NDArray[np.bool_]
+
+    def jumps(self, end: int) -> NDArray[np.int32]:
+        """The ends that can be shown instead of one, nearest first."""
+        return self.to[self.start[end] : self.start[end + 1]]
+
+    @property
+    def frames(self) -> NDArray[np.int32]:
+        """Length (m,) of the segments, in frames; 0 after the last end of a track."""
+        return np.where(self.ahead >= 0, self.ends[self.ahead] - self.ends, 0).astype(np.int32)
+
+
+def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
+    """The graph of a table with the columns a, b, distance; `track_id` of every row of the film."""
+    a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
+    far = loops["distance"].to_numpy(np.float32)
+    ends, source = np.unique(np.r_[a, b].astype(np.int32), return_inverse=True)
+    to = np.r_[source[len(a) :], source[: len(a)]]
+    m = int(ends.size)
+    ahead = np.full(m, -1, np.int32)
+    follows = np.flatnonzero(np.diff(track_id[ends]) == 0)
+    ahead[follows] = follows + 1
+    order = np.lexsort((to, np.r_[far, far], source))
+    start = np.searchsorted(source[order], np.arange(m + 1)).astype(np.int32)
+    jumps = to[order].astype(np.int32)
+    following = _following(ahead, start, jumps)
+    component, cyclic = _components(following, np.where(ahead >= 0, ends[ahead] - ends, 0))
+    endless = _endless(following, cyclic)
+    distance = np.r_[far, far][order]
+    return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
+
+
+def _following(
+    ahead: NDArray[np.int32], start: NDArray[np.int32], to: NDArray[np.int32]
+) -> csr_array:
+    """Which segment (row) can be followed by which (column)."""
+    m = len(ahead)
+    played = np.flatnonzero(ahead >= 0)
+    next_end = ahead[played]
+    count = start[next_end + 1] - start[next_end]
+    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    jumped = to[np.repeat(start[next_end], count) + offset]
+    rows, columns = np.r_[played, np.repeat(played, count)], np.r_[next_end, jumped]
+    return coo_array((np.ones(len(rows), np.int8), (rows, columns)), (m, m)).tocsr()
+
+
+def _components(
+    following: csr_array, frames: NDArray[np.int32]
+) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+    """Strongly connected components (m,), most film first, and which segments come round again."""
+    m = len(frames)
+    count, name = connected_components(following, directed=True, connection="strong")
+    cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
+    film = np.bincount(name, frames * cyclic, minlength=count)
+    first = np.full(count, m)
+    np.minimum.at(first, name, np.arange(m))
+    rank = np.empty(count, np.int32)
+    rank[np.lexsort((first, -film))] = np.arange(count)
+    return rank[name], cyclic
+
+
+def _endless(following: csr_array, cyclic: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which segments (m,) lead to one that comes round again."""
+    endless = cyclic
+    while True:
+        more = endless | (following @ endless.astype(np.int32) > 0)
+        if (more == endless).all():
+            return endless
+        endless = more
+
+
+def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> NDArray[np.bool_]:
+    """Whether, having shown a row (n,) of the film, one can play on for ever."""
+    jump = np.add.reduceat(np.r_[graph.endless[graph.to], False], graph.start[:-1]) > 0
+    choice = graph.endless | jump  # coming to an end; every end has a jump
+    following = np.searchsorted(graph.ends, np.arange(len(track_id)), side="right")
+    there = following < len(graph.ends)
+    following = np.minimum(following, len(graph.ends) - 1)
+    return there & (track_id[graph.ends[following]] == track_id) & choice[following]
+
+
+def in_component(graph: LoopGraph, rows: int, number: int = 0) -> NDArray[np.bool_]:
+    """Which rows (rows,) of the film lie in the segments of one component."""
+    edge = np.zeros(rows + 1, np.int32)
+    mine = (graph.component == number) & (graph.ahead >= 0)
+    np.add.at(edge, graph.ends[mine], 1)
+    np.add.at(edge, graph.ends[graph.ahead[mine]], -1)
+    return np.cumsum(edge)[:-1] > 0
+
+
+def routes(
+    graph: LoopGraph, source_end: int, target_end: int, most: int, jump_frames: float = 0
+) -> list[list[Leg]]:
+    """Fig. 10: the `most` best ways from one end to another, by index.
+
+    Best is what shows the fewest frames, a jump counting as `jump_frames`: the more, the longer the
+    film plays between jumps. Each way is a list of (from row, to row, "play" | "jump"), from one
+    end to the next. It may come through an end again (GHCDEBCDEF does), but takes no jump twice,
+    and plays on between jumps: two frames that are like a third need not be alike. No more than
+    `most` ways are followed through any end.
+    """
+    return list(_routes(graph, source_end, target_end, most, jump_frames))
+
+
+def _routes(
+    graph: LoopGraph, source: int, target: int, most: int, jump_frames: float
+) -> Iterator[list[Leg]]:
+    left = _least_cost(graph, target, jump_frames)
+    # (cost to the target at best, order of arrival, cost so far, end, way so far)
+    queue: list[tuple[float, int, float, int, tuple[Leg, ...]]] = [(left[source], 0, 0, source, ())]
+    followed: dict[tuple[int, bool], int] = {}
+    arrival = found = 0
+    while queue and found < most:
+        _, _, cost, end, way = heapq.heappop(queue)
+        if way and end == target:
+            found += 1
+            yield list(way)
+            continue
+        jumped = bool(way) and way[-1][2] == JUMP
+        followed[end, jumped] = followed.get((end, jumped), 0) + 1
+        if followed[end, jumped] > most:
+            continue
+        choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jumps(end)]
+        if graph.ahead[end] >= 0:
+            choices.append((int(graph.ahead[end]), PLAY, float(graph.frames[end])))
+        for to, how, more in choices:
+            leg = int(graph.ends[end]), int(graph.ends[to]), how
+            if np.isfinite(left[to]) and not (how == JUMP and leg in way):
+                arrival += 1
+                best = cost + more + left[to]
+                heapq.heappush(queue, (best, arrival, cost + more, to, (*way, leg)))
+
+
+def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> NDArray[np.float64]:
+    """What it costs at least to come from an end (m,) to `target`; inf where no way leads."""
+    m = len(graph.ends)
+    played = np.flatnonzero(graph.ahead >= 0)
+    jumped = np.repeat(np.arange(m), np.diff(graph.start))
+    cost = np.r_[graph.frames[played], np.full(len(jumped), max(jump_frames, _FREE))]
+    back = np.r_[graph.ahead[played], graph.to], np.r_[played, jumped]
+    return dijkstra(coo_array((cost, back), (m, m)).tocsr(), indices=target) * (1 - 1e-9)

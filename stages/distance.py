@@ -1,0 +1,130 @@
+"""Stage `distance`: how alike the frames of the film are (fish paper §4.1, Eqs. 5-8, Fig. 9)."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.distance import film_pictures
+from finloop.distance_map import (
+    PAIRS,
+    STEPS,
+    MapFacts,
+    Pairs,
+    about_mean,
+    alike,
+    bands,
+    computed,
+    full,
+    kinds,
+    order,
+    pair_table,
+    similar,
+    step_table,
+    usual_steps,
+)
+from finloop.distance_plots import figure9, picture_rows
+from finloop.features import FEATURES
+from finloop.files.atomic import whole_folder
+from finloop.files.cutouts import CutoutStore, open_cutouts
+from finloop.files.distances import MAP_FACTS_NAME, save_map_facts
+from finloop.files.picture import save_figure
+from finloop.files.table import load_table, save_table
+from stages.params import load
+from stages.params.distance import OPTIONS
+
+CUTOUTS = Path("data/extract/cutouts.arrow")
+FEATURES_TABLE = Path("data/features/features.parquet")
+FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
+CHECKED = 1000  # pairs measured again in float64
+
+
+def counted(found: Iterator[Pairs], advance: Callable[[], None]) -> Iterator[Pairs]:
+    """The same, with progress."""
+    for pairs in found:
+        yield pairs
+        advance()
+
+
+def largest_error(
+    pairs: pd.DataFrame, features: pd.DataFrame, film: CutoutStore, size: int, pose: str
+) -> float | None:
+    """Of some pairs, against the same pictures made again and measured in float64."""
+    if not len(pairs):
+        return None
+    some = pairs.sample(min(CHECKED, len(pairs)), random_state=0)
+    worst = 0.0
+    for start in range(0, len(some), 50):
+        few = some.iloc[start : start + 50]
+        a, b = (
+            film_pictures(features, film, size, pose, few[end].to_numpy()).astype(np.float64)
+            for end in ("i", "j")
+        )
+        true = np.sqrt(np.square(a - b).sum(axis=(1, 2, 3)))
+        worst = max(worst, float(np.abs(true - few["distance"].to_numpy()).max()))
+    return worst
+
+
+def main() -> None:
+    """Make data/distance/, reports/distance/."""
+    p = load("distance", OPTIONS)
+    features = load_table(FEATURES_TABLE, FEATURES)
+    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
+    # Pictures are made in this order, so that a band is a slice and no second copy is needed.
+    rows = order(kind, area)
+    place = np.argsort(rows)
+
+    with open_cutouts(CUTOUTS) as film:
+        x = about_mean(film_pictures(features, film, p.size, p.pose, rows))
+        steps = step_table(features, x, place)
+        median, p95 = usual_steps(steps)
+        most = np.inf if p.keep is None else p.keep * median
+        found = similar(x, kind[rows], area[rows], p.area_threshold, most)
+        blocks = list(bands(kind[rows], area[rows], p.area_threshold))
+        with progress("distance", len(blocks), "blocks") as advance:
+            pairs = pair_table(counted(found, advance), rows)
+        error = largest_error(pairs, features, film, p.size, p.pose)
+
+    with whole_folder(FOLDER) as folder:
+        save_table(folder / "pairs.parquet", pairs, PAIRS)
+        save_table(folder / "steps.parquet", steps, STEPS)
+        facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
+        save_map_facts(folder / MAP_FACTS_NAME, facts)
+
+    count = len(features) * (len(features) - 1) // 2
+    done = computed(blocks)
+    skipped_pct = 100 * (1 - done / count)
+    few = picture_rows(features, p.picture_frames)
+    save_figure(
+        REPORT / "fig9.png",
+        figure9(
+            full(x[place[few]]),
+            alike(kind[few], area[few], p.area_threshold),
+            features["track_id"].to_numpy()[few],
+            median,
+        ),
+    )
+    save_metrics(
+        REPORT / "metrics.json",
+        {
+            "frames": len(features),
+            "pairs": count,
+            "pairs_computed": done,
+            "pairs_skipped_pct": skipped_pct,
+            "pairs_kept": len(pairs),
+            "pairs_kept_pct": 100 * len(pairs) / count,
+            "step_median": median,
+            "step_p95": p95,
+            "largest_error": error,
+        },
+    )
+    if not len(pairs):
+        print("distance: no two frames are alike enough to be kept", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    run(main)

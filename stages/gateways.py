@@ -1,0 +1,84 @@
+"""Stage `gateways`: which frame of the film is like which sprite, both ways (Fig. 14)."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.features import FEATURES
+from finloop.files.cutouts import open_cutouts
+from finloop.files.distances import load_map_facts
+from finloop.files.picture import save_picture
+from finloop.files.table import load_table, save_table
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.gateways import (
+    GATEWAYS,
+    IN,
+    OUT,
+    Settings,
+    gateways,
+    nearest,
+    nearness,
+    numbers,
+)
+from finloop.gateways_plots import contact_sheet, pairs, spread
+from finloop.sprites import SPRITES
+from stages.params import load
+from stages.params.gateways import OPTIONS
+
+SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
+TABLE = Path("data/gateways/gateways.parquet")
+SHOWN = 12  # gateways of each direction on the contact sheet
+WORDS = {IN: "into", OUT: "out of"}
+
+
+def say(kept: pd.DataFrame, every: pd.DataFrame, step: float, least_s: float) -> None:
+    """Tell on stderr where there is no way, and what would give one."""
+    for direction, word in WORDS.items():
+        if (kept["direction"] == direction).any():
+            continue
+        near = every.loc[every["direction"] == direction, "distance"]
+        if near.empty:
+            why = f"no track lasts gateways.least_s={least_s:g} s and a frame more"
+        else:
+            most = np.ceil(10 * near.min() / step + 1e-6) / 10
+            why = f"gateways.threshold={most:.1f} would give some"
+        print(f"gateways: no way {word} the film; {why}", file=sys.stderr)
+
+
+def main() -> None:
+    """Make data/gateways/, reports/gateways/."""
+    settings = Settings(**asdict(load("gateways", OPTIONS)))
+    rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
+    facts = load_map_facts(Path("data/distance/facts.json"))
+    features = load_table(Path("data/features/features.parquet"), FEATURES)
+    sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
+    step = facts.step_median
+    with (
+        open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store,
+        open_cutouts(Path("data/extract/cutouts.arrow")) as film,
+        progress("gateways", len(features)) as advance,
+    ):
+        near = nearness(sprites, store, features, film, facts.size, facts.pose, advance)
+        kept = gateways(near, sprites, features, rate_hz, step, settings)
+        every = nearest(near, sprites, features, rate_hz, settings)
+        shown = {}
+        for word in WORDS:
+            of = kept if word in set(kept["direction"]) else every  # refused: to see why
+            some = spread(of[of["direction"] == word], SHOWN)
+            shown[word] = list(pairs(some, sprites, store, features, film, facts))
+    say(kept, every, step, settings.least_s)
+    save_table(TABLE, kept, GATEWAYS)
+    save_picture(REPORT / "contact_sheet.png", contact_sheet(shown))
+    save_metrics(
+        REPORT / "metrics.json",
+        numbers(kept, every, near, features, rate_hz, step),
+    )
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,127 @@
+"""Stage `loops`: where the film can go on as another part of itself (Figs. 8, 10-13)."""
+
+from stages.run import run, save_metrics  # isort: skip  (before numpy)
+
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.distance import film_pictures
+from finloop.distance_map import PAIRS
+from finloop.features import FEATURES
+from finloop.files.atomic import whole_file, whole_folder
+from finloop.files.cutouts import CutoutStore, open_cutouts
+from finloop.files.distances import MAP_FACTS_NAME, load_map_facts
+from finloop.files.picture import load_picture, save_figure
+from finloop.files.table import load_table, save_csv, save_table
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.loops import LOOPS, NoLoops, Settings, as_map, find
+from finloop.loops_graph import loop_graph, routes
+from finloop.loops_plots import (
+    Example,
+    apart,
+    best_and_worst,
+    message,
+    over_tank,
+    over_time,
+    table_picture,
+)
+from finloop.loops_report import numbers
+from finloop.loops_table import (
+    POSITIONS,
+    far_ends,
+    position_table,
+    positions,
+    routes_table,
+    shown_ends,
+)
+from stages.params import load
+from stages.params.loops import OPTIONS
+
+EXTRACT, DISTANCE = Path("data/extract"), Path("data/distance")
+FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
+SHOWN, SIZE_PX = 6, 128  # best loops and worst, and their pictures
+WAYS = 5  # ways from the last end to the first
+
+
+def examples(
+    loops: pd.DataFrame, features: pd.DataFrame, film: CutoutStore, pose: str, step: float
+) -> Iterator[Example]:
+    """Pictures of some loops: the frame before a, a itself, and b instead."""
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    for one in loops.itertuples():
+        before = one.a - 1 if one.a and track[one.a - 1] == track[one.a] else one.a
+        rows = np.array([before, one.a, one.b])
+        last, natural, instead = film_pictures(features, film, SIZE_PX, pose, rows)
+        places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, one.b))
+        words = (
+            f"track:frame {places}: seam {one.distance / step:.2f} steps, "
+            f"filtered {one.filtered / step:.2f}"
+        )
+        yield Example(last, natural, instead, words)
+
+
+def nothing(none: NoLoops) -> None:
+    """Write what says that there are no loops: the network mode needs none."""
+    print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
+    with whole_folder(FOLDER) as folder:
+        for name, schema in (("loops", LOOPS), ("positions", POSITIONS)):
+            empty = {column.name: np.empty(0, column.dtype) for column in schema.columns}
+            save_table(folder / f"{name}.parquet", pd.DataFrame(empty), schema)
+    for name in ("position_table", "routes"):
+        with whole_file(REPORT / f"{name}.csv") as part:
+            part.write_text("\n", encoding="utf-8")
+    for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
+        save_figure(REPORT / f"{name}.png", message(str(none)))
+    save_metrics(REPORT / "metrics.json", {"loops": 0, "ends": 0, "endless_film_pct": 0.0})
+
+
+def main() -> None:
+    """Make data/loops/, reports/loops/."""
+    asked = asdict(load("loops", OPTIONS))
+    horizon_s = asked.pop("horizon_s")
+    settings = Settings(**asked)
+    rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
+    facts = load_map_facts(DISTANCE / MAP_FACTS_NAME)
+    step = facts.step_median
+    features = load_table(Path("data/features/features.parquet"), FEATURES)
+    track = features["track_id"].to_numpy()
+    similar = as_map(load_table(DISTANCE / "pairs.parquet", PAIRS), len(features))
+
+    try:
+        loops, counts = find(similar, features, rate_hz, step, settings)
+    except NoLoops as none:
+        nothing(none)
+        return
+    graph = loop_graph(loops, track)
+    where = positions(graph.ends, features, round(horizon_s * rate_hz))
+    with whole_folder(FOLDER) as folder:
+        save_table(folder / "loops.parquet", loops, LOOPS)
+        save_table(folder / "positions.parquet", where, POSITIONS)
+
+    shown = shown_ends(graph.ends, track)
+    table = position_table(shown, features)
+    with whole_file(REPORT / "position_table.csv") as part:
+        table.to_csv(part, lineterminator="\n")
+    ways = routes(graph, *far_ends(graph), WAYS, jump_frames=settings.least_s * rate_hz)
+    save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
+    save_figure(REPORT / "over_time.png", over_time(loops, graph, track, rate_hz))
+    tank = load_picture(EXTRACT / "background.png")
+    save_figure(REPORT / "over_tank.png", over_tank(loops, graph, features, tank))
+    save_figure(REPORT / "fig11.png", table_picture(table, shown, features))
+    gap = round(settings.least_s * rate_hz)
+    with open_cutouts(EXTRACT / "cutouts.arrow") as film:
+        best, worst = (
+            list(examples(some.iloc[apart(some, gap, SHOWN)], features, film, facts.pose, step))
+            for some in (loops, loops[::-1])
+        )
+    save_figure(REPORT / "best_and_worst.png", best_and_worst(best, worst))
+    save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts))
+
+
+if __name__ == "__main__":
+    run(main)

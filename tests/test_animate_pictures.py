@@ -1,0 +1,314 @@
+"""Pictures behind an edit list: the film's steps, seams, cross-fades; ground truth from wedges."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop.animate_edit import FRAME, SPRITE
+from finloop.animate_pictures import (
+    SIZE,
+    Pictures,
+    drawn_steps,
+    film_next,
+    film_steps,
+    seams,
+    without_ghosts,
+)
+from finloop.distance import SPAN, distance, film_rows, picture
+from finloop.features import ORIENTATIONS, orientation, wrap_deg
+from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.sprites_pictures import following, outlines, pictures
+
+LENGTH = 40.0
+
+
+def fish(length: int = 40, wide: float = 1 / 3) -> np.ndarray:
+    """A dark wedge about (45, 45), head to the right, with its alpha; premultiplied."""
+    half = max(1, round(length * wide / 2))
+    corners = np.array(
+        [[45 - length // 2, 45], [45 + length // 2, 45 - half], [45 + length // 2, 45 + half]]
+    )
+    cv2.fillPoly(alpha := np.zeros((90, 90), np.uint8), [corners], 255)
+    return np.dstack([alpha // 3, alpha])
+
+
+def turned(pixels: np.ndarray, degrees: float) -> np.ndarray:
+    return cv2.warpAffine(pixels, cv2.getRotationMatrix2D((45, 45), degrees, 1), (90, 90))
+
+
+def film_of(folder: Path, *tracks: list[tuple[float, float]]) -> pd.DataFrame:
+    """A film of wedges in one place: heading and width of each frame. Stored frame by frame."""
+    rows = [
+        (track, frame, heading, wide)
+        for track, frames in enumerate(tracks, 7)
+        for frame, (heading, wide) in enumerate(frames)
+    ]
+    with CutoutWriter(folder / "film.arrow") as writer:
+        for track, frame, heading, wide in sorted(rows, key=lambda row: (row[1], row[0])):
+            writer.write(Cutout(track, frame, 100, 200, turned(fish(wide=wide), heading)))
+    table = pd.DataFrame(rows, columns=["track_id", "frame", "heading_deg", "wide"])
+    return table.assign(x_px=145.0, y_px=245.0, body_length_px=LENGTH)
+
+
+def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFrame:
+    """Sprites of some rows of the film."""
+    turn = np.append(wrap_deg(np.diff(table["heading_deg"])), 0.0)
+    picked = table.iloc[rows].assign(
+        sequence="straight", step=np.arange(len(rows)), mirrored=False, scale=1.0,
+        turn_deg=turn[rows],
+    )  # fmt: skip
+    with CutoutWriter(folder / "sprites.arrow") as writer:
+        for row in picked.itertuples():
+            for sector in range(ORIENTATIONS):
+                pixels = turned(fish(wide=row.wide), 15.0 * sector)
+                writer.write(Cutout(int(row.track_id), int(row.frame), 100, 200, pixels))
+    return picked.reset_index(drop=True)
+
+
+@pytest.fixture
+def shown(tmp_path):
+    """Two tracks that turn and grow wider, five sprites of the first one's frames."""
+    table = film_of(
+        tmp_path,
+        [(10.0 * i, 0.2 + 0.03 * i) for i in range(8)],
+        [(90.0 - 5 * i, 0.5 - 0.03 * i) for i in range(6)],
+    )
+    sprites = sprites_of(tmp_path, table, [0, 1, 2, 4, 5])
+    with (
+        open_cutouts(tmp_path / "film.arrow") as film,
+        open_cutouts(tmp_path / "sprites.arrow") as store,
+    ):
+        cutout = film_rows(film).loc[pd.MultiIndex.from_frame(table[["track_id", "frame"]])]
+        yield Pictures(
+            sprites, store, pictures(sprites, store, LENGTH, SIZE),
+            following(sprites, table, film, LENGTH, SIZE), table, film, cutout.to_numpy(),
+        )  # fmt: skip
+
+
+def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
+    """An edit list of (kind, row or sprite, heading), without cross-fades."""
+    rows = []
+    for kind, number, heading in ticks:
+        if kind == FRAME:
+            rotation = wrap_deg(heading - shown.features["heading_deg"][number])
+            rows.append((kind, int(shown.cutout[number]), float(rotation), 1.0, heading))
+        else:
+            sector = int(orientation(np.array(heading)))
+            rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
+            rows.append((kind, number * ORIENTATIONS + sector - 1, rest, 1.0, heading))
+    table = pd.DataFrame(rows, columns=["kind", "source", "rotation_deg", "scale", "heading_deg"])
+    return table.assign(
+        partner_kind=None, partner=pd.array([pd.NA] * len(rows), "Int32"),
+        partner_rotation_deg=np.nan, partner_scale=np.nan, weight=0.0,
+    )  # fmt: skip
+
+
+def faded(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> pd.DataFrame:
+    names = ["partner_kind", "partner", "partner_rotation_deg", "partner_scale"]
+    edit = edit.copy()
+    for name, value in zip(names, other[["kind", "source", "rotation_deg", "scale"]], strict=True):
+        edit.loc[tick, name] = value
+    edit.loc[tick, "weight"] = weight
+    return edit
+
+
+# --- steps of the film
+
+
+def test_a_film_that_stands_still_makes_no_steps(tmp_path):
+    table = film_of(tmp_path, [(0.0, 0.3), (0.0, 0.3), (0.0, 0.3), (30.0, 0.3)])
+    with open_cutouts(tmp_path / "film.arrow") as film:
+        found = film_steps(table, film)
+    assert found[:2] == pytest.approx(0)
+    assert found[2] > 5
+
+
+def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
+    turning = [(10.0 * i, 0.3) for i in range(6)]
+    table = film_of(tmp_path, turning, turning[:3])
+    with open_cutouts(tmp_path / "film.arrow") as film:
+        assert len(film_steps(table, film)) == 5 + 2
+        assert len(film_steps(table.drop(index=2), film)) == 3 + 2
+
+
+def test_steps_of_a_long_film_are_spread_over_it(tmp_path, monkeypatch):
+    monkeypatch.setattr("finloop.animate_pictures._PAIRS", 5)
+    monkeypatch.setattr("finloop.animate_pictures._LOT", 2)
+    still, turning = [(0.0, 0.3)] * 10, [(20.0 * i, 0.3) for i in range(11)]
+    table = film_of(tmp_path, still + turning)
+    with open_cutouts(tmp_path / "film.arrow") as film:
+        found = film_steps(table, film)
+    assert len(found) == 5
+    assert found[:2] == pytest.approx(0) and (found[3:] > 5).all()
+
+
+def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
+    table = film_of(tmp_path, [(20.0 * i, 1 / 3) for i in range(4)])
+    sprites = sprites_of(tmp_path, table, [0, 1, 2])
+    with (
+        open_cutouts(tmp_path / "film.arrow") as film,
+        open_cutouts(tmp_path / "sprites.arrow") as store,
+    ):
+        after = following(sprites, table, film, LENGTH, SIZE)
+        drawn = pictures(sprites, store, LENGTH, SIZE)
+    assert drawn.shape == (3, SIZE, SIZE, 2)
+    assert (
+        distance(after, drawn) < 0.12 * np.linalg.norm(drawn[0])
+    ).all()  # one wedge, in any frame
+
+
+def test_an_outline_is_ahead_and_to_the_left(tmp_path):
+    table = film_of(tmp_path, [(0.0, 1 / 3)] * 2)
+    sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
+    with open_cutouts(tmp_path / "sprites.arrow") as store:
+        hull = outlines(sprites, store)[0]
+    assert hull[:, 0].min() == pytest.approx(-40, abs=3)
+    assert hull[:, 0].max() == pytest.approx(40, abs=3)
+    blunt = hull[hull[:, 0] > 35]
+    assert np.ptp(blunt[:, 1]) == pytest.approx(2 * 40 / 3, abs=4)
+
+
+# --- what an edit list draws
+
+
+def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
+    for heading in (0.0, 100.0, -37.0):
+        edit = edit_of(shown, (FRAME, 4, heading), (SPRITE, 3, heading), (SPRITE, 0, heading))
+        one, same, other = (
+            shown(r.kind, r.source, r.rotation_deg, r.scale) for r in edit.itertuples()
+        )
+        far = np.linalg.norm(one - other)
+        assert np.linalg.norm(one - same) < 0.4 * far
+
+
+def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
+    for row in (0, 5, 9):
+        number = int(shown.cutout[row])
+        cutout, at = shown.film[number], shown.features.iloc[row]
+        wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
+        assert np.array_equal(shown(FRAME, number, 25.0, 1.0), wanted)
+    large = shown(FRAME, 0, 0.0, 2.0)[..., 1].sum() / shown(FRAME, 0, 0.0, 1.0)[..., 1].sum()
+    assert large > 2.5  # 4, but for what reaches beyond the edge
+    assert SPAN < 2
+
+
+def test_a_still_picture_makes_no_step_and_a_turn_does(shown):
+    edit = edit_of(shown, (FRAME, 2, 0.0), (FRAME, 2, 0.0), (FRAME, 2, 40.0))
+    found = drawn_steps(edit, shown)
+    assert found[0] == 0 and found[1] > 5
+
+
+@pytest.mark.parametrize("kind", [FRAME, SPRITE])
+def test_a_drawn_cross_fade_lies_between_its_pictures(shown, kind):
+    plain = edit_of(shown, (kind, 0, 0.0), (kind, 0, 0.0), (kind, 4, 90.0))
+    whole = drawn_steps(plain, shown)
+    for weight in (0.25, 0.5):
+        made = drawn_steps(faded(plain, 1, plain.loc[2], weight), shown)
+        assert made == pytest.approx([weight * whole[1], (1 - weight) * whole[1]], rel=1e-4)
+
+
+# --- seams
+
+
+def test_the_frame_after_a_frame_is_that_of_its_track(shown):
+    store = shown.cutout
+    assert [shown.following(int(store[row])) for row in (0, 6, 8, 12)] == list(store[[1, 7, 9, 13]])
+    assert shown.following(int(store[7])) is None and shown.following(int(store[13])) is None
+
+
+def test_natural_play_has_no_seam_however_it_is_turned(shown):
+    heading = shown.features["heading_deg"].to_numpy()
+    for rot in (0.0, 77.0, -140.0):
+        edit = edit_of(shown, *((FRAME, row, heading[row] + rot) for row in range(8)))
+        assert [len(part) for part in seams(edit, shown)] == [0, 0]
+    edit = edit_of(shown, *((SPRITE, number, 0.0) for number in (0, 1, 2)))
+    assert len(seams(edit, shown)[0]) == 0
+
+
+@pytest.mark.parametrize("rot", [0.0, 90.0, 33.0])
+def test_a_jump_is_as_far_as_the_frame_it_leaves_out(shown, rot):
+    # Rows 0, 1, 2, then row 10 in place of row 3, headed as row 3 would have been.
+    headings = [rot, rot + 10, rot + 20, rot + 30, rot + 25]
+    rows = [0, 1, 2, 10, 11]
+    edit = edit_of(shown, *((FRAME, row, h) for row, h in zip(rows, headings, strict=True)))
+    found, ticks = seams(edit, shown)
+    assert list(ticks) == [3]
+    ahead = [
+        picture(shown.film[int(shown.cutout[row])], shown.features.iloc[row], LENGTH, SIZE, -angle)
+        for row, angle in ((3, 30.0), (10, 80.0))
+    ]
+    assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
+    fade = faded(edit, 3, edit.loc[2], 0.5)
+    assert seams(fade, shown)[0] == pytest.approx(found)  # without its cross-fade
+    askew = edit.assign(
+        rotation_deg=edit["rotation_deg"] + [0, 0, 0, 40, 40],
+        heading_deg=edit["heading_deg"] + [0, 0, 0, 40, 40],
+    )
+    assert seams(askew, shown)[0][0] > 2 * found[0]
+
+
+def test_a_frame_without_a_next_one_is_held_against_itself(shown):
+    edit = edit_of(shown, (FRAME, 7, 70.0), (FRAME, 7, 70.0))
+    found, ticks = seams(edit, shown)
+    assert list(ticks) == [1] and found == pytest.approx(0)
+
+
+def test_a_jump_of_sprites_is_what_the_film_does_not_show(shown):
+    assert list(film_next(shown.sprites)) == [1, 2, -1, 4, -1]
+    edit = edit_of(shown, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
+    found, ticks = seams(edit, shown)
+    pose = distance(shown.after, shown.headed)
+    assert list(ticks) == [3, 4, 6]
+    assert found == pytest.approx([pose[2, 0], pose[0, 0], pose[1, 3]], rel=1e-5)
+
+
+def test_a_switch_between_sprite_and_frame_is_a_jump(shown):
+    # Sprite 0 is row 0: after it comes row 1, whichever way it is drawn.
+    natural = edit_of(shown, (SPRITE, 0, 40.0), (FRAME, 1, 40.0))
+    found, ticks = seams(natural, shown)
+    assert list(ticks) == [1]
+    wrong = edit_of(shown, (SPRITE, 0, 40.0), (FRAME, 8, 40.0))
+    assert found[0] < 0.3 * seams(wrong, shown)[0][0]
+    # And after row 0, drawn at 40°, comes row 1 at 50°: sprite 1.
+    natural = edit_of(shown, (FRAME, 0, 40.0), (SPRITE, 1, 50.0))
+    found, ticks = seams(natural, shown)
+    assert list(ticks) == [1]
+    wrong = edit_of(shown, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
+    assert found[0] < 0.3 * seams(wrong, shown)[0][0]
+
+
+# --- ghosts
+
+
+def test_what_is_unlike_does_not_fade_and_what_is_alike_does(shown):
+    edit = edit_of(shown, *((FRAME, row, 0.0) for row in (0, 1, 2, 3, 4, 5)))
+    alike = edit_of(shown, (FRAME, 2, 0.0), (FRAME, 2, 0.0)).loc[0]
+    unlike = edit_of(shown, (FRAME, 2, 90.0)).loc[0]
+    for tick, other, weight in (
+        (0, alike, 0.6),
+        (1, alike, 0.3),
+        (3, unlike, 0.6),
+        (5, alike, 0.4),
+    ):
+        edit = faded(edit, tick, other, weight)
+    kept = edit.copy()
+    clean = without_ghosts(edit, shown, 8.0)
+    pd.testing.assert_frame_equal(edit, kept)
+    assert list(clean["weight"]) == [0.6, 0.3, 0.0, 0.0, 0.0, 0.4]
+    gone = clean.loc[3, ["partner_kind", "partner", "partner_rotation_deg", "partner_scale"]]
+    assert gone.isna().all()
+    same = [c for c in edit.columns if not c.startswith("partner") and c != "weight"]
+    pd.testing.assert_frame_equal(clean[same], edit[same])
+    assert list(without_ghosts(edit, shown, 1e9)["weight"]) == list(edit["weight"])
+    assert not without_ghosts(edit, shown, 0.0)["weight"].any()
+
+
+def test_a_ghost_once_gone_does_not_come_back(shown):
+    edit = edit_of(shown, *((FRAME, row, 0.0) for row in (0, 1, 2, 3)))
+    alike, unlike = (edit_of(shown, (FRAME, 2, h)).loc[0] for h in (0.0, 90.0))
+    for tick, other, weight in ((1, unlike, 0.75), (2, alike, 0.5), (3, alike, 0.25)):
+        edit = faded(edit, tick, other, weight)
+    assert not without_ghosts(edit, shown, 8.0)["weight"].any()

@@ -1,0 +1,312 @@
+"""Distance maps: Eq. 5 for all pairs, Eqs. 6-8 in bands; laws against brute force, and the stage."""
+
+import json
+import shutil
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY_CARP
+from scratch import content, prepare
+
+import stages.clip
+import stages.distance
+import stages.extract
+import stages.features
+from finloop.distance import BODY, FILM, film_pictures
+from finloop.distance_map import (
+    EXACT,
+    PAIRS,
+    STEPS,
+    MapFacts,
+    about_mean,
+    alike,
+    bands,
+    computed,
+    full,
+    kinds,
+    order,
+    pair_table,
+    similar,
+    step_table,
+    usual_steps,
+)
+from finloop.distance_plots import picture_rows
+from finloop.errors import FinloopError
+from finloop.features import FEATURES
+from finloop.files.cutouts import open_cutouts
+from finloop.files.distances import load_map_facts, save_map_facts
+from finloop.files.picture import load_picture
+from finloop.files.table import load_table, save_table
+
+
+def brute(pictures: np.ndarray) -> np.ndarray:
+    """Eq. 5 as it is written, in float64."""
+    flat = pictures.reshape(len(pictures), -1).astype(np.float64)
+    return np.array([np.sqrt(((flat - one) ** 2).sum(axis=1)) for one in flat])
+
+
+def random_pictures(rng: np.random.Generator, count: int, size: int = 8) -> np.ndarray:
+    return rng.random((count, size, size, 2), np.float32)
+
+
+# --- Eq. 5
+
+
+@pytest.mark.parametrize("count", [1, 2, 511, 1300])
+def test_the_full_map_is_brute_force(count):
+    pictures = random_pictures(np.random.default_rng(count), count)
+    kept = pictures.copy()
+    found = full(pictures)
+    assert found.dtype == np.float32
+    assert np.abs(found - brute(pictures)).max() < EXACT
+    assert (found == found.T).all()
+    assert (found.diagonal() == 0).all()
+    assert (pictures == kept).all()
+
+
+@pytest.mark.parametrize("spread", [0.0, 1e-4, 1e-2])
+@pytest.mark.parametrize("alone", [0, 280])
+def test_close_pictures_do_not_drown_in_bright_ones(spread, alone):
+    """A fish that stands still: its float32 product alone would be off by far more."""
+    rng = np.random.default_rng(3)
+    pictures = random_pictures(rng, 300, 32)
+    pictures[alone:] = pictures[-1] + spread * pictures[alone:]
+    true = brute(pictures)
+    assert np.abs(full(pictures) - true).max() < EXACT
+    x = pictures.reshape(300, -1)
+    squares = (x**2).sum(1)
+    naive = np.sqrt(np.maximum(squares[:, None] + squares - 2 * x @ x.T.copy(), 0))
+    assert np.abs(naive - true).max() > EXACT
+
+
+def test_white_pictures_far_from_their_mean_are_exact_too():
+    pictures = np.zeros((40, 64, 64, 2), np.float32)
+    pictures[:20] = 1
+    pictures += 1e-3 * np.random.default_rng(4).random(pictures.shape, np.float32)
+    assert np.abs(full(pictures) - brute(pictures)).max() < EXACT
+
+
+# --- Eqs. 6-8
+
+
+def random_groups(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, float]:
+    """Kinds and areas, many of them equal or exactly a threshold apart."""
+    count = int(rng.integers(1, 700))
+    kind = rng.integers(0, rng.integers(1, 6), count)
+    area = rng.random(count).astype(np.float32)
+    if rng.random() < 0.6:
+        area = (np.round(area * 20) / 20).astype(np.float32)
+    return kind, area, float(rng.choice([0.0, 0.05, 0.1, 0.3, 1.0]))
+
+
+@pytest.mark.parametrize("seed", range(25))
+def test_bands_are_exactly_what_eqs_7_and_8_let_through(seed):
+    rng = np.random.default_rng(seed)
+    kind, area, threshold = random_groups(rng)
+    pictures = random_pictures(rng, len(kind), 4)
+    true = brute(pictures)
+    rows = order(kind, area)
+    found = similar(about_mean(pictures[rows]), kind[rows], area[rows], threshold)
+    table = pair_table(found, rows)
+    gap = np.abs(area.astype(float)[:, None] - area.astype(float))
+    wanted = np.triu((kind[:, None] == kind) & (gap <= threshold), 1)
+    assert (np.triu(alike(kind, area, threshold), 1) == wanted).all()
+    assert (np.stack([table["i"], table["j"]]) == np.nonzero(wanted)).all()  # sorted, each once
+    assert np.abs(table["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
+
+
+def test_what_is_skipped_is_not_computed():
+    rng = np.random.default_rng(5)
+    kind, area = np.sort(rng.integers(0, 4, 6000)), rng.random(6000)
+    rows = order(kind, area)
+    kind, area = kind[rows], area[rows]
+    blocks = list(bands(kind, area, 0.1))
+    for one, other in blocks:
+        assert len({*kind[one], *kind[other]}) == 1
+        assert area[other].max() - area[one].min() <= 0.1 + np.ptp(area[one])
+    wanted = np.count_nonzero(np.triu(alike(kind, area, 0.1), 1))
+    assert wanted <= computed(blocks) < 1.6 * wanted < 0.1 * len(kind) ** 2 / 2
+    assert computed(bands(np.zeros(300), np.zeros(300), 0.0)) == 300 * 299 // 2
+
+
+def test_pairs_farther_apart_than_most_are_left_out():
+    rng = np.random.default_rng(6)
+    pictures = random_pictures(rng, 200)
+    kind, area = np.zeros(200, int), np.linspace(0, 1, 200)
+    everything = pair_table(similar(about_mean(pictures), kind, area, 1.0), np.arange(200))
+    most = float(everything["distance"].median())
+    near = pair_table(similar(about_mean(pictures), kind, area, 1.0, most), np.arange(200))
+    expected = everything[everything["distance"] <= most].reset_index(drop=True)
+    assert len(expected) == pytest.approx(len(everything) / 2, abs=2)
+    pd.testing.assert_frame_equal(near, expected, atol=EXACT)
+
+
+def table_of(types, orientations, tracks=None) -> pd.DataFrame:
+    count = len(types)
+    return pd.DataFrame(
+        {
+            "track_id": np.zeros(count, int) if tracks is None else tracks,
+            "frame": np.arange(count),
+            "swimming_type": np.array(types, np.int8),
+            "orientation": np.array(orientations, np.int8),
+        }
+    )
+
+
+def test_orientation_counts_only_as_filmed():
+    every = [(kind, turn) for kind in (-1, 0, 1) for turn in range(1, 25)]
+    features = table_of(*zip(*every, strict=True))
+    filmed, body = kinds(features, FILM), kinds(features, BODY)
+    assert len(set(filmed)) == 72
+    assert (
+        (body[:, None] == body)
+        == (features["swimming_type"].to_numpy()[:, None] == features["swimming_type"].to_numpy())
+    ).all()
+
+
+def test_a_film_in_one_orientation_has_the_same_pairs_in_both_poses():
+    features = table_of([0, 1, -1, 0, 1, 0], [7] * 6)
+    one, other = kinds(features, FILM), kinds(features, BODY)
+    assert ((one[:, None] == one) == (other[:, None] == other)).all()
+
+
+# --- natural steps
+
+
+def test_a_step_leads_to_the_tracks_next_frame_and_never_across():
+    features = table_of([0] * 6, [1] * 6, tracks=[3, 3, 3, 8, 8, 9])
+    pictures = random_pictures(np.random.default_rng(7), 6)
+    rows = np.array([4, 0, 5, 2, 3, 1])
+    table = step_table(features, about_mean(pictures[rows]), np.argsort(rows))
+    true = brute(pictures)
+    expected = [true[0, 1], true[1, 2], np.nan, true[3, 4], np.nan, np.nan]
+    assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
+    assert usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)
+
+
+@pytest.mark.parametrize("steps", [[0.0, 0.0, 3.0, np.nan], [np.nan]])
+def test_a_film_that_stands_still_is_refused(steps):
+    with pytest.raises(FinloopError, match="half change nothing"):
+        usual_steps(pd.DataFrame({"step": steps}))
+
+
+def test_facts_come_back_and_damage_is_told(tmp_path):
+    facts = MapFacts(BODY, 64, 0.1, None, 3.5, 9.0)
+    save_map_facts(tmp_path / "facts.json", facts)
+    assert load_map_facts(tmp_path / "facts.json") == facts
+    (tmp_path / "facts.json").write_text("{}")
+    with pytest.raises(FinloopError, match="cannot be read"):
+        load_map_facts(tmp_path / "facts.json")
+
+
+def test_the_picture_shows_the_longest_tracks_in_time_order():
+    features = pd.DataFrame({"track_id": [1] * 3 + [2] * 9 + [5] * 4})
+    assert list(picture_rows(features, 9)) == list(range(3, 12))
+    assert list(picture_rows(features, 11)) == [*range(3, 12), 12, 13]
+    assert list(picture_rows(features, 99)) == list(range(16))
+
+
+# --- the stage
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """A folder in which the stages before have run on a drawn carp."""
+    folder = tmp_path_factory.mktemp("measured")
+    prepare(folder, *TINY_CARP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(stages.extract, "THREADS", 1)
+        stages.clip.main()
+        stages.extract.main()
+        stages.features.main()
+    return folder
+
+
+@pytest.fixture
+def here(measured, tmp_path, monkeypatch):
+    """A copy of it to work in."""
+    shutil.copytree(measured, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def made(folder, *overrides):
+    """Run the stage; its three artifacts and its metrics."""
+    prepare(folder, *TINY_CARP, *overrides)
+    stages.distance.main()
+    at = folder / "data/distance"
+    return (
+        load_table(at / "pairs.parquet", PAIRS),
+        load_table(at / "steps.parquet", STEPS),
+        load_map_facts(at / "facts.json"),
+        json.loads((folder / "reports/distance/metrics.json").read_text()),
+    )
+
+
+def film(folder, pose, size):
+    """The feature table and all pictures of it."""
+    features = load_table(folder / "data/features/features.parquet", FEATURES)
+    with open_cutouts(folder / "data/extract/cutouts.arrow") as store:
+        return features, film_pictures(features, store, size, pose, np.arange(len(features)))
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+@pytest.mark.parametrize(("keep", "threshold"), [("null", 0.1), (1.5, 0.1), (4.0, 0.0)])
+def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
+    pairs, steps, facts, metrics = made(
+        here, f"distance.pose={pose}", f"distance.keep={keep}", "distance.size=24",
+        f"distance.area_threshold={threshold}", "distance.picture_frames=40",
+    )  # fmt: skip
+    features, pictures = film(here, pose, 24)
+    true = brute(pictures)
+    area, swims, turn = (
+        features[name].to_numpy(float)
+        for name in ("motion_area_rel", "swimming_type", "orientation")
+    )
+    wanted = (swims[:, None] == swims) & (np.abs(area[:, None] - area) <= threshold)
+    wanted &= (turn[:, None] == turn) | (pose == BODY)
+    most = np.inf if keep == "null" else keep * facts.step_median
+    wanted = np.triu(wanted & (true <= most), 1)
+    assert (pairs[["i", "j"]].to_numpy() == np.argwhere(wanted)).all()
+    assert np.abs(pairs["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
+    assert steps["step"].to_numpy()[:-1] == pytest.approx(true.diagonal(1), abs=EXACT)
+    assert np.isnan(steps["step"].iloc[-1])
+    assert (facts.pose, facts.size, facts.area_threshold) == (pose, 24, threshold)
+    assert facts.step_median == pytest.approx(np.median(true.diagonal(1)), abs=EXACT)
+    assert metrics["pairs"] == len(features) * (len(features) - 1) // 2
+    assert metrics["pairs_kept"] == len(pairs) <= metrics["pairs_computed"]
+    assert metrics.get("largest_error", 0) < EXACT
+    assert ("largest_error" in metrics) == bool(len(pairs))
+
+
+def test_the_stage_makes_the_same_again(here):
+    made(here)
+    once = content(here / "data") | content(here / "reports")
+    stages.distance.main()
+    assert content(here / "data") | content(here / "reports") == once
+    assert load_picture(here / "reports/distance/fig9.png").ndim == 3
+
+
+def test_ten_frames_in_one_orientation_are_enough(here):
+    path = here / "data/features/features.parquet"
+    features = load_table(path, FEATURES).iloc[:10].assign(orientation=np.int8(3))
+    save_table(path, features, FEATURES)
+    pairs, steps, _, metrics = made(here, "distance.pose=film", "distance.keep=null")
+    assert metrics["frames"] == len(steps) == 10
+    assert metrics["pairs"] == 45
+    assert set(pairs["j"]) <= set(range(10))
+
+
+def test_nothing_kept_is_told_and_is_a_table_all_the_same(here, capsys):
+    pairs, steps, _, metrics = made(here, "distance.keep=1e-6")
+    assert len(pairs) == metrics["pairs_kept"] == 0
+    assert len(steps) == metrics["frames"]
+    assert "no two frames are alike enough" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("override", ["keep=0", "area_threshold=-0.1", "pose=both", "size=4"])
+def test_parameters_out_of_range_are_refused(here, override):
+    with pytest.raises(Exception, match=override.split("=")[0]):
+        prepare(here, *TINY_CARP, f"distance.{override}")

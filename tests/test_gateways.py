@@ -1,0 +1,510 @@
+"""Gateways: laws on a drawn fish whose every pose is known, in both poses of the pictures.
+
+y is down; angles are degrees, anticlockwise as seen. A fish is a head that points along its
+heading and a tail that bends off it; track 1 is track 0 in a mirror, track 2 resembles nothing.
+"""
+
+import json
+from dataclasses import replace
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY_CARP
+from scipy.spatial.distance import cdist
+from scratch import content, prepare, put_clip
+
+import stages.gateways
+from finloop import gateways_plots
+from finloop.distance import BODY, FILM, film_pictures, picture, steps
+from finloop.distance_map import MapFacts
+from finloop.errors import FinloopError
+from finloop.features import FEATURES, orientation, wrap_deg
+from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.files.distances import save_map_facts
+from finloop.files.picture import load_picture
+from finloop.files.table import load_table, save_table
+from finloop.gateways import (
+    GATEWAYS,
+    IN,
+    OUT,
+    Settings,
+    gateways,
+    nearest,
+    nearness,
+    numbers,
+    sprite_pictures,
+)
+from finloop.gateways_plots import contact_sheet, pairs, spread
+from finloop.sprites import SPRITES, drawn
+from finloop.sprites_pictures import following, pictures
+
+RATE, LENGTH, SIZE, FRAMES = 20.0, 60.0, 48, 60
+SETTINGS = Settings(top_in=12, top_out=3, threshold=1.2, apart_s=0.2, least_s=0.5)
+
+
+# -- a toy film -------------------------------------------------------------------------------------
+
+
+def fish(heading, bend):
+    """A premultiplied cut-out (130, 130, 2) of a fish, its head in the middle, bent by `bend`°."""
+    share = np.linspace(0, 1, 25)
+    along = np.radians(heading - bend * np.clip(share - 1 / 3, 0, 1) * 1.5)
+    step = -LENGTH / 24 * np.stack([np.cos(along), -np.sin(along)], 1)
+    line = np.vstack([[0, 0], np.cumsum(step, 0)]) + 64
+    alpha, light = np.zeros((2, 130, 130), np.uint8)
+    for at, (a, b) in enumerate(zip(line[:-1], line[1:], strict=True)):
+        ends = [tuple(np.round(64 * end).astype(int).tolist()) for end in (a, b)]
+        cv2.line(alpha, *ends, 255, max(2, 12 - at // 2), cv2.LINE_AA, 6)
+    cv2.circle(light, (64, 64), 9, 200, -1, cv2.LINE_AA)
+    return np.dstack([np.minimum(alpha, 60 + light // 2), alpha])
+
+
+def centre(alpha):
+    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
+    return (alpha * x).sum() / alpha.sum(), (alpha * y).sum() / alpha.sum()
+
+
+def poses():
+    """track, heading, bend of every frame; no two poses of a track are alike."""
+    t = np.arange(FRAMES)
+    heading, bend = wrap_deg(40 + 3.1 * t), 70 * np.sin(0.45 * t) * (1 - t / 90)
+    odd = np.full(FRAMES, 5.0), np.linspace(100, 150, FRAMES)
+    for track, (h, b) in enumerate([(heading, bend), (wrap_deg(-heading), -bend), odd]):
+        yield from ((track, at, h[at], b[at]) for at in t)
+
+
+def feature_table():
+    """Rows of FEATURES for the poses, and their cut-outs."""
+    rows, cutouts = [], []
+    for track, frame, heading, bend in poses():
+        pixels = fish(heading, bend)
+        x, y = centre(pixels[..., 1].astype(float))
+        cutouts.append(Cutout(track, frame, 10 + frame, 20, pixels))
+        rows.append((track, frame, 10 + frame + x, 20 + y, heading))
+    table = pd.DataFrame(rows, columns=["track_id", "frame", "x_px", "y_px", "heading_deg"])
+    table["heading_deg"] = table["heading_deg"].astype(np.float32)
+    table["orientation"] = orientation(table["heading_deg"].to_numpy())
+    table["body_length_px"] = LENGTH
+    table = table.reindex(columns=[column.name for column in FEATURES.columns], fill_value=0)
+    return table.astype({column.name: column.dtype for column in FEATURES.columns}), cutouts
+
+
+def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
+    """Rows of SPRITES of rows of the feature table; drawn by a line `off` degrees off the head."""
+    side = -1 if mirrored else 1
+    of = features.iloc[picked]
+    heading = of["heading_deg"].to_numpy() - off
+    after = features["heading_deg"].to_numpy()[np.minimum(np.array(picked) + 1, len(features) - 1)]
+    return pd.DataFrame(
+        {
+            "sequence": sequence, "step": np.arange(len(picked)), "phase": "cycle",
+            "track_id": of["track_id"].to_numpy(), "frame": of["frame"].to_numpy(),
+            "mirrored": mirrored, "x_px": of["x_px"].to_numpy(), "y_px": of["y_px"].to_numpy(),
+            "heading_deg": wrap_deg(heading), "head_offset_deg": side * off, "scale": 1.0,
+            "motion_area_rel": 0.1, "bend": 0.0, "forward": 0.0, "sideways": 0.0,
+            "turn_deg": side * wrap_deg(after - off - heading),
+        }
+    )  # fmt: skip
+
+
+def whole(*parts):
+    table = pd.concat(parts, ignore_index=True)
+    table.insert(0, "sprite", np.arange(len(table)))
+    kinds = {c.name: c.dtype for c in SPRITES.columns if c.dtype != "string"}
+    return table[[column.name for column in SPRITES.columns]].astype(kinds)
+
+
+class World:
+    """A film, sprites cut from it, and everything near everything."""
+
+    def __init__(self, folder, features, cutouts, sprites, pose=BODY):
+        self.features, self.sprites, self.pose = features, sprites, pose
+        source = {(c.track_id, c.frame): c for c in cutouts}
+        with CutoutWriter(folder / "sprites.arrow") as writer:
+            for one in drawn(sprites, lambda *key: source[key]):
+                writer.write(one)
+        with CutoutWriter(folder / "cutouts.arrow") as writer:
+            for one in cutouts:
+                writer.write(one)
+        self.folder = folder
+        with self.open() as (store, film):
+            self.near = nearness(sprites, store, features, film, SIZE, pose)
+            self.step = float(np.median(steps(self.film(film))[: FRAMES - 1]))
+
+    def open(self):
+        return Both(self.folder)
+
+    def film(self, film, pose=None):
+        rows = np.arange(len(self.features))
+        return film_pictures(self.features, film, SIZE, pose or self.pose, rows)
+
+    def table(self, **asked):
+        settings = replace(SETTINGS, **asked)
+        return gateways(self.near, self.sprites, self.features, RATE, self.step, settings)
+
+    def ways(self, direction, **asked):
+        table = self.table(**asked)
+        return table[table["direction"] == direction]
+
+
+class Both:
+    """Both stores of a world, open."""
+
+    def __init__(self, folder):
+        self.stores = [open_cutouts(folder / f"{name}.arrow") for name in ("sprites", "cutouts")]
+
+    def __enter__(self):
+        return [store.__enter__() for store in self.stores]
+
+    def __exit__(self, *error):
+        for store in self.stores:
+            store.__exit__(*error)
+
+
+@pytest.fixture(scope="module")
+def film():
+    return feature_table()
+
+
+PICKED = [5, 6, 7, 20, 21, 33]
+TURN = [40, 41, 42]
+
+
+@pytest.fixture(scope="module")
+def world(tmp_path_factory, film):
+    """Straight sprites drawn 6° off their heads, a turn."""
+    features, cutouts = film
+    sprites = whole(
+        sprite_rows(features, PICKED, off=6.0),
+        sprite_rows(features, TURN, off=-4.0, sequence="left"),
+    )
+    return World(tmp_path_factory.mktemp("world"), features, cutouts, sprites)
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory, film):
+    """The same as filmed; headings of the sprites are their orientations'."""
+    features, cutouts = film
+    exact = features.assign(heading_deg=15.0 * np.round(features["heading_deg"] / 15))
+    sprites = whole(sprite_rows(exact, PICKED), sprite_rows(exact, TURN, sequence="left"))
+    return World(tmp_path_factory.mktemp("filmed"), features, cutouts, sprites, FILM)
+
+
+# -- ways in and out --------------------------------------------------------------------------------
+
+
+def test_a_sprite_leads_first_to_the_frame_that_came_after_it(world):
+    first = world.ways(IN)[lambda t: t["rank"] == 1]
+    assert list(first["row"]) == [row + 1 for row in PICKED + TURN]
+    assert (first["distance"] == 0).all()
+    # The film turned as the sprite was: by its line, not by its head.
+    np.testing.assert_allclose(first["turn_deg"], -world.sprites["heading_deg"], atol=1e-4)
+
+
+def test_the_frame_before_a_sprite_s_own_leads_first_to_it(world):
+    first = world.ways(OUT)[lambda t: t["rank"] == 1].set_index("row")
+    for sprite, row in enumerate([*PICKED, TURN[0]]):
+        assert first.loc[row - 1, "sprite"] == sprite
+        assert first.loc[row - 1, "distance"] < 0.3 * world.step  # turned twice: a little soft
+        drawn_deg = world.sprites["heading_deg"][sprite]
+        assert first.loc[row - 1, "turn_deg"] == pytest.approx(-drawn_deg, abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["world", "filmed"])
+@pytest.mark.parametrize("direction", [IN, OUT])
+def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, request):
+    """Eq. 5 as it looks, in whatever orientation the sprite is drawn."""
+    of = request.getfixturevalue(name)
+    number = 8
+    drawn_deg = (number - 1) * 15.0
+    ways = of.ways(direction)
+    assert len(ways) > 20
+    with of.open() as (store, film):
+        if direction == IN:  # drawn in that orientation after the sprite has turned on
+            shown = following(of.sprites, of.features, film, LENGTH, SIZE, number)
+            drawn_deg = drawn_deg - of.sprites["turn_deg"].to_numpy()
+        else:
+            shown = pictures(of.sprites, store, LENGTH, SIZE, number)
+            drawn_deg = np.full(len(of.sprites), drawn_deg)
+        for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
+            row = way.row + (direction == OUT)
+            turn = drawn_deg[way.sprite] + way.turn_deg
+            turned = picture(film[row], of.features.iloc[row], LENGTH, SIZE, turn)
+            far = np.linalg.norm(turned - shown[way.sprite])
+            assert far == pytest.approx(way.distance, abs=0.25 * of.step)
+
+
+@pytest.mark.parametrize("name", ["world", "filmed"])
+def test_every_distance_is_that_of_the_two_pictures(name, request):
+    of = request.getfixturevalue(name)
+    number = np.maximum(of.near.orientation, 1)
+    with of.open() as (store, film):
+        shown = of.film(film).reshape(len(of.features), -1).astype(float)
+        for one in np.unique(number):
+            sides = sprite_pictures(of.sprites, store, of.features, film, SIZE, of.pose, int(one))
+            for side, found in zip(sides, (of.near.ahead, of.near.shown), strict=True):
+                want = cdist(side.reshape(len(side), -1), shown[number == one])
+                np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
+
+
+def test_as_filmed_a_sprite_meets_only_frames_of_its_orientation(filmed):
+    table = filmed.table(threshold=100.0)
+    compared = table["row"] + (table["direction"] == OUT)
+    assert (table["orientation"] == filmed.features["orientation"].to_numpy()[compared]).all()
+    assert (table["orientation"] >= 1).all() and table["orientation"].nunique() > 5
+    turned = np.where(table["direction"] == IN, filmed.sprites["turn_deg"][table["sprite"]], 0)
+    want = wrap_deg(turned - 15.0 * (table["orientation"] - 1))
+    np.testing.assert_allclose(wrap_deg(table["turn_deg"] - want), 0, atol=1e-4)
+
+
+def test_as_filmed_too_a_sprite_leads_to_the_frame_after_it(filmed):
+    ways = filmed.ways(IN)
+    for sprite, row in enumerate(PICKED + TURN):
+        number = filmed.features["orientation"][row + 1]
+        best = ways[(ways["sprite"] == sprite) & (ways["orientation"] == number)].iloc[0]
+        assert best["rank"] == 1 and best["row"] == row + 1
+        assert best["distance"] < filmed.step
+
+
+def test_in_the_pose_body_the_orientation_does_not_matter(world):
+    assert (world.table()["orientation"] == 0).all()
+
+
+@pytest.mark.parametrize("threshold", [0.2, 0.7, 2.0])
+def test_nothing_is_farther_than_the_threshold_and_nothing_nearer_is_lost(world, threshold):
+    ways = world.ways(OUT, threshold=threshold)
+    most = threshold * world.step
+    assert (ways["distance"] <= most).all()
+    free = world.ways(OUT, threshold=1e6)
+    assert len(ways) == (free["distance"] <= most).sum() < len(free)
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 0.2, 0.5])
+def test_frames_a_sprite_leads_to_are_apart(world, apart_s):
+    ways = world.ways(IN, threshold=1e6, apart_s=apart_s, top_in=100)
+    least = max(1, apart_s * RATE)
+    for sprite, of in ways.groupby("sprite"):
+        rows = np.sort(of["row"])
+        same = np.diff(world.features["track_id"].to_numpy()[rows]) == 0
+        assert np.diff(rows)[same].min() >= least
+        # The nearest stay, and what is left out is near a nearer one.
+        lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.least_s * RATE
+        for row in np.flatnonzero(lasts & ~np.isin(np.arange(len(lasts)), rows)):
+            kept = of[(np.abs(of["row"] - row) < least) & (of["row"] // FRAMES == row // FRAMES)]
+            assert kept["distance"].min() <= world.near.ahead[sprite, row] or len(of) == 100
+
+
+def test_no_frame_is_led_to_twice_by_one_sprite(world):
+    ways = world.ways(IN, threshold=1e6, apart_s=0.0, top_in=100)
+    assert not ways.duplicated(["sprite", "row"]).any()
+
+
+@pytest.mark.parametrize("least_s", [0.0, 0.5, 2.0])
+def test_frames_led_to_have_film_ahead(world, least_s):
+    ways = world.ways(IN, threshold=1e6, least_s=least_s, apart_s=0.0, top_in=100)
+    left = FRAMES - 1 - world.features["frame"].to_numpy()[ways["row"]]
+    assert left.min() >= least_s * RATE
+    if least_s > 1:  # the next frame of the sprites at 20, 21, 33, 40 has not so much left
+        assert not (ways["row"] == 21).any()
+
+
+def test_ranks_count_from_the_nearest(world):
+    for direction, key, top in ((IN, "sprite", 12), (OUT, "row", 4 * 3)):
+        ways = world.ways(direction, threshold=1e6)
+        for _, of in ways.groupby(key):
+            assert list(of["rank"]) == list(range(1, len(of) + 1)) and len(of) <= top
+            assert of["distance"].is_monotonic_increasing
+    every = world.ways(OUT, threshold=1e6)
+    of_sequence = world.sprites["sequence"].to_numpy()[every["sprite"]]
+    assert (every.groupby(["row", of_sequence]).size().groupby("row").max() <= 3).all()
+    assert every.groupby("row")["sprite"].nunique().min() == 4  # three of the cycle, one turn
+    assert (world.ways(IN, threshold=1e6, top_in=4).groupby("sprite").size() == 4).all()
+
+
+def test_a_turn_is_entered_at_its_start_and_left_anywhere(world):
+    turn = np.arange(len(PICKED), len(PICKED) + len(TURN))
+    assert set(turn) <= set(world.ways(IN)["sprite"])
+    led_to = set(world.ways(OUT, threshold=1e6, top_out=100)["sprite"])
+    assert led_to == set(range(len(PICKED) + 1))
+
+
+def test_the_last_frame_of_a_track_has_no_way_out(world):
+    rows = set(world.ways(OUT, threshold=1e6)["row"])
+    assert rows == {row for row in range(3 * FRAMES) if row % FRAMES != FRAMES - 1}
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, film, pose):
+    features, cutouts = film
+    sprites = whole(sprite_rows(features, PICKED, off=6.0, mirrored=True))
+    world = World(tmp_path, features, cutouts, sprites, pose)
+    ways = world.ways(IN, threshold=1e6, apart_s=0.0)
+    for sprite, row in enumerate(PICKED):
+        mirror = row + 1 + FRAMES  # the same frame of track 1
+        of = ways[ways["sprite"] == sprite]
+        if pose == FILM:
+            of = of[of["orientation"] == features["orientation"][mirror]]
+            assert mirror in set(of["row"]) and row + 1 not in set(of["row"])
+            continue
+        best = of.iloc[0]
+        assert best["row"] == mirror and best["distance"] < 0.3 * world.step
+        # Its line is the mirror of the sprite's, 6° to the other side of the head.
+        want = wrap_deg(np.array(world.sprites["heading_deg"][sprite]))
+        assert best["turn_deg"] == pytest.approx(want, abs=1e-3)
+    if pose == BODY:  # and back: the frame before the mirrored one leads to it
+        first = world.ways(OUT)[lambda t: t["rank"] == 1].set_index("row")
+        assert [first.loc[row - 1 + FRAMES, "sprite"] for row in PICKED] == list(range(len(PICKED)))
+
+
+def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
+    features, cutouts = film
+    last = FRAMES - 1
+    sprites = whole(sprite_rows(features, [last], off=6.0)).assign(turn_deg=3.0)
+    world = World(tmp_path, features, cutouts, sprites)
+    assert world.near.ahead[0].argmin() == last and world.near.ahead[0, last] == 0
+    assert world.near.ahead_deg[0] == world.near.shown_deg[0] == pytest.approx(6.0, abs=1e-3)
+
+
+def test_sprites_of_another_film_are_refused(world):
+    other = world.sprites.assign(track_id=77)
+    with world.open() as (store, film):
+        with pytest.raises(FinloopError, match="9 sprites are of frames that the feature table"):
+            nearness(other, store, world.features, film, SIZE, BODY)
+
+
+# -- the empty table, numbers -----------------------------------------------------------------------
+
+
+def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
+    none = world.table(threshold=0.0, least_s=100.0)
+    assert len(none) == 0
+    save_table(tmp_path / "none.parquet", none, GATEWAYS)
+    assert len(load_table(tmp_path / "none.parquet", GATEWAYS)) == 0
+    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    found = numbers(none, every, world.near, world.features, RATE, world.step)
+    assert found["ways_in"] == found["ways_out"] == found["film_rows_with_way_out_pct"] == 0
+    assert found["sprites_in_orientations_without_way_in"] == len(world.sprites)
+    assert found["nearest_in_steps"] == 0 < found["nearest_out_steps"]
+    assert np.isnan(found["distance_in_median_steps"])
+
+
+def test_nearest_is_the_table_without_a_threshold(world):
+    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    pd.testing.assert_frame_equal(every, world.table(threshold=1e6))
+
+
+def test_numbers_count(world):
+    table = world.table()
+    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    found = numbers(table, every, world.near, world.features, RATE, world.step)
+    ways_out = table[table["direction"] == OUT]
+    assert found["ways_in"] + found["ways_out"] == len(table)
+    assert found["sprites_in_orientations_without_way_in"] == 0
+    rows = set(ways_out["row"])
+    assert found["film_rows_with_way_out_pct"] == pytest.approx(100 * len(rows) / (3 * FRAMES))
+    longest = 0
+    for track in range(3):
+        text = "".join("x" if track * FRAMES + t in rows else "-" for t in range(FRAMES))
+        longest = max(longest, *map(len, text.split("x")))
+    assert found["film_longest_without_way_out_s"] == pytest.approx(longest / RATE)
+    assert 0 < found["distance_out_median_steps"] <= found["distance_out_p95_steps"] <= 1.2
+
+
+# -- the contact sheet ------------------------------------------------------------------------------
+
+
+def test_the_sheet_goes_from_the_best_to_the_worst(world):
+    ways = world.ways(OUT)
+    some = spread(ways, 5)["distance"]
+    assert some.is_monotonic_increasing and len(some) == 5
+    assert some.iloc[0] == ways["distance"].min() and some.iloc[-1] == ways["distance"].max()
+    assert some.iloc[2] == pytest.approx(ways["distance"].median(), rel=0.2)
+    assert len(spread(ways[:2], 5)) == 2 and len(spread(ways[:0], 5)) == 0
+
+
+@pytest.mark.parametrize("name", ["world", "filmed"])
+def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
+    monkeypatch.setattr(gateways_plots, "TILE", SIZE)
+    of = request.getfixturevalue(name)
+    facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
+    some = pd.concat([spread(of.ways(way, threshold=3.0), 4) for way in (IN, OUT)])
+    with of.open() as (store, film):
+        shown = list(pairs(some, of.sprites, store, of.features, film, facts))
+    for pair, way in zip(shown, some.itertuples(), strict=True):
+        assert pair.before.shape == (SIZE, SIZE, 2)
+        far = np.linalg.norm(pair.natural - pair.instead)
+        assert far == pytest.approx(way.distance, abs=1e-3)
+        assert pair.below == f"{way.distance / of.step:.2f} steps"
+        assert pair.above.startswith("film") == (way.direction == OUT)
+    sheet = contact_sheet({IN: shown[:4], OUT: shown[4:]})
+    assert sheet.shape == (4 * SIZE + 40, 12 * SIZE, 3) and sheet.std() > 5
+    assert contact_sheet({IN: [], OUT: []}).shape == (40, 12 * SIZE, 3)
+
+
+# -- the stage --------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def work(tmp_path, monkeypatch, world, film):
+    features, _ = film
+    put_clip(tmp_path, [np.zeros((32, 48), np.uint8)] * 4, rate=round(RATE))
+    save_table(tmp_path / "data/features/features.parquet", features, FEATURES)
+    save_table(tmp_path / "data/sprites/sprites.parquet", world.sprites, SPRITES)
+    for folder, name in (("extract", "cutouts"), ("sprites", "sprites")):
+        (tmp_path / "data" / folder).mkdir(exist_ok=True)
+        (tmp_path / "data" / folder / f"{name}.arrow").write_bytes(
+            (world.folder / f"{name}.arrow").read_bytes()
+        )
+    facts = MapFacts(BODY, SIZE, 0.1, 1.5, world.step, 2 * world.step)
+    save_map_facts(tmp_path / "data/distance/facts.json", facts)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, capsys):
+    prepare(work, *TINY_CARP, "gateways.top_out=3")
+    stages.gateways.main()
+    table = load_table(work / "data/gateways/gateways.parquet", GATEWAYS)
+    want = world.table()
+    assert list(table["row"]) == list(want["row"])
+    np.testing.assert_allclose(table["distance"], want["distance"], rtol=1e-5)
+    metrics = json.loads((work / "reports/gateways/metrics.json").read_text())
+    assert metrics["ways_in"] + metrics["ways_out"] == len(table)
+    assert load_picture(work / "reports/gateways/contact_sheet.png").ndim == 3
+    assert "no way" not in capsys.readouterr().err
+    first = content(work / "data/gateways"), content(work / "reports/gateways")
+    stages.gateways.main()
+    assert (content(work / "data/gateways"), content(work / "reports/gateways")) == first
+
+
+def test_stage_says_which_threshold_would_give_some(work, world, capsys):
+    # No sprite's own next frame has so much ahead: but for the odd track's, all are far.
+    prepare(work, *TINY_CARP, "gateways.threshold=0.01", "gateways.least_s=2.8")
+    stages.gateways.main()
+    assert not len(load_table(work / "data/gateways/gateways.parquet", GATEWAYS))
+    said = capsys.readouterr().err
+    for word, direction in (("into", IN), ("out of", OUT)):
+        free = world.ways(direction, threshold=1e6, least_s=2.8)["distance"].min() / world.step
+        line = next(line for line in said.splitlines() if f"no way {word} the film" in line)
+        told = float(line.split("gateways.threshold=")[1].split()[0])
+        assert free <= told <= free + 0.1
+        assert len(world.ways(direction, threshold=told, least_s=2.8))
+    assert json.loads((work / "reports/gateways/metrics.json").read_text())["ways_in"] == 0
+
+
+def test_stage_says_that_no_track_is_long_enough(work, capsys):
+    prepare(work, *TINY_CARP, "gateways.least_s=100")
+    stages.gateways.main()
+    assert "no way into the film; no track lasts gateways.least_s=100 s" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "asked",
+    ["threshold=0.0", "threshold=.inf", "top_in=0", "top_out=0.5", "apart_s=-1.0", "least_s=.nan"],
+)
+def test_bad_parameters_are_refused(work, asked):
+    with pytest.raises(FinloopError, match=asked.split("=")[0]):
+        prepare(work, *TINY_CARP, f"gateways.{asked}")
+        stages.gateways.main()

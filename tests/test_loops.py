@@ -1,0 +1,675 @@
+"""Video loops: finding them, their graph, the position table; laws, the paper's figures, a toy film.
+
+Maps are drawn here: a film is a row of numbers or of points, D the distance between them. y is
+down in pixels; angles are degrees, anticlockwise as seen.
+"""
+
+import json
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT, TINY_CARP
+from scipy.spatial.distance import cdist
+from scratch import content, prepare, put_clip
+
+import stages.loops
+from finloop.distance import BODY, film_pictures, steps
+from finloop.distance_map import PAIRS, STEPS, MapFacts
+from finloop.errors import FinloopError
+from finloop.features import FEATURES, wrap_deg
+from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.files.distances import MAP_FACTS_NAME, save_map_facts
+from finloop.files.picture import load_picture, save_picture
+from finloop.files.table import load_table, save_table
+from finloop.loops import (
+    LOOPS,
+    Settings,
+    as_map,
+    chosen,
+    filtered,
+    find,
+    groups,
+    improper,
+    minima,
+    weights,
+)
+from finloop.loops_graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
+from finloop.loops_plots import apart, sample
+from finloop.loops_table import (
+    POSITIONS,
+    merged,
+    position_table,
+    positions,
+    quadrant,
+    routes_table,
+    shown_ends,
+)
+
+RATE = 20.0
+DELTA = 4
+EASY = Settings(
+    threshold=1.0, least_s=0.5, apart_s=0.1, dynamics=1, improper_deg=90.0, most_per_end=6
+)
+
+
+def settings(**asked):
+    return Settings(**{**vars(EASY), **asked})
+
+
+def swum(x, y, heading=0.0, track=0, length=50.0):
+    """A feature table of fish at places (y up here) with headings; only what loops look at."""
+    n = len(x)
+    track = np.broadcast_to(track, n).astype(np.int32)
+    table = pd.DataFrame({c.name: np.zeros(n) for c in FEATURES.columns})
+    table["track_id"], table["frame"] = track, pd.Series(track).groupby(track).cumcount()
+    table["time_s"] = table["frame"] / RATE
+    table["x_px"], table["y_px"] = np.asarray(x, float), -np.asarray(y, float)
+    table["heading_deg"] = np.broadcast_to(heading, n).astype(float)
+    table["body_length_px"], table["orientation"] = length, 1
+    left = table[::-1].groupby("track_id").cumcount()[::-1]
+    table["displacement"] = np.where(left < DELTA, np.nan, 0.0)
+    table["included_angle_deg"] = table["displacement"]
+    return table
+
+
+def still(n, track=0):
+    return swum(np.zeros(n), np.zeros(n), track=track)
+
+
+def film_map(film, keep=np.inf):
+    """The sparse map of a film (n, k), pairs i < j up to `keep`."""
+    film = np.asarray(film, float).reshape(len(film), -1)
+    i, j = np.triu_indices(len(film), 1)
+    far = np.linalg.norm(film[i] - film[j], axis=1)
+    kept = far <= keep
+    table = pd.DataFrame({"i": i[kept], "j": j[kept], "distance": far[kept]})
+    return as_map(table, len(film))
+
+
+def dense(pairs, n):
+    out = np.full((n, n), np.inf)
+    for i in range(n):
+        here = slice(pairs.start[i], pairs.start[i + 1])
+        out[i, pairs.j[here]] = pairs.distance[here]
+    return out
+
+
+# -- finding ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("n", "want"), [(0, [1]), (1, [1, 2, 1]), (2, [1, 4, 6, 4, 1])])
+def test_weights_are_binomial_and_sum_to_one(n, want):
+    np.testing.assert_allclose(weights(n), np.array(want) / sum(want))
+
+
+def written_out(far, track, n, radius, least, limit):
+    """Diagonal filter and local minima, over a dense map, as they are defined."""
+    rows = len(far)
+    value = np.full_like(far, np.inf)
+    for a in range(rows):
+        for b in range(a + 1, rows):
+            ks = np.arange(-n, n + 1)
+            if min(a, b) - n < 0 or max(a, b) + n >= rows:
+                continue
+            if any(track[a + ks] != track[a]) or any(track[b + ks] != track[b]):
+                continue
+            total = (weights(n) * far[a + ks, b + ks]).sum()
+            if total <= limit:
+                value[a, b] = total
+    found = []
+    for a, b in zip(*np.nonzero(np.isfinite(value)), strict=True):
+        if track[a] == track[b] and b - a < least:
+            continue
+        rows_near = [r for r in range(rows) if abs(r - a) <= radius and track[r] == track[a]]
+        columns = [c for c in range(rows) if abs(c - b) <= radius and track[c] == track[b]]
+        block = value[np.ix_(rows_near, columns)]
+        if value[a, b] == block.min():
+            found.append((int(a), int(b)))
+    return value, found
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("n", [0, 1, 2])
+def test_filter_and_minima_are_as_defined(seed, n):
+    rng = np.random.default_rng(seed)
+    track = np.sort(rng.integers(0, 4, 70)).astype(np.int32)
+    pairs = film_map(np.cumsum(rng.normal(size=(70, 2)), axis=0), keep=4.0)
+    value = filtered(pairs, track, n, 2.0)
+    at, a = minima(pairs, value, track, radius=2, least=6)
+    want_value, want = written_out(dense(pairs, 70), track, n, 2, 6, 2.0)
+    got = np.full((70, 70), np.inf)
+    got[np.repeat(np.arange(70), np.diff(pairs.start)), pairs.j] = value
+    np.testing.assert_allclose(got, want_value, rtol=1e-6)
+    assert want  # else the test says nothing
+    assert sorted(zip(a.tolist(), pairs.j[at].tolist(), strict=True)) == want
+
+
+def test_of_equal_minima_the_first_is_one():
+    """A film that stands still for a while is alike in all its frames."""
+    film = np.r_[np.arange(10), np.full(3, 20.0), np.arange(30, 50), np.full(3, 20.0), [60, 70]]
+    pairs = film_map(film[:, None], keep=0.1)
+    at, a = minima(pairs, filtered(pairs, np.zeros(38, np.int32), 0, 1.0), np.zeros(38), 3, 10)
+    assert list(zip(a, pairs.j[at], strict=True)) == [(10, 33)]
+
+
+def test_loops_of_a_periodic_film_are_whole_periods():
+    period, rows = 16, 100
+    angle = 2 * np.pi * np.arange(rows) / period
+    film = np.stack([np.cos(angle), np.sin(angle), 0.5 * np.sin(2 * angle)], 1)
+    loops, counts = find(film_map(film), still(rows), RATE, 0.4, settings(most_per_end=99))
+    assert set((loops["b"] - loops["a"]) % period) == {0}
+    np.testing.assert_allclose(loops["length_s"], (loops["b"] - loops["a"]) / RATE)
+    assert loops["filtered"].is_monotonic_increasing
+    assert list(loops["loop"]) == list(range(len(loops)))
+    assert counts.pairs == rows * (rows - 1) // 2 and counts.minima == len(loops)
+
+
+def test_dynamics_keep_the_direction_of_motion():
+    """A tail that beats to and fro looks the same on its way out and back, and moves otherwise."""
+    film = np.sin(2 * np.pi * (np.arange(120) + 0.5) / 24)[:, None]
+    speed = np.gradient(film[:, 0])
+    step = np.median(np.abs(np.diff(film[:, 0])))
+
+    def opposed(n):
+        loops, _ = find(
+            film_map(film),
+            still(120),
+            RATE,
+            step,
+            settings(dynamics=n, threshold=0.4, most_per_end=99),
+        )
+        fast = (np.abs(speed[loops["a"]]) > step / 2) & (np.abs(speed[loops["b"]]) > step / 2)
+        return (np.sign(speed[loops["a"]]) != np.sign(speed[loops["b"]]))[fast].mean()
+
+    assert opposed(0) > 0.2  # without it, as often as not
+    assert opposed(1) == 0
+
+
+def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
+    """Two tracks that show the same: every frame is like its twin, but the ends have no past."""
+    film = np.tile(np.arange(30) * 5.0, 2)[:, None]
+    track = np.repeat([3, 8], 30)
+    for n in (0, 1, 2):
+        value = filtered(film_map(film, 1), track.astype(np.int32), n, 5.0)
+        assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
+    loops, _ = find(film_map(film, 1), still(60, track), RATE, 5.0, settings(dynamics=2))
+    assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart_s allows
+    assert (loops["b"] - loops["a"] == 30).all() and loops["length_s"].isna().all()
+
+
+def test_a_missing_neighbour_refuses_a_pair():
+    pairs = film_map(np.zeros((10, 1)))
+    whole = dense(pairs, 10)
+    whole[4, 8] = np.inf
+    i, j = np.nonzero(np.isfinite(whole))
+    holed = as_map(pd.DataFrame({"i": i, "j": j, "distance": 0.0}), 10)
+    value = filtered(holed, np.zeros(10, np.int32), 1, 1.0)
+    finite = set(zip(i[np.isfinite(value)], j[np.isfinite(value)], strict=True))
+    assert (2, 6) in finite and not {(3, 7), (4, 8), (5, 9)} & finite
+    assert (4, 7) in finite  # another diagonal
+
+
+def test_loops_within_a_track_have_a_least_length():
+    rng = np.random.default_rng(0)
+    film = rng.normal(size=(80, 1))
+    for least_s in (0.2, 1.0, 2.0):
+        asked = settings(least_s=least_s, dynamics=0, threshold=0.2)
+        loops, _ = find(film_map(film), still(80), RATE, 1.0, asked)
+        assert loops["length_s"].min() == pytest.approx(least_s, abs=0.1)
+        assert loops["length_s"].min() >= least_s
+
+
+# -- Fig. 13 ----------------------------------------------------------------------------------------
+
+LINE = np.arange(40) * 3.0
+
+
+@pytest.mark.parametrize(
+    ("heading", "bad"), [(0, False), (180, True), (80, False), (100, True), (-80, False)]
+)
+def test_a_loop_is_improper_if_it_travels_against_the_heading(heading, bad):
+    """The fish drifts to the right; each end does too, so look at each test alone."""
+    table = swum(LINE, np.zeros(40), heading)
+    assert improper(np.array([5]), np.array([30]), table, 90.0)[0] == bad
+    across = swum(np.r_[LINE[:20], LINE[:20]], np.zeros(40), heading, np.repeat([0, 1], 20))
+    assert improper(np.array([5]), np.array([30]), across, 90.0)[0] == bad  # by its ends alone
+    # ... and by its whole way alone: at its ends the fish stays where it is.
+    held = np.r_[np.zeros(10), np.arange(20) * 3.0, np.full(10, 57.0)]
+    table = swum(held, np.zeros(40), heading)
+    assert improper(np.array([5]), np.array([35]), table, 90.0)[0] == bad
+
+
+def test_the_threshold_of_improper_is_an_angle():
+    table = swum(LINE, np.zeros(40), 60.0)
+    assert improper(np.array([5]), np.array([30]), table, 50.0)[0]
+    assert not improper(np.array([5]), np.array([30]), table, 70.0)[0]
+
+
+def test_a_fish_that_turned_round_or_stayed_is_not_tested():
+    # Nearly a full circle: what is left of its headings says nothing of where it gets to.
+    angle = np.linspace(0, 2 * np.pi, 60, endpoint=False)
+    circle = swum(
+        100 * np.sin(angle) + 3 * np.arange(60), -100 * np.cos(angle), wrap_deg(np.degrees(angle))
+    )
+    assert not improper(np.array([2]), np.array([57]), circle, 90.0)[0]
+    stays = swum(np.arange(40) * -0.01, np.zeros(40), 0.0)  # backwards, by a hundredth of nothing
+    assert not improper(np.array([5]), np.array([30]), stays, 90.0)[0]
+
+
+def test_improper_loops_are_dropped_and_counted():
+    film = np.tile(np.arange(20) * 5.0, 2)[:, None]
+    for heading, kept in ((0, True), (180, False)):
+        table = swum(np.arange(40) * 3.0, np.zeros(40), heading)
+        if kept:
+            loops, counts = find(film_map(film, 1), table, RATE, 5.0, EASY)
+            assert len(loops) and counts.improper == 0
+        else:
+            with pytest.raises(FinloopError, match=r"loops.improper_deg=180"):
+                find(film_map(film, 1), table, RATE, 5.0, EASY)
+
+
+# -- choice, groups ---------------------------------------------------------------------------------
+
+
+def test_no_end_has_more_loops_than_asked_and_only_full_ends_lose_one():
+    rng = np.random.default_rng(1)
+    pairs = np.unique(np.sort(rng.integers(0, 30, (300, 2)), axis=1), axis=0)
+    a, b = rng.permutation(pairs[pairs[:, 0] < pairs[:, 1]]).T
+    keep = chosen(a, b, 3)
+    used = np.bincount(np.r_[a[keep], b[keep]], minlength=30)
+    assert used.max() == 3 and keep[0]
+    for p in np.flatnonzero(~keep):  # better ones had filled one of its ends
+        before = np.r_[a[:p][keep[:p]], b[:p][keep[:p]]]
+        assert max((before == a[p]).sum(), (before == b[p]).sum()) == 3
+    assert chosen(a, b, 10**6).all()
+
+
+def test_loops_fall_into_groups_as_in_fig12():
+    """Six loops in time order; the former three overlap, and the later three do."""
+    a, b = np.array([0, 3, 6, 20, 22, 25]), np.array([5, 9, 11, 24, 30, 28])
+    assert groups(a, b, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1]
+    later = np.r_[a, 32], np.r_[b, 36]
+    assert groups(*later, np.zeros(40, int)).tolist() == [0, 0, 0, 1, 1, 1, 2]
+    # One from group to group joins them; the last stays alone.
+    joined = np.r_[later[0], 10], np.r_[later[1], 21]
+    assert groups(*joined, np.zeros(40, int)).tolist() == [0, 0, 0, 0, 0, 0, 1, 0]
+
+
+def test_a_loop_across_tracks_lies_over_its_two_ends_alone():
+    track = np.repeat([0, 1, 2], 20)
+    a, b = np.array([2, 22, 5, 12]), np.array([10, 30, 25, 50])
+    assert groups(a, b, track).tolist() == [0, 0, 0, 1]  # (12, 50) passes over (22, 30), no more
+    assert groups(a, b, np.zeros(60, int)).tolist() == [0, 0, 0, 0]
+
+
+# -- the graph: Fig. 10 -----------------------------------------------------------------------------
+
+
+def table_of(*pairs, distance=1.0):
+    a, b = np.array(pairs).T
+    return pd.DataFrame({"a": a, "b": b, "distance": np.float32(distance)})
+
+
+FIG10 = {name: 10 * k + 5 for k, name in enumerate("ABCDEFGH")}
+LOOPS_OF_FIG10 = ["AG", "BE", "DF", "CH"]
+
+
+@pytest.fixture(scope="module")
+def fig10():
+    pairs = [tuple(FIG10[end] for end in name) for name in LOOPS_OF_FIG10]
+    return loop_graph(table_of(*pairs), np.zeros(90, int))
+
+
+def spelled(way):
+    """A way as the paper writes it."""
+    letter = {row: name for name, row in FIG10.items()}
+    return "".join([letter[way[0][0]], *(letter[b] for _, b, _ in way)])
+
+
+def test_the_ways_of_fig10(fig10):
+    source, target = "ABCDEFGH".index("G"), "ABCDEFGH".index("F")
+    ways = routes(fig10, source, target, 12)
+    found = [spelled(way) for way in ways]
+    assert {"GHCDEF", "GABCDEF", "GHCDEBCDEF"} <= set(found)
+    assert set(found[:2]) == {"GHCDF", "GABEF"}  # by two loops, quicker than what the paper draws
+    assert len(set(found)) == len(found) == 9  # all that take no jump twice
+    shown = [sum(b - a for a, b, how in way if how == PLAY) for way in ways]
+    assert shown == sorted(shown)
+    for way in ways:
+        jumps = [leg for leg in way if leg[2] == JUMP]
+        assert len(set(jumps)) == len(jumps)
+        assert all(leg[2] == PLAY or following[2] == PLAY for leg, following in pairwise(way))
+        assert all(leg[1] == following[0] for leg, following in pairwise(way))
+
+
+def test_dear_jumps_are_rare(fig10):
+    source, target = "ABCDEFGH".index("G"), "ABCDEFGH".index("F")
+    assert [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 55, JUMP)] in routes(
+        fig10, source, target, 2
+    )
+    (dear,) = routes(fig10, source, target, 1, jump_frames=1000)
+    assert spelled(dear) == "GHCDEF"  # the quickest of those with one jump
+
+
+def test_no_way_is_an_empty_list():
+    graph = loop_graph(table_of((5, 25), (35, 55)), np.zeros(60, int))
+    assert routes(graph, 0, 3, 5)  # playing on leads there
+    assert routes(graph, 3, 0, 5) == []  # Fig. 12: never back
+
+
+def test_the_graph_of_fig10(fig10):
+    assert fig10.ends.tolist() == list(FIG10.values())
+    assert fig10.ahead.tolist() == [1, 2, 3, 4, 5, 6, 7, -1]
+    ends = [[int(t) for t in fig10.jumps(k)] for k in range(8)]
+    assert ends == [[6], [4], [7], [5], [1], [3], [0], [2]]
+    assert fig10.component.tolist() == [0, 0, 0, 0, 0, 0, 0, 1]  # no film follows H
+    assert fig10.endless.tolist() == [True] * 7 + [False]
+    assert goes_on(fig10, np.zeros(90, int)).tolist() == [True] * 75 + [False] * 15
+    assert in_component(fig10, 90).nonzero()[0].tolist() == list(range(5, 75))
+
+
+def test_a_jump_there_and_back_is_no_way_to_go_on():
+    """Two tracks with one loop between them: from either the film runs out."""
+    graph = loop_graph(table_of((10, 30)), np.repeat([0, 1], 20))
+    assert not graph.endless.any() and not graph.cyclic.any()
+    assert not goes_on(graph, np.repeat([0, 1], 20)).any()
+
+
+def test_a_loop_between_neighbours_is_a_component_of_its_own():
+    graph = loop_graph(table_of((10, 30)), np.zeros(40, int))
+    assert graph.cyclic.tolist() == [True, False] and graph.endless.tolist() == [True, False]
+    assert graph.frames.tolist() == [20, 0]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_components_and_dead_ends_are_those_of_the_film_frame_by_frame(seed):
+    """Against a graph of all rows: each is followed by the next, or by what is shown instead."""
+    rng = np.random.default_rng(seed)
+    track = np.sort(rng.integers(0, 5, 120))
+    pairs = np.unique(np.sort(rng.integers(0, 120, (9, 2)), axis=1), axis=0)
+    loops = table_of(*[(a, b) for a, b in pairs.tolist() if b - a > 3])
+    graph = loop_graph(loops, track)
+    reach = np.zeros((120, 120), bool)
+    reach[np.arange(119), np.arange(1, 120)] = track[1:] == track[:-1]
+    for a, b in loops[["a", "b"]].to_numpy().tolist():
+        for end, instead in ((a, b), (b, a)):
+            if end and track[end - 1] == track[end]:
+                reach[end - 1, instead] = True
+    for _ in range(7):  # steps, double steps, … 128 steps
+        reach |= (reach.astype(np.float32) @ reach) > 0
+    again = reach.diagonal()
+    for_ever = (reach & again).any(axis=1)
+    np.testing.assert_array_equal(goes_on(graph, track), for_ever)
+    np.testing.assert_array_equal(graph.endless, for_ever[graph.ends])
+    together = reach & reach.T
+    mine = in_component(graph, 120)
+    if again.any():
+        assert mine.sum() == together.sum(axis=1).max()
+        np.testing.assert_array_equal(together[mine.argmax()], mine)
+    else:
+        assert not graph.cyclic.any()
+
+
+def test_the_first_component_has_the_most_film_not_the_most_loops():
+    many = [(5, 15), (10, 20), (17, 25)]
+    graph = loop_graph(table_of(*many, (60, 110)), np.zeros(120, int))
+    assert graph.component[np.searchsorted(graph.ends, 60)] == 0
+    assert in_component(graph, 120).nonzero()[0].tolist() == list(range(60, 110))
+    assert in_component(graph, 120, 1).nonzero()[0].tolist() == list(range(5, 25))
+
+
+def test_jumps_are_sorted_by_distance():
+    graph = loop_graph(table_of((10, 30), (10, 50), (10, 70), distance=[3, 1, 2]), np.zeros(80))
+    assert graph.jumps(0).tolist() == [2, 3, 1]
+    assert graph.distance[:3].tolist() == [1, 2, 3]
+
+
+# -- the position table: Fig. 11 --------------------------------------------------------------------
+
+FIG11 = """,A,B,C,D,E,F,G,H
+A,,1,2,2,2,2,1,1
+B,,,2,2,2,2,2,1
+C,,,,2,2,2,1,1
+D,,,,,2,2,1,1
+E,,,,,,2,1,4
+F,,,,,,,1,4
+G,,,,,,,,4
+H,,,,,,,,
+"""
+PLACES = [(0, 0), (2, 1), (-1, 2), (-2, 3), (-3, 5), (-4, 6), (1, 7), (3, 4)]  # of A … H, y up
+
+
+def test_the_table_of_fig11_as_printed():
+    """A way that goes as the figure's does, from end to end in straight lines."""
+    rows = np.array(list(FIG10.values()))
+    x, y = (np.interp(np.arange(90), rows, [p[k] for p in PLACES]) for k in (0, 1))
+    table = position_table(rows, swum(50 * x, 50 * y))
+    assert table.to_csv(lineterminator="\n") == FIG11
+    assert table.loc["F", "G"] == "1" and table.loc["F", "H"] == "4"
+
+
+def test_quadrants_count_anticlockwise_from_the_upper_right():
+    angle = np.radians([45, 135, 225, 315])
+    assert quadrant(np.cos(angle), np.sin(angle)).tolist() == [1, 2, 3, 4]
+    rng = np.random.default_rng(0)
+    dx, dy = rng.normal(size=(2, 200))
+    turned = quadrant(-dy, dx)  # by a right angle
+    np.testing.assert_array_equal(turned, quadrant(dx, dy) % 4 + 1)
+    assert quadrant(np.array([1, 0, -1, 0, 0.0]), np.array([0, 1, 0, -1, 0.0])).tolist() == [
+        1, 2, 3, 4, 1,
+    ]  # fmt: skip
+
+
+def test_positions_add_up_and_stay_within_tracks():
+    rng = np.random.default_rng(3)
+    track = np.repeat([2, 7], 40)
+    table = swum(*rng.normal(0, 100, (2, 80)), rng.uniform(-180, 180, 80), track, length=25.0)
+    ends = np.array([3, 9, 20, 38, 45, 60])
+    found = positions(ends, table, 1000)
+    pairs = list(zip(found["from"], found["to"], strict=True))
+    assert pairs == [(3, 9), (3, 20), (3, 38), (9, 20), (9, 38), (20, 38), (45, 60)]
+    at = found.set_index(["from", "to"])
+    for name in ("dx", "dy"):
+        assert at.loc[(3, 9), name] + at.loc[(9, 20), name] == pytest.approx(at.loc[(3, 20), name])
+    assert wrap_deg(
+        at.loc[(3, 9), "turn_deg"] + at.loc[(9, 20), "turn_deg"] - at.loc[(3, 20), "turn_deg"]
+    ) == pytest.approx(0, abs=1e-9)
+    way = table.loc[9, ["x_px", "y_px"]] - table.loc[3, ["x_px", "y_px"]]
+    assert at.loc[(3, 9), "dx"] == pytest.approx(way["x_px"] / 25)
+    assert at.loc[(3, 9), "dy"] == pytest.approx(-way["y_px"] / 25)  # up
+    near = positions(ends, table, 12)
+    assert list(zip(near["from"], near["to"], strict=True)) == [(3, 9), (9, 20)]
+
+
+def test_a_table_for_people_has_at_most_26_ends_of_one_track():
+    track = np.repeat([0, 1], [50, 300])
+    few = np.array([5, 9, 60, 90, 120])
+    assert shown_ends(few, track).tolist() == [60, 90, 120]
+    some = shown_ends(np.arange(50, 350), track)
+    assert len(some) == 26 and some[0] == 50 and some[-1] == 349
+    assert np.diff(some).max() <= 2 * np.diff(some).min()
+    assert np.unique(np.diff(shown_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [True]
+
+
+def test_routes_are_told_stretch_by_stretch(fig10):
+    way = [(65, 75, PLAY), (75, 25, JUMP), (25, 35, PLAY), (35, 45, PLAY), (45, 55, PLAY)]
+    assert merged(way) == [(65, 75, PLAY), (75, 25, JUMP), (25, 55, PLAY)]
+    told = routes_table([way, way[:1]], fig10, still(90, 4), step=2.0)
+    assert told["route"].tolist() == [1, 1, 1, 2]
+    assert told["frames"].tolist() == [10, 0, 30, 10]
+    assert told["jump_distance"].dropna().tolist() == [0.5]
+    assert told["from_track"].eq(4).all() and told["from_frame"].tolist() == [65, 75, 25, 65]
+    assert list(routes_table([], fig10, still(90), 2.0).columns) == list(told.columns)
+
+
+# -- no loops ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("unit", [10.0, 1e-3])
+@pytest.mark.parametrize("threshold", [0.2, 0.0])
+def test_too_low_a_threshold_is_told_which_would_have_done(unit, threshold):
+    film = np.r_[np.arange(20.0), np.arange(20.0) + 0.304][:, None] * unit
+    with pytest.raises(FinloopError) as error:
+        find(film_map(film), still(40), RATE, unit, settings(threshold=threshold))
+    assert f"loops.threshold {threshold:g} (median" in error.value.came
+    assert "loops.threshold=0.31 " in error.value.do
+    loops, _ = find(film_map(film), still(40), RATE, unit, settings(threshold=0.31))
+    assert len(loops)
+    with pytest.raises(FinloopError):
+        find(film_map(film), still(40), RATE, unit, settings(threshold=0.3))
+
+
+def test_one_short_track():
+    with pytest.raises(FinloopError, match=r"one track of 10 frames.*at least 10 apart"):
+        find(film_map(np.zeros((10, 1))), still(10), RATE, 1.0, EASY)
+
+
+def test_an_empty_map():
+    with pytest.raises(FinloopError, match=r"(?s)no pair of frames at all.*distance.keep"):
+        find(film_map(np.arange(60.0)[:, None], 0.5), still(60), RATE, 1.0, EASY)
+
+
+def test_nothing_at_any_threshold():
+    film = np.arange(60.0)[:, None]  # alike are only frames close in time
+    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.least_s 0.5"):
+        find(film_map(film, 3), still(60), RATE, 1.0, EASY)
+
+
+# -- pictures ---------------------------------------------------------------------------------------
+
+
+def test_a_sample_is_even_and_examples_are_apart():
+    loops = pd.DataFrame({"a": np.arange(1000), "b": np.arange(1000) + 2000})
+    some = sample(loops, 11)
+    assert len(some) == 11 and some["a"].iloc[[0, -1]].tolist() == [0, 999]
+    assert len(sample(loops[:5], 11)) == 5 and len(sample(loops[:0], 11)) == 0
+    places = apart(loops, 20, 4)
+    assert places == [0, 21, 42, 63]
+    assert apart(loops[:5], 20, 4) == [0]
+
+
+# -- the stage --------------------------------------------------------------------------------------
+
+N = 80
+
+
+def draw(phase, rng):
+    """A fish headed to the right whose tail beats, premultiplied (40, 60, 2); its centre (30, 20)."""
+    alpha = np.zeros((40, 60), np.uint8)
+    cv2.ellipse(alpha, (34, 20), (16, 5), 0, 0, 360, 255, -1, cv2.LINE_AA)
+    tail = (6, round(20 + 8 * np.sin(phase)))
+    cv2.line(alpha, (22, 20), tail, 255, 3, cv2.LINE_AA)
+    colour = alpha * rng.uniform(0.4, 0.6, alpha.shape)  # no two frames of a film are the same
+    return np.dstack([colour.astype(np.uint8), alpha])
+
+
+def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
+    """Everything the stage reads: a fish that swims to the right in each of its tracks."""
+    prepare(folder, *TINY_CARP)
+    put_clip(folder, [np.zeros((120, 360), np.uint8)] * 4, rate=round(RATE))
+    save_picture(folder / "data/extract/background.png", np.full((120, 360), 200, np.uint8))
+    track = np.repeat(np.arange(tracks), n)
+    place = 40 + 3.0 * np.tile(np.arange(n), tracks)
+    table = swum(place, -40.0 - 30 * track, 0.0, track, length=44.0)
+    save_table(folder / "data/features/features.parquet", table, FEATURES)
+    rng = np.random.default_rng(0)
+    with CutoutWriter(folder / "data/extract/cutouts.arrow") as writer:
+        for one in table.itertuples():
+            x, y = int(one.x_px) - 30, int(one.y_px) - 20
+            phase = 2 * np.pi * (one.frame + 0.3 + 5 * one.track_id) / period
+            writer.write(Cutout(one.track_id, one.frame, x, y, draw(phase, rng)))
+    with open_cutouts(folder / "data/extract/cutouts.arrow") as film:
+        pictures = film_pictures(table, film, 24, BODY, np.arange(n * tracks))
+    far = cdist(*[pictures.reshape(n * tracks, -1)] * 2)
+    step = np.where(np.diff(track) == 0, steps(pictures), np.nan)
+    median, p95 = float(np.nanmedian(step)), float(np.nanquantile(step, 0.95))
+    i, j = np.nonzero(np.triu(far <= keep * median, 1))
+    pairs = pd.DataFrame({"i": i, "j": j, "distance": far[i, j]})
+    distance = folder / "data/distance"
+    save_table(distance / "pairs.parquet", pairs, PAIRS)
+    table = table[["track_id", "frame"]].assign(step=np.r_[step, np.nan])
+    save_table(distance / "steps.parquet", table, STEPS)
+    save_map_facts(distance / MAP_FACTS_NAME, MapFacts(BODY, 24, 0.1, keep, median, p95))
+
+
+@pytest.fixture(scope="module")
+def toy(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("loops")
+    put_film(folder)
+    return folder
+
+
+def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch):
+    monkeypatch.chdir(toy)
+    stages.loops.main()
+    loops = load_table(toy / "data/loops/loops.parquet", LOOPS)
+    frame = np.tile(np.arange(N), 2)
+    beat = (frame + np.repeat([0, 5], N)) % 16
+    assert (beat[loops["a"]] == beat[loops["b"]]).all()  # whole beats of the tail
+    assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
+    found = load_table(toy / "data/loops/positions.parquet", POSITIONS)
+    np.testing.assert_allclose(found["dx"], (found["to"] - found["from"]) * 3 / 44, rtol=1e-5)
+    assert set(found["quadrant"]) == {1} and not found["turn_deg"].any()
+    reports = toy / "reports/loops"
+    assert sorted(p.name for p in reports.iterdir()) == [
+        "best_and_worst.png", "fig11.png", "metrics.json", "over_tank.png", "over_time.png",
+        "position_table.csv", "routes.csv",
+    ]  # fmt: skip
+    table = pd.read_csv(reports / "position_table.csv", index_col=0)
+    assert (
+        list(table.columns) == list(table.index) == list("ABCDEFGHIJKLMNOPQRSTUVWXYZ")[: len(table)]
+    )
+    assert all(load_picture(picture).ndim == 3 for picture in reports.glob("*.png"))
+    metrics = json.loads((reports / "metrics.json").read_text())
+    assert metrics["loops"] == len(loops) and metrics["components"] == metrics["groups"] == 1
+    assert metrics["seam_median_steps"] < 0.7 and metrics["loops_per_end_max"] <= 6
+    assert metrics["endless_film_pct"] > 80 and metrics["dead_ends"] == 2
+    ways = pd.read_csv(reports / "routes.csv")
+    assert ways["route"].nunique() == 5 and set(ways["how"]) == {PLAY, JUMP}
+    first = content(toy / "data/loops") | content(reports)
+    stages.loops.main()
+    assert content(toy / "data/loops") | content(reports) == first  # the same again
+
+
+def test_stage_with_a_threshold_of_zero_says_what_would_do(tmp_path, monkeypatch, capsys):
+    put_film(tmp_path)
+    prepare(tmp_path, *TINY_CARP, "loops.threshold=0.0")
+    monkeypatch.chdir(tmp_path)
+    stages.loops.main()
+    said = capsys.readouterr().err
+    assert re.search(r"loops.threshold=\S+ would have given the first", said)
+    assert "only the network mode" in said
+    assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
+    made = set(content(tmp_path / "reports/loops"))
+    outs = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["loops"]
+    listed = [*outs["outs"], *outs["metrics"]]
+    names = [next(iter(one)) if isinstance(one, dict) else one for one in listed]
+    assert made == {Path(name).name for name in names if name.startswith("reports/")}
+
+
+def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
+    put_film(tmp_path, n=10, tracks=1)
+    monkeypatch.chdir(tmp_path)
+    stages.loops.main()
+    assert "one track of 10 frames" in capsys.readouterr().err
+    assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
+
+
+@pytest.mark.parametrize(
+    "asked",
+    [
+        "loops.threshold=-1.0", "loops.threshold=.inf", "loops.threshold=.nan", "loops.least_s=0.0",
+        "loops.improper_deg=200.0", "loops.most_per_end=0", "loops.dynamics=-1",
+    ],
+)  # fmt: skip
+def test_bad_parameters_are_refused(tmp_path, monkeypatch, asked):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises((FinloopError, ValueError), match=asked.split("=")[0]):
+        prepare(tmp_path, *TINY_CARP, asked)
+        stages.loops.main()
