@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from finloop import animate_film as ahead
 from finloop import animate_step as step
-from finloop.animate_loops import LoopMode, Options, choose
+from finloop.animate_loops import LoopMode, Options, choose, considered
 from finloop.animate_motion import SLIDE, STRAIGHT
 from finloop.animate_nn import Fish, NetworkMode, Stretch
 from finloop.features import orientation, wrap_deg
@@ -68,21 +68,24 @@ class HybridMode:
         """Go on towards the point `at` (2,) px: by the film where it fits, else by the network."""
         if fish.row >= 0:
             return self._in_film(fish, at, name, rng)
-        found = self._into_film(fish, at, name, rng) if fish.since >= self._stay else None
-        if found is None:
-            found = self.network.stretch(fish, at, name, rng)
-            fish.since += len(found.way)
-        return found
+        options = None
+        if fish.since >= self._stay:
+            found, options = self._into_film(fish, at, name, rng)
+            if found is not None:
+                return found
+        found = self.network.stretch(fish, at, name, rng)
+        fish.since += len(found.way)
+        return found if options is None else replace(found, considered=considered(options, None))
 
     def _into_film(
         self, fish: Fish, at: Floats, name: str, rng: np.random.Generator
-    ) -> Stretch | None:
-        """By a gateway into the film, if a legal way leads on from one; else None."""
+    ) -> tuple[Stretch | None, Options | None]:
+        """By a gateway into the film, if a legal way leads on from one, and what was weighed."""
         film, target = self.loops.film, self.loops.aim(fish, at)
         sector = int(orientation(np.array(fish.heading)))
         gates = self._enter.get((fish.sprite, 0 if film.body else sector))
         if gates is None:
-            return None
+            return None, None
         rows, seams, turns = gates
         forward = fish.speed * self.motion.body_length_px / self.motion.rate_hz
         place = step.ahead(fish.x, fish.y, fish.heading, forward, 0.0)
@@ -93,9 +96,9 @@ class HybridMode:
         )  # fmt: skip
         best = choose(options, self._worth(options, fish, target), self.motion.rate_hz, rng)
         if best is None:
-            return None
+            return None, options
         fish.sprite = -1
-        return self.loops.play(fish, place, options, best, target, at, name)
+        return self.loops.play(fish, place, options, best, target, at, name), options
 
     def _in_film(self, fish: Fish, at: Floats, name: str, rng: np.random.Generator) -> Stretch:
         """On by the best legal way, else out by a gateway; a gateway is waited for a moment."""
@@ -115,7 +118,7 @@ class HybridMode:
         vars(fish).update(vars(left))
         how = f"by a gateway, {gate:.2f} steps" if gate is not None else "without a gateway"
         why = f"leave the film {how}: no legal way on ({options.counts()}); {found.why}"
-        return replace(found, new=True, why=why)
+        return replace(found, new=True, why=why, considered=considered(options, None))
 
     def _worth(self, options: Options, fish: Fish, target: Floats) -> NDArray[np.bool_]:
         """Which ways are legal and come nearer to the target by `_GAIN` seconds a second."""

@@ -32,6 +32,7 @@ _MOST_ERROR_DEG = 90.0  # a way that heads farther from the goal when done heads
 _ON_SPOT_DEG = 6.0  # per tick, where there is no way at all
 
 Floats = NDArray[np.float64]
+Considered = tuple[int, float, float, str, bool]  # row, seam, seconds, the failed test, taken
 
 
 @dataclass(frozen=True)
@@ -247,6 +248,7 @@ class LoopMode:
         fish.row, fish.rot = int(rows[-1]), float(rots[-1])
         fish.heading = float(step.wrap(headings[-1]))
         fish.since = len(rows) - 1 if jump else fish.since + len(rows)
+        fish.shown[rows], fish.speed = fish.tick + np.arange(len(rows)), 0.0
         return Stretch(
             FILM, target, way, rows, jump, np.nan, False, "no way on: turn on the spot", FRAME, rots
         )
@@ -262,8 +264,8 @@ def choose(
     return int(np.argmin(value + rng.exponential(_FREE_S, len(value))))
 
 
-def considered(options: Options, best: int) -> tuple[tuple[int, float, float, str, bool], ...]:
-    """What was weighed: row, seam, seconds, the test it fails, whether it was taken."""
+def considered(options: Options, best: int | None) -> tuple[Considered, ...]:
+    """What was weighed, and whether it was taken; `best` None: nothing of it."""
     fails = np.select(
         [~options.inside, ~options.towards, ~options.heads, ~np.isfinite(options.value)],
         ["tank", "quadrant", "heading", "passed over"],

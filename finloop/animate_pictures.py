@@ -27,7 +27,7 @@ def film_steps(features: pd.DataFrame, film: CutoutStore) -> Floats:
     starts = np.flatnonzero((np.diff(table, axis=0) == (0, 1)).all(1))
     starts = starts[np.linspace(0, len(starts) - 1, min(len(starts), _PAIRS)).astype(int)]
     steps = []
-    for lot in np.array_split(starts, -(-len(starts) // _LOT)):  # few pictures at a time
+    for lot in np.array_split(starts, max(1, -(-len(starts) // _LOT))):  # few pictures at a time
         before, after = (film_pictures(features, film, SIZE, FILM, lot + k) for k in (0, 1))
         steps.append(np.linalg.norm((after - before).reshape(len(lot), -1), axis=1))
     return np.concatenate(steps).astype(float)

@@ -13,7 +13,7 @@ from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from finloop.animate_edit import Goal
+from finloop.animate_edit import FRAME, Goal
 from finloop.render_marks import aims, parts, rgb, sought, write
 
 Picture = NDArray[np.uint8]
@@ -91,15 +91,19 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
     return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
 
 
-def switches(edit: pd.DataFrame, most: int) -> list[int]:
+def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     """Ticks at which something else begins: another part of the film, or another sequence.
 
-    At most so many, spread over the animation, those between sprite and frame first.
+    At most so many, spread over the animation, those between sprite and frame first. `tracks`:
+    track_id and frame of every cut-out.
     """
     kind = edit["kind"].to_numpy()
     fades = (edit["weight"] > 0).to_numpy()
     changed = np.append(False, kind[1:] != kind[:-1])
-    begins = changed | (fades & ~np.append(False, fades[:-1]))
+    frame = kind == FRAME
+    place = tracks[["track_id", "frame"]].to_numpy()[np.where(frame, edit["source"], 0)]
+    jumped = (np.diff(place, axis=0) != (0, 1)).any(axis=1) & frame[1:] & frame[:-1]
+    begins = changed | np.append(False, jumped) | (fades & ~np.append(False, fades[:-1]))
     between, across = np.flatnonzero(changed), np.flatnonzero(begins & ~changed)
     wanted = min(most, len(between) + len(across))
     first = min(len(between), max(wanted - len(across), wanted // 2))

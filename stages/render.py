@@ -65,6 +65,7 @@ def films(
     p: Render,
     edit: pd.DataFrame,
     goals: list[Goal],
+    tracks: pd.DataFrame,
     gallery: Gallery,
     background: np.ndarray,
     half_px: int,
@@ -73,7 +74,7 @@ def films(
     """Write the films of an edit list; steps between its frames, tiles of two sheets, sizes."""
     rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
     names, colours = parts(edit)
-    start, changes = liveliest(edit, SHOWN), switches(edit, SWITCHES)
+    start, changes = liveliest(edit, SHOWN), switches(edit, tracks, SWITCHES)
     wanted = {*range(start, start + SHOWN)}.union(*(around(tick, len(edit)) for tick in changes))
     clean, change, tiles = Painter(background), list[float](), dict[int, Tile]()
     steps = Steps(clean)
@@ -142,7 +143,7 @@ def main() -> None:
     edit, goals = load_table(path, EDIT), load_goals(ANIMATE / "goals.json")
     with opened(edit, tracks) as gallery, progress("render", len(edit)) as advance:
         half_px = round(0.75 * scene.typical_length_px)
-        change, sheets, sizes = films(p, edit, goals, gallery, background, half_px, advance)
+        change, sheets, sizes = films(p, edit, goals, tracks, gallery, background, half_px, advance)
         natural = film_steps(Painter(background), gallery, FRAME, tracks)
     for name, tiles in zip(("contact_sheet", "switches"), sheets, strict=True):
         save_picture(REPORT / f"{name}.png", contact_sheet(tiles, BEFORE + AFTER))
