@@ -78,6 +78,6 @@ bench: setup ## measure speed and memory, as ratios in one run
 	@python -m benchmarks
 
 clean: ## remove results and caches; DVC's cache and .venv stay
-	@git clean -Xdfq reports
-	@rm -rf data dvc_plots .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@git clean -Xdfq reports data
+	@rm -rf dvc_plots .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

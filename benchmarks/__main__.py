@@ -1,7 +1,18 @@
 """All benchmarks, one after the other: `python -m benchmarks`, or `make bench`."""
 
-from benchmarks import accuracy, animate, bpn, distance, memory, render, speed, table2
+from benchmarks import accuracy, animate, bpn, curve, distance, memory, morph, render, speed, table2
 
 if __name__ == "__main__":
-    for benchmark in (speed, memory, accuracy, bpn, distance, animate, render, table2):
+    for benchmark in (
+        speed,
+        memory,
+        accuracy,
+        bpn,
+        distance,
+        animate,
+        render,
+        curve,
+        morph,
+        table2,
+    ):
         benchmark.main()

@@ -25,6 +25,9 @@ TINY_CARP = [
     "animate.seconds=2",
     "animate.trials=2",
     "render.webp_seconds=1",
+    "morph.frames=6",
+    "morph.points=64",
+    "morph.size_px=64",
 ]
 
 

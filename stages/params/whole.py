@@ -14,6 +14,7 @@ from stages.params import (
     features,
     gateways,
     loops,
+    morph,
     render,
     sprites,
 )
@@ -29,6 +30,7 @@ GROUPS: dict[str, Mapping[str, type]] = {
     "gateways": gateways.OPTIONS,
     "animate": animate.OPTIONS,
     "render": render.OPTIONS,
+    "morph": morph.OPTIONS,
 }
 """conf/<word>/<option>.yaml holds the values of GROUPS[word][option]."""
 

@@ -1,0 +1,165 @@
+"""Speed and error of the wavelet curves: against PyWavelets, scipy's integrator, a sparse product.
+
+`python -m benchmarks.curve` prints the tables and writes benchmarks/curve.csv. Ratios are of runs
+in turn. The exact solution is that of a bent hoop of 1024 points; peers get sparse K in the φ
+basis. Round trips, off-diagonal energies and the error of every method are figures, not times.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import numpy as np
+import pandas as pd
+import pywt
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.sparse import csr_array
+
+from benchmarks.pipeline import ROOT
+from benchmarks.speed import paired, timed
+from finloop.curve_dynamics import solve
+from finloop.curve_filters import CUBIC
+from finloop.curve_problem import How, Material, Problem
+from finloop.curve_stiffness import off_diagonal, stiffness, stiffness_phi
+from finloop.curve_wavelet import back, forward
+
+CURVES, POINTS, LEVELS = 1000, 1024, 6
+LARGE, LIMIT_S = 4096, 0.1
+TIMES = np.linspace(0, 1, 61)  # the paper's τ: a swing of the slowest mode
+TIGHT = 1e-10
+MATERIAL = Material(1.0, 1.0, 0.5, 0.0)
+MASSLESS = Material(0.0, 1.0, 1.0, 0.01)
+WAVELETS = ("db3", "db4", "db6", "sym8", "coif1", "coif2", "coif5")
+
+
+def loop(points: NDArray, wavelet: pywt.Wavelet) -> list[list[NDArray]]:
+    """PyWavelets, one curve and one coordinate at a time."""
+    return [
+        pywt.wavedec(column, wavelet, mode="periodization", level=LEVELS)
+        for curve in points
+        for column in np.ascontiguousarray(curve.T)
+    ]
+
+
+def loop_back(coefficients: list[list[NDArray]], wavelet: pywt.Wavelet) -> list[NDArray]:
+    return [pywt.waverec(one, wavelet, mode="periodization") for one in coefficients]
+
+
+def transforms() -> list[tuple[str, float, float, float]]:
+    """Rows of the table of speed; the worst round trip is printed."""
+    points = np.random.default_rng(0).normal(size=(CURVES, POINTS, 2))
+    rows, worst = [], 0.0
+    for name in ("db4", "coif2", "bior4.4"):
+        wavelet = pywt.Wavelet(name)
+        theirs = loop(points, wavelet)
+        ours = forward(points, name, LEVELS)
+        there = paired(lambda n=name: forward(points, n, LEVELS), lambda w=wavelet: loop(points, w))
+        again = paired(
+            lambda c=ours, n=name: back(c, n, LEVELS), lambda c=theirs, w=wavelet: loop_back(c, w)
+        )
+        at_once = paired(
+            lambda n=name: forward(points, n, LEVELS),
+            lambda w=wavelet: pywt.wavedec(points, w, "periodization", LEVELS, axis=1),
+        )
+        rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
+        rows.append((f"{name} back / PyWavelets, curve by curve", *again[:3]))
+        rows.append((f"{name} forward / PyWavelets, all at once", *at_once[:3]))
+    for name in (*pywt.wavelist(kind="discrete"), CUBIC):
+        if name != "dmey":
+            few = points[:4]
+            worst = max(worst, float(np.abs(back(forward(few, name, 3), name, 3) - few).max()))
+    print(f"worst round trip of all wavelets but dmey: {worst:.1e}")
+    return rows
+
+
+def bent(n: int) -> tuple[NDArray, NDArray]:
+    """The hoop and a displacement."""
+    t = 2 * np.pi * np.arange(n) / n
+    rest = np.stack([np.cos(t), np.sin(t)], axis=1)
+    x, y = 0.35 * np.cos(t) + 0.2 * np.cos(3 * t), -0.4 * np.sin(t) + 0.2 * np.cos(2 * t)
+    return rest, np.stack([x, y], axis=1)
+
+
+def integrated(problem: Problem) -> NDArray:
+    """scipy's DOP853 on (3.15) in the φ basis, (t, n, 2)."""
+    n = len(problem.rest)
+    k = stiffness_phi(problem.wavelet, n)
+    size = 2 * n
+
+    def slope(time: float, state: NDArray) -> NDArray:
+        u, v = state[:size].reshape(n, 2), state[size:].reshape(n, 2)
+        pull = k @ u + MATERIAL.mass_damping * v
+        return np.concatenate([state[size:], -pull.ravel()])
+
+    start = np.concatenate([problem.displacement.ravel(), np.zeros(size)])
+    found = solve_ivp(
+        slope, (TIMES[0], TIMES[-1]), start, "DOP853", TIMES, rtol=TIGHT, atol=TIGHT / 100
+    )
+    return found.y[:size].T.reshape(len(TIMES), n, 2)
+
+
+def transformed(k: csr_array, basis: csr_array) -> csr_array:
+    return basis @ k @ basis.T
+
+
+def main() -> None:
+    """Measure, print, write."""
+    rows = transforms()
+    problem = Problem(*bent(POINTS), MATERIAL, TIMES)
+    ours = solve(problem)
+    mine, theirs, ratio, _ = paired(lambda: solve(problem), lambda: integrated(problem))
+    off = np.abs(ours.displacement - integrated(problem)).max()
+    rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
+    print(f"exact solution against solve_ivp: {off:.1e} apart, {1 / ratio:.0f} times as fast")
+    for levels in (1, 4, 8):
+        seconds = min(timed(lambda at=levels: stiffness("coif2", LARGE, at))[0] for _ in range(5))
+        rows.append(
+            (
+                f"K, {LARGE} × {LARGE}, {levels} levels / the limit",
+                seconds,
+                LIMIT_S,
+                seconds / LIMIT_S,
+            )
+        )
+    basis = csr_array(forward(np.eye(POINTS), "coif2", 4))
+    k = stiffness_phi("coif2", POINTS)
+    done = paired(lambda: stiffness("coif2", POINTS, 4), lambda: transformed(k, basis))
+    rows.append((f"K, {POINTS} × {POINTS}, 4 levels / sparse W K Wᵀ", *done[:3]))
+    table = pd.DataFrame(rows, columns=["what", "ours_s", "theirs_s", "ratio"])
+    table = table.assign(
+        **{c: table[c].map("{:.4g}".format).astype(float) for c in table.columns[1:]}
+    )
+    print(table.to_string(index=False))
+    table.to_csv(ROOT / "benchmarks/curve.csv", index=False)
+
+    shares = pd.DataFrame(
+        {
+            name: [100 * off_diagonal(stiffness(name, POINTS, at)) for at in range(7)]
+            for name in WAVELETS
+        }
+    )
+    print("off-diagonal energy of K [%] per level:")
+    print(shares.round(1).to_string(index_names=False))
+    few = {material: Problem(*bent(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
+    for method, material, how in (
+        ("modal", MATERIAL, How()),
+        ("runge-kutta", MATERIAL, How()),
+        ("runge-kutta", MATERIAL, How(rtol=1e-10, integrator="DOP853")),
+        ("decoupled", MATERIAL, How()),
+        ("modal", MASSLESS, How()),
+        ("implicit-euler", MASSLESS, How()),
+        ("implicit-euler", MASSLESS, How(inverse="schulz")),
+        ("explicit-euler", MASSLESS, How()),
+        ("explicit-euler", MASSLESS, How(inverse="schulz")),
+        ("decoupled", MASSLESS, How()),
+    ):
+        seconds, motion = timed(lambda m=material, w=method, h=how: solve(few[m], w, h))
+        way = how.integrator if method == "runge-kutta" else ""
+        way = how.inverse if method.endswith("euler") else way
+        print(
+            f"{method} {way}, density {material.density:g}: error {motion.error:.1e}, "
+            f"{1e3 * seconds:.1f} ms, {motion.facts}"
+        )
+
+
+if __name__ == "__main__":
+    main()

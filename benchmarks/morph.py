@@ -1,0 +1,107 @@
+"""Folding of morphs: all pairs of single-contour letters and digits of DejaVu Sans.
+
+`python -m benchmarks.morph` prints the table and writes benchmarks/morph.csv: of 256 points and 60
+frames in between, the share of pairs all of whose frames are strictly simple, counted exactly; the
+time a pair on one core; how far the vertices go, in the linear morph's way. The figures of other
+tools were measured beforehand on 276 such pairs and stand beside for comparison.
+"""
+
+import os  # isort: skip
+
+os.environ["FINLOOP_THREADS"] = "1"  # one core, also for matrix products
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import string
+from collections import Counter
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.pipeline import ROOT
+from benchmarks.speed import timed
+from finloop.curve import Curve
+from finloop.curve_glyph import glyph
+from finloop.morph_folds import folds
+from finloop.morph_linear import linear, physical
+from finloop.morph_simple import path_length, simple_morph
+
+FRAMES, POINTS = 60 + 2, 256
+ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0
+OTHERS = {
+    "d3-interpolate-path": 15.9,
+    "polymorph": 17.8,
+    "flubber": 19.9,
+    "linear, best shift": 31.9,
+    "intrinsic blend after Sederberg": 39.5,
+}
+
+
+def glyphs() -> dict[str, Curve]:
+    outlines = {name: glyph(name) for name in string.ascii_letters + string.digits}
+    return {name: found[0] for name, found in outlines.items() if len(found) == 1}
+
+
+def row(what: str, free: list[bool], seconds: list[float], ratios: list[float]) -> dict:
+    ms = 1000 * np.array(seconds)
+    return {
+        "what": what,
+        "pairs": len(free),
+        "simple_percent": 100 * np.mean(free),
+        "ms_mean": ms.mean(),
+        "ms_median": np.median(ms),
+        "ms_99": np.percentile(ms, 99),
+        "path_ratio_mean": np.mean(ratios),
+        "path_ratio_max": np.max(ratios),
+    }
+
+
+def main() -> None:
+    """Measure, print, write."""
+    pairs = list(combinations(glyphs().values(), 2))
+    for a, b in pairs[:40:8]:  # compiles
+        simple_morph(a, b, FRAMES, POINTS)
+        physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
+    straight = [timed(lambda a=a, b=b: linear(a, b, FRAMES, POINTS)) for a, b in pairs]
+    way = [path_length(frames) for _, frames in straight]
+    swung = [
+        timed(lambda a=a, b=b: physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
+        for a, b in pairs
+    ]
+    found = [timed(lambda a=a, b=b: simple_morph(a, b, FRAMES, POINTS)) for a, b in pairs]
+    rows = [
+        row(
+            name,
+            [not folds(frames).any() for _, frames in results],
+            [seconds for seconds, _ in results],
+            [path_length(frames) / far for (_, frames), far in zip(results, way, strict=True)],
+        )
+        for name, results in (
+            ("here: linear", straight),
+            ("here: physical", swung),
+            ("here: simple", [(seconds, morph.frames) for seconds, morph in found]),
+        )
+    ]
+    unfolded = [not folds(frames).any() for _, frames in straight]
+    kept = [k for k, is_free in enumerate(unfolded) if is_free]
+    rows.append(
+        row(
+            "here: simple, where linear is",
+            [not folds(found[k][1].frames).any() for k in kept],
+            [found[k][0] for k in kept],
+            [path_length(found[k][1].frames) / way[k] for k in kept],
+        )
+    )
+    rows += [
+        {"what": f"measured elsewhere: {name}", "pairs": 276, "simple_percent": share}
+        for name, share in OTHERS.items()
+    ]
+    table = pd.DataFrame(rows).round(3)
+    print(table.to_string(index=False))
+    print("ways of simple:", dict(Counter(morph.way for _, morph in found)))
+    print("proved for every moment:", sum(morph.proved for _, morph in found), "of", len(found))
+    table.to_csv(ROOT / "benchmarks/morph.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()

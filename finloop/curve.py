@@ -1,0 +1,151 @@
+"""Planar curves (curve paper §2.2): closed and open contours, their orientation, equal arc length.
+
+x is right and y is down, as on a screen and in SVG. The paper's curves run clockwise; as seen on
+such a screen that is the direction of positive `area`. Curves of equal n stack to (curves, n, 2).
+"""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+
+Points = NDArray[np.float64]
+
+LARGEST = 1e100
+"""Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A polyline of points (n, 2); if `closed`, its last point is joined to its first.
+
+    A closed curve does not repeat its first point.
+    """
+
+    points: Points
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Contours by id in drawing order, the lowest first; `styles` "fill:…;stroke:…" by id."""
+
+    curves: dict[str, Curve]
+    width: float
+    height: float
+    styles: dict[str, str] = field(default_factory=dict)
+
+
+def checked(curve: Curve, name: str) -> Curve:
+    """The curve without points that repeat the one before; `name` stands in messages.
+
+    Raises
+    ------
+    FinloopError
+        If a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed curve
+        (2 of an open one) are apart from the one before.
+    """
+    points = np.asarray(curve.points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise FinloopError(
+            f"the points of the curve {name} have shape {points.shape}",
+            "an array (n, 2) of x and y",
+            f"give {name} as n points in the plane",
+        )
+    bad = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))
+    if len(bad):
+        x, y = points[bad[0]]
+        raise FinloopError(
+            f"point {bad[0]} of the curve {name} is ({x:g}, {y:g}); {len(bad)} such points",
+            f"coordinates that are numbers of size {LARGEST:g} at most",
+            f"mend these points of {name} or leave them out",
+        )
+    given = len(points)
+    if given:
+        apart = (np.diff(points, axis=0) != 0).any(axis=1)
+        points = points[np.r_[True, apart]]
+        if curve.closed and len(points) > 1 and (points[0] == points[-1]).all():
+            points = points[:-1]
+    kind, least = ("closed", 3) if curve.closed else ("open", 2)
+    if len(points) < least:
+        raise FinloopError(
+            f"of {given} points of the {kind} curve {name} {len(points)} lie apart"
+            + (": its length is 0" if len(points) < 2 else ""),
+            f"at least {least} points of a {kind} curve",
+            f"draw {name} anew or leave it out",
+        )
+    return Curve(points, curve.closed)
+
+
+def steps(curve: Curve) -> NDArray[np.float64]:
+    """Lengths of the segments in order: (n,) of a closed curve, (n − 1,) of an open one."""
+    points = curve.points
+    x, y = (np.roll(points, -1, axis=0) - points if curve.closed else np.diff(points, axis=0)).T
+    return np.hypot(x, y)
+
+
+def length(curve: Curve) -> float:
+    """Total arc length of the polyline, the unit of its points."""
+    return float(steps(curve).sum())
+
+
+def area(curve: Curve) -> float:
+    """Area within the polygon of the points; positive if it runs clockwise as seen, y down.
+
+    That is the paper's orientation (§2.2). Of an open curve: the area its chord closes off.
+    """
+    x, y = (curve.points - curve.points[0]).T  # small numbers: less cancels
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def clockwise(curve: Curve) -> Curve:
+    """The curve, reversed if it runs anticlockwise as seen; open curves stay as they are."""
+    return reversed(curve) if curve.closed and area(curve) < 0 else curve
+
+
+def reversed(curve: Curve) -> Curve:
+    """The curve run the other way; a closed one keeps its first point."""
+    points = curve.points[::-1]
+    return Curve(np.roll(points, 1, axis=0) if curve.closed else points.copy(), curve.closed)
+
+
+def rolled(curve: Curve, start: int) -> Curve:
+    """The closed curve with its point `start` first.
+
+    Raises
+    ------
+    FinloopError
+        If the curve is open: its ends are where they are.
+    """
+    if not curve.closed:
+        raise FinloopError(
+            "an open curve was to start elsewhere", "a closed curve", "reverse it instead"
+        )
+    return Curve(np.roll(curve.points, -start, axis=0), True)
+
+
+def resampled(curve: Curve, n: int) -> Curve:
+    """The polyline at n points of equal arc length: t(l) = l / L of §2.2.
+
+    A closed curve keeps its first point, an open one both ends. Corners between the new points are
+    cut off, so the result is no longer than the curve.
+
+    Raises
+    ------
+    FinloopError
+        If n is below 3 for a closed curve, 2 for an open one.
+    """
+    least = 3 if curve.closed else 2
+    if n < least:
+        raise FinloopError(
+            f"a curve was to be resampled to {n} points",
+            f"at least {least}",
+            "ask for more points",
+        )
+    points = np.concatenate([curve.points, curve.points[:1]]) if curve.closed else curve.points
+    along = np.concatenate([[0.0], np.cumsum(steps(curve))])
+    wanted = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
+    x, y = (np.interp(wanted, along, values) for values in points.T)
+    return Curve(np.stack([x, y], axis=1), curve.closed)

@@ -1,0 +1,108 @@
+"""Filters of wavelets (Eqs. 2.1–2.2): PyWavelets' tables, mended; the spline of Fig. 2."""
+
+from functools import cache
+from math import comb
+
+import numpy as np
+import pywt
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+
+CUBIC = "cubic"
+"""The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets does not have: its bior3.*
+are built on the quadratic spline, its bior4.4 on none."""
+
+LOSSLESS = 1e-13
+"""How exactly filters must reconstruct a curve."""
+
+_ROUNDED = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more
+
+Array = NDArray[np.float64]
+
+
+@cache
+def filter_bank(wavelet: str) -> Array:
+    """Filters (4, taps): analysis low and high, synthesis low and high, as PyWavelets names them.
+
+    Raises
+    ------
+    FinloopError
+        If there is no such discrete wavelet, or its filters do not reconstruct what they took.
+    """
+    if wavelet == CUBIC:
+        bank = _cubic_spline()
+    elif wavelet in pywt.wavelist(kind="discrete"):
+        bank = np.array(pywt.Wavelet(wavelet).filter_bank)
+    else:
+        raise FinloopError(
+            f"the wavelet {wavelet!r}",
+            f"{CUBIC} or a discrete wavelet of PyWavelets",
+            "choose db4, coif2, sym8, bior4.4, …: pywt.wavelist(kind='discrete') lists them",
+        )
+    if _loss(bank) < _ROUNDED:
+        bank = _mended(bank)
+    loss = _loss(bank)
+    if loss > LOSSLESS:
+        raise FinloopError(
+            f"the filters of the wavelet {wavelet} lose {loss:.1g} of a curve",
+            f"filters that reconstruct it to {LOSSLESS:g}",
+            "choose another wavelet, such as db4, coif2 or sym8",
+        )
+    bank.setflags(write=False)
+    return bank
+
+
+def _cubic_spline() -> Array:
+    """Cohen–Daubechies–Feauveau, 4 + 4 vanishing moments: synthesis by the cubic B-spline."""
+    spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
+    sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
+    dual, power = np.zeros(7), np.ones(1)
+    for k in range(4):
+        dual[3 - k : 4 + k] += comb(3 + k, k) * power
+        power = np.convolve(power, sine)
+    low = np.zeros((2, 12))
+    low[0, 1:] = np.sqrt(2) * np.convolve(spline, dual)
+    low[1, 3:8] = np.sqrt(2) * spline
+    sign = (-1.0) ** np.arange(12)
+    return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
+
+
+def _mended(bank: Array) -> Array:
+    """The nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
+
+    A Newton step or two of least size. Filters of an orthogonal wavelet stay each other's mirror
+    images; of a biorthogonal one the analysis is mended, so that the spline of synthesis stays.
+    """
+    taps = bank.shape[1]
+    orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_ROUNDED)
+    shift = 2 * np.arange(-(taps // 2 - 1), taps // 2)[:, None] + np.arange(taps)
+    inside = (shift >= 0) & (shift < taps)
+    unit = (np.arange(-(taps // 2 - 1), taps // 2) == 0).astype(float)
+    dual, low = bank[0, ::-1].copy(), bank[2].copy()
+    for _ in range(3):
+        if orthogonal:
+            low = dual
+        slope = np.where(inside, low[shift * inside], 0)
+        missing = unit - slope @ dual
+        if orthogonal:  # both factors move
+            slope = slope + slope[::-1]
+        dual = dual + np.linalg.lstsq(slope, missing, rcond=None)[0]
+    if orthogonal:
+        low = dual
+    sign = (-1.0) ** np.arange(taps)
+    return np.stack([dual[::-1], -sign * low, low, sign * dual[::-1]])
+
+
+def _loss(bank: Array) -> float:
+    """How far synthesis after analysis is from a delay: Σ_k s[2k + p] a[k'] over both filters."""
+    taps = bank.shape[1]
+    parts = []
+    for phase in (0, 1):  # of the sample
+        total = np.zeros(2 * taps)
+        for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
+            kept = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
+            total[:-1] += np.convolve(kept, analysis)
+        total[taps - 1] -= 1
+        parts.append(np.abs(total).sum())
+    return max(parts)

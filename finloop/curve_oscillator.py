@@ -1,0 +1,258 @@
+"""Oscillators that do not know of each other: ρ a″ + c a′ + k a = Q (curve paper Eq. 3.16).
+
+Glossary: *a* (m, d) their places, *v* their speeds, d directions; c, k (m,); γ = c / 2ρ and
+r = −γ ± √(γ² − k / ρ) the roots of ρr² + c r + k = 0. (The paper prints r̈, ṙ, e₀ and f₀.)
+
+With ρ = 0 a speed is what c a′ + k a = Q makes it. Numbers may be complex, as FFTs are.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import factorial
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import expm
+
+from finloop.errors import FinloopError
+
+NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
+"""Of a step, where a force is read: a polynomial through five places (Chebyshev's)."""
+
+_ROUNDS = 60  # of finding place and force in turn
+_FINEST = 2**12  # steps from one time to the next
+
+Array = NDArray[np.float64]
+Numbers = NDArray[np.inexact]
+Force = Callable[[float, Numbers], Numbers]
+"""Q (m, d) from time and places (m, d)."""
+
+
+@dataclass(frozen=True)
+class Oscillators:
+    """ρ, and c, k (m,) of each."""
+
+    density: float
+    damping: Array
+    stiffness: Array
+
+    def cases(self) -> dict[str, int]:
+        """How many have two real roots, a double one, complex ones; all one root if ρ = 0."""
+        inside = self.damping**2 - 4 * self.density * self.stiffness
+        return {
+            "real": int((inside > 0).sum()),
+            "double": int((inside == 0).sum()),
+            "complex": int((inside < 0).sum()),
+        }
+
+
+class Response(NamedTuple):
+    """At times (t,), each (t, m): a = place a₀ + speed v₀ + pushed Q for constant Q; a′ alike."""
+
+    place: Array
+    speed: Array
+    pushed: Array
+    place_rate: Array
+    speed_rate: Array
+    pushed_rate: Array
+
+
+def response(of: Oscillators, times: Array, forced: bool = True) -> Response:
+    """Eq. 3.16 in all its damping cases, and with a constant force; not `forced`: `pushed` is 0.
+
+    Written so that nothing cancels or overflows from one case to the next: the double root is the
+    limit of both others.
+    """
+    t = np.asarray(times, np.float64)[:, None]
+    k = of.stiffness
+    if of.density == 0:
+        rate = k / of.damping
+        place = np.exp(-rate * t)
+        none = np.zeros_like(place)
+        pushed = t * _decayed(rate * t) / of.damping
+        return Response(place, none, pushed, -rate * place, none, place / of.damping)
+    gamma, square = of.damping / (2 * of.density), k / of.density
+    inside = gamma**2 - square
+    root, real = np.sqrt(np.abs(inside)), inside >= 0
+    slow = np.where(real, square / np.where(real & (gamma + root > 0), gamma + root, 1), gamma)
+    even = np.exp(-slow * t)
+    speed = even * t
+    apart, turn = 2 * root[real] * t, root[~real] * t
+    even[:, real] *= (1 + np.exp(-apart)) / 2
+    speed[:, real] *= _decayed(apart)
+    even[:, ~real] *= np.cos(turn)
+    speed[:, ~real] *= np.sin(turn) / np.where(turn > 0, turn, 1) + (turn == 0)
+    place = even + gamma * speed
+    pushed = np.zeros_like(place)
+    if forced:
+        pushed = t**2 * _pushed(2 * gamma * t, square * t**2, slow * t, place) / of.density
+    return Response(place, speed, pushed, -square * speed, even - gamma * speed, speed / of.density)
+
+
+def _decayed(x: Array) -> Array:
+    """(1 − e^−x) / x, 1 at 0."""
+    return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
+
+
+def _pushed(total: Array, product: Array, slow: Array, place: Array) -> Array:
+    """(1 − place) / product, and what that tends to at 0, no digits lost.
+
+    `total`, `product` of the roots −x, −y in steps of t, `slow` the x nearer 0: the same is
+    (D(x) − D(y)) / (y − x) with D of `_decayed`, a power series where both roots are small.
+    """
+    term, before = np.ones_like(product), np.zeros_like(product)
+    series = np.zeros_like(product)
+    near, spread = np.minimum(total, 0.5), np.minimum(product, 0.25)
+    for n in range(1, 16):
+        series += (-1) ** (n + 1) * term / factorial(n + 1)
+        term, before = near * term - spread * before, term
+    far = product < 0.01 * total**2  # x is much nearer 0 than y
+    x, y = np.where(far, slow, 0), np.where(far, total - slow, 1)
+    apart = (_decayed(x) - _decayed(y)) / (y - x)
+    rest = (1 - place) / np.where(product > 0, product, 1)
+    return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
+
+
+def moved(
+    of: Oscillators, a: Numbers, v: Numbers, times: Array, force: Numbers | None
+) -> tuple[Numbers, Numbers]:
+    """Places and speeds (t, m, d) at times after the start, force (m, d) constant; exact."""
+    at = Response(*(part[..., None] for part in response(of, times, force is not None)))
+    places, speeds = at.place * a + at.speed * v, at.place_rate * a + at.speed_rate * v
+    if force is not None:
+        places, speeds = places + at.pushed * force, speeds + at.pushed_rate * force
+    return places, speeds
+
+
+# --- forces of place and time
+
+
+def driven(
+    of: Oscillators, a: Numbers, v: Numbers, times: Array, force: Force, tolerance: float
+) -> tuple[Numbers, Numbers, float]:
+    """As `moved` from times[0] on, by a force of place and time; also the estimated error.
+
+    Within a step the force is a polynomial in time, and what it does to an oscillator is exact;
+    place and force at the nodes are found in turn. Steps are halved until places change by no more
+    than `tolerance` of the farthest; that change is the error.
+
+    Raises
+    ------
+    FinloopError
+        If the force is too wild for the finest steps.
+    """
+    if of.density == 0:
+        v = (force(float(times[0]), a) - of.stiffness[:, None] * a) / of.damping[:, None]
+    before, steps = None, 1
+    while steps <= _FINEST:
+        found = _stepped(of, a, v, times, force, steps, tolerance)
+        if found is not None and before is not None:
+            size = np.abs(found[0]).max()
+            change = float(np.abs(found[0] - before).max() / size) if size else 0.0
+            if change <= tolerance:
+                return *found, change
+        before = None if found is None else found[0]
+        steps *= 2
+    raise FinloopError(
+        f"the force changes too fast for {_FINEST} steps from one time to the next",
+        f"a smooth force: places known to {tolerance:g}",
+        "smooth the force, weaken it, or ask for times closer together",
+    )
+
+
+def _stepped(
+    of: Oscillators,
+    a: Numbers,
+    v: Numbers,
+    times: Array,
+    force: Force,
+    steps: int,
+    tolerance: float,
+) -> tuple[Numbers, Numbers] | None:
+    """`driven` with so many steps from a time to the next; None if place and force do not agree."""
+    places, speeds = [a], [v]
+    width, tables = 0.0, None
+    for start, stop in pairwise(times):
+        if tables is None or not np.isclose(stop - start, width, rtol=1e-12, atol=0):
+            width = stop - start
+            tables = _tables(of, width / steps)
+        for number in range(steps):
+            found = _step(a, v, start + number * width / steps, force, tables, tolerance)
+            if found is None:
+                return None
+            a, v = found
+        places.append(a)
+        speeds.append(v)
+    return np.stack(places), np.stack(speeds)
+
+
+class Tables(NamedTuple):
+    """Of a step: `response` at its nodes; places and speeds there per force at each node."""
+
+    step: float
+    free: Response
+    place: Array  # (nodes, m, nodes)
+    speed: Array
+
+
+def _tables(of: Oscillators, step: float) -> Tables:
+    """The responses to τ^p / p! stand in exponentials of the oscillators' equations together with
+    w₀′ = w₁, w₁′ = w₂, …, w₀ being the force; τ is time in steps.
+    """
+    m, count = len(of.stiffness), len(NODES)
+    first = 1 if of.density == 0 else 2
+    system = np.zeros((m, first + count, first + count))
+    if of.density == 0:
+        system[:, 0, 0] = -step * of.stiffness / of.damping
+        system[:, 0, 1] = step / of.damping
+        scale = np.ones(m)
+    else:  # of place and of speed in steps, the place scaled so that both are of one size
+        scale = np.maximum(1, step * np.sqrt(of.stiffness / of.density))
+        system[:, 0, 1] = scale
+        system[:, 1, 0] = -(step**2) * of.stiffness / of.density / scale
+        system[:, 1, 1] = -step * of.damping / of.density
+        system[:, 1, 2] = step**2 / of.density
+    chain = np.arange(first, first + count - 1)
+    system[:, chain, chain + 1] = 1
+    grown = expm(NODES[:, None, None, None] * system)
+    powers = np.array([factorial(p) for p in range(count)])
+    # Force at the nodes → coefficients of τ^p.
+    fit = np.linalg.inv(NODES[:, None] ** np.arange(count))
+    place = (grown[:, :, 0, first:] * powers) @ fit / scale[:, None]
+    if of.density == 0:
+        at_node = np.eye(count)[:, None]
+        speed = (at_node - of.stiffness[:, None] * place) / of.damping[:, None]
+    else:
+        speed = (grown[:, :, 1, first:] * powers) @ fit / step
+    return Tables(step, response(of, NODES * step), place, speed)
+
+
+def _step(
+    a: Numbers,
+    v: Numbers,
+    start: float,
+    force: Force,
+    of: Tables,
+    tolerance: float,
+) -> tuple[Numbers, Numbers] | None:
+    """Places and speeds a step on; None if place and force do not settle."""
+    free = of.free
+    base = free.place[..., None] * a + free.speed[..., None] * v
+    here = base
+    for _ in range(_ROUNDS):
+        pushes = np.stack(
+            [force(start + c * of.step, at) for c, at in zip(NODES, here, strict=True)]
+        )
+        there = base + np.einsum("jmi,imd->jmd", of.place, pushes)
+        change, size = np.abs(there - here).max(), np.abs(there).max()
+        here = there
+        if not np.isfinite(size) or change <= 1e-3 * tolerance * size:
+            break
+    else:
+        return None
+    if not np.isfinite(size):
+        return None
+    rate = free.place_rate[-1][:, None] * a + free.speed_rate[-1][:, None] * v
+    return here[-1], rate + np.einsum("mi,imd->md", of.speed[-1], pushes)

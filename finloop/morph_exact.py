@@ -1,0 +1,84 @@
+"""Whether two edges meet, exactly (Shewchuk 1997).
+
+*Adaptive precision floating-point arithmetic and fast robust geometric predicates*: an orientation
+is computed in floats, and where rounding could change its sign, again without rounding. Products
+must neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70 are safe.
+"""
+
+import numpy as np
+from numba import njit
+
+_SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
+_SPLIT = 134217729.0  # 2^27 + 1
+
+
+@njit(cache=True)
+def _two_product(a: float, b: float) -> tuple[float, float]:
+    """A·b as a float and what rounding took from it (Dekker)."""
+    product = a * b
+    wide = _SPLIT * a
+    a_high = wide - (wide - a)
+    a_low = a - a_high
+    wide = _SPLIT * b
+    b_high = wide - (wide - b)
+    b_low = b - b_high
+    rest = a_low * b_low - (((product - a_high * b_high) - a_low * b_high) - a_high * b_low)
+    return product, rest
+
+
+@njit(cache=True)
+def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
+    """Sign of the determinant, its six products added up without rounding (grow-expansion)."""
+    left = (ax, -ay, bx, -by, cx, -cy)
+    right = (by, bx, cy, cx, ay, ax)
+    sums = np.zeros(12)
+    used = 0
+    for k in range(6):
+        high, low = _two_product(left[k], right[k])
+        for term in (low, high):
+            q = term
+            for m in range(used):
+                total = q + sums[m]
+                part = total - q
+                sums[m] = (q - (total - part)) + (sums[m] - part)
+                q = total
+            sums[used] = q
+            used += 1
+    for k in range(11, -1, -1):
+        if sums[k] > 0:
+            return 1
+        if sums[k] < 0:
+            return -1
+    return 0
+
+
+@njit(cache=True)
+def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
+    """Sign of (a − c) × (b − c), exact."""
+    left = (ax - cx) * (by - cy)
+    right = (ay - cy) * (bx - cx)
+    det = left - right
+    if abs(det) > _SURE * (abs(left) + abs(right)):
+        return 1 if det > 0 else -1
+    return _exact_sign(ax, ay, bx, by, cx, cy)
+
+
+@njit(cache=True)
+def meet(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
+) -> bool:
+    """Whether the segments ab and cd, whose boxes overlap, share a point."""
+    abc = _orientation(ax, ay, bx, by, cx, cy)
+    abd = _orientation(ax, ay, bx, by, dx, dy)
+    if abc * abd > 0:
+        return False
+    # all four on one line: both lie along it, so overlapping boxes are overlapping segments
+    return _orientation(cx, cy, dx, dy, ax, ay) * _orientation(cx, cy, dx, dy, bx, by) <= 0
+
+
+@njit(cache=True)
+def turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
+    """Whether the edges pq and qr, both of some length, overlap in more than q."""
+    if _orientation(px, py, qx, qy, rx, ry) != 0:
+        return False
+    return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)

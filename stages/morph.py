@@ -1,0 +1,153 @@
+"""Stage `morph`: a drawing becomes another one; a hoop springs back (curve paper §2-4.1)."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.curve import Curve, area, resampled
+from finloop.curve_dynamics import energy, solve
+from finloop.curve_filters import CUBIC
+from finloop.curve_glyph import glyph
+from finloop.curve_plots import figure2, figure3, figure6, figure7
+from finloop.curve_problem import How, Material, Problem
+from finloop.curve_stiffness import connection, off_diagonal, stiffness
+from finloop.curve_wavelet import truncated
+from finloop.files.animation import ENDINGS, save_animation
+from finloop.files.atomic import whole_folder
+from finloop.files.picture import save_figure, save_picture
+from finloop.files.svg import load_svg
+from finloop.files.table import save_csv
+from finloop.morph_layers import METHODS, Physics, morph, there_and_back
+from finloop.morph_match import matched
+from finloop.morph_plots import sheet
+from stages.params import load
+from stages.params.morph import OPTIONS, Morph
+
+OUT, REPORT = Path("data/morph"), Path("reports/morph")
+TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
+GLYPH_POINTS, HOOP_POINTS = 1024, 256
+CONTROL = (4, 8, 16, 32)  # points of Fig. 7
+SETTINGS = {  # of Fig. 5: e0, c, rho
+    "soft, light damping": Physics(1.0, 2.0, 1.0),
+    "stiff": Physics(6.0, 8.0, 1.0),
+    "heavy damping": Physics(1.0, 40.0, 1.0),
+    "no mass": Physics(1.0, 8.0, 0.0),
+}
+
+
+def tables() -> pd.DataFrame:
+    """Tables 1 and 2: normalised connection coefficients, and the true scale of the first."""
+    rows = []
+    for wavelet in TABLES:
+        found = connection(wavelet)
+        for i, (mu, nu) in enumerate(zip(found.mu, found.nu, strict=True)):
+            rows.append((wavelet, i, mu / found.mu[0], nu / found.nu[0], mu, nu))
+    columns = ["wavelet", "l", "mu_normalised", "nu_normalised", "mu", "nu"]
+    return pd.DataFrame(rows, columns=columns)
+
+
+def hoop(p: Morph) -> dict[str, float]:
+    """Figs. 6, 7: a bent hoop, round at rest, is let go; how far each way to solve it is off."""
+    drawn = next(iter(load_svg(Path(p.hoop)).curves.values()))
+    angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
+    radius = np.sqrt(abs(area(drawn)) / np.pi)
+    ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    bent, rest = matched(drawn, Curve(ring, True), HOOP_POINTS)
+    bent = bent - bent.mean(axis=0) - rest
+    # Mode m swings m √(e₀/ρ) times in a time of 1: the oval, m = 2, once.
+    material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
+    times = np.linspace(0, 3, 181)
+    problem = Problem(rest, bent, material, times, wavelet=p.wavelet)
+    exact = solve(problem)
+    levels = 3
+    numbers = {
+        f"hoop_error_{method.replace('-', '_')}": solve(problem, method, How(levels=levels)).error
+        for method in ("runge-kutta", "decoupled")
+    }
+    massless = Problem(
+        rest, bent, Material(0.0, 1.0, 1.0, 0.02), np.linspace(0, 1, 61), wavelet=p.wavelet
+    )
+    for method in ("explicit-euler", "implicit-euler"):
+        how = How(levels=levels, substeps=40)
+        numbers[f"massless_error_{method.replace('-', '_')}"] = solve(massless, method, how).error
+    total = energy(problem, exact)
+    numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
+    shown = np.arange(0, 72, 4)
+    frames = exact.displacement + rest
+    save_figure(REPORT / "fig6.png", figure6(frames[shown], times[shown], rest, "a hoop let go"))
+    few = shown[::2]
+    coarse = [
+        (count, truncated(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
+        for count in CONTROL
+    ]
+    save_figure(REPORT / "fig7.png", figure7(coarse, times[few], "the same, of few control points"))
+    return numbers
+
+
+def curves(p: Morph) -> dict[str, float]:
+    """Figs. 2 and 3, and how much of K lies off its diagonal."""
+    outline = max(glyph(p.glyph), key=lambda one: len(one.points))
+    curve: Curve = resampled(outline, GLYPH_POINTS)
+    save_figure(
+        REPORT / "fig2.png",
+        figure2(curve, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")]),
+    )
+    k = stiffness(p.wavelet, 64, 2)
+    save_figure(REPORT / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
+    return {
+        f"off_diagonal_energy_{wavelet}_{levels}_levels_pct": 100
+        * off_diagonal(stiffness(wavelet, 256, levels))
+        for wavelet in dict.fromkeys((*TABLES, p.wavelet))
+        for levels in (1, 2, 3)
+    }
+
+
+def main() -> None:
+    """Make data/morph/, reports/morph/."""
+    p = load("morph", OPTIONS)
+    numbers = curves(p) | hoop(p)
+    save_csv(REPORT / "connection.csv", tables(), decimals=12)
+    drawings = load_svg(Path(p.a)), load_svg(Path(p.b))
+    own = Physics(p.elastic, p.damping, p.mass)
+    with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
+        made = {}
+        for method in METHODS:
+            level = p.level if method == "linear" else None
+            made[method] = morph(*drawings, method, p.frames, p.points, level, own)
+            advance()
+        chosen = there_and_back(made[p.method]) if p.back else made[p.method]
+        rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
+        with whole_folder(OUT) as folder:
+            for ending in ENDINGS:
+                save_animation(folder / f"{p.method}{ending}", chosen, rate, p.size_px)
+                advance()
+    save_picture(REPORT / "fig4.png", sheet(made))
+    swung = {
+        name: morph(*drawings, "physical", p.frames, p.points, None, physics)
+        for name, physics in SETTINGS.items()
+    }
+    save_picture(REPORT / "fig5.png", sheet({"linear": made["linear"]} | swung))
+    folds = [
+        {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
+         "folds": int(count.sum()), "proved_between_frames": one.continuous[name]}
+        for method, one in made.items()
+        for name, count in one.folds.items()
+    ]  # fmt: skip
+    save_csv(REPORT / "folds.csv", pd.DataFrame(folds), decimals=0)
+    save_metrics(
+        REPORT / "metrics.json",
+        numbers
+        | {
+            f"{method}_contours_that_fold": sum(bool(count.any()) for count in one.folds.values())
+            for method, one in made.items()
+        }
+        | {"contours": len(made[p.method].layers), "frames": p.frames},
+    )
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,150 @@
+"""Curves: length, area, orientation, equal arc length; laws on drawn shapes. y is down."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from finloop.curve import (
+    Curve,
+    area,
+    checked,
+    clockwise,
+    length,
+    resampled,
+    reversed,
+    rolled,
+    steps,
+)
+from finloop.curve_glyph import glyph
+from finloop.errors import FinloopError
+
+SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])  # right, down, left: clockwise on a screen
+ANY = arrays(np.float64, st.tuples(st.integers(3, 12), st.just(2)), elements=st.integers(-50, 50))
+
+
+def drawn(points, closed):
+    """The curve, or None where the points are too few to be one."""
+    try:
+        return checked(Curve(points, closed), "drawn")
+    except FinloopError:
+        return None
+
+
+def test_a_square():
+    closed, opened = Curve(SQUARE, True), Curve(SQUARE, False)
+    assert length(closed) == 8
+    assert length(opened) == 6
+    assert area(closed) == 4
+    assert area(reversed(closed)) == -4
+    assert np.array_equal(clockwise(reversed(closed)).points, SQUARE)
+    assert np.array_equal(clockwise(reversed(opened)).points, SQUARE[::-1])
+    assert np.array_equal(rolled(closed, 1).points, SQUARE[[1, 2, 3, 0]])
+    assert np.array_equal(reversed(closed).points, SQUARE[[0, 3, 2, 1]])
+    middle = resampled(closed, 8).points
+    assert np.allclose(middle[:4], [[0, 0], [1, 0], [2, 0], [2, 1]])
+    assert np.allclose(resampled(opened, 4).points, SQUARE)
+
+
+def test_a_fine_circle_has_the_circles_length_and_area():
+    t = 2 * np.pi * np.arange(4096) / 4096
+    circle = Curve(3 * np.stack([np.cos(t), np.sin(t)], axis=1) + 1e3, True)
+    assert length(circle) == pytest.approx(6 * np.pi, rel=1e-6)
+    assert area(circle) == pytest.approx(9 * np.pi, rel=1e-5)
+
+
+@given(ANY, st.booleans(), st.integers(0, 11), st.floats(0.1, 10), st.floats(0, 6))
+@settings(max_examples=60, deadline=None)
+def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
+    curve = drawn(points, closed)
+    if curve is None:
+        return
+    turn = scale * np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    moved = Curve(curve.points @ turn + (3, -7), closed)
+    assert length(moved) == pytest.approx(scale * length(curve))
+    assert area(moved) == pytest.approx(scale**2 * area(curve), abs=1e-9 * length(moved) ** 2)
+    back = reversed(reversed(curve))
+    assert np.array_equal(back.points, curve.points)
+    assert area(reversed(curve)) == pytest.approx(-area(curve), abs=1e-9)
+    assert length(reversed(curve)) == pytest.approx(length(curve))
+    assert np.allclose(resampled(moved, 16).points, resampled(curve, 16).points @ turn + (3, -7))
+    if closed:
+        other = rolled(curve, start % len(curve.points))
+        assert area(other) == pytest.approx(area(curve), abs=1e-9)
+        assert length(other) == pytest.approx(length(curve))
+        assert area(clockwise(curve)) >= 0
+
+
+@given(ANY, st.booleans(), st.integers(3, 60))
+@settings(max_examples=60, deadline=None)
+def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n):
+    curve = drawn(points, closed)
+    if curve is None:
+        return
+    new = resampled(curve, n)
+    assert new.points.shape == (n, 2)
+    assert np.array_equal(new.points[0], curve.points[0])
+    if not closed:
+        assert np.allclose(new.points[-1], curve.points[-1])
+    even = length(curve) / (n if closed else n - 1)
+    assert steps(new).max() <= even * (1 + 1e-9)
+    # One segment after the other, walked apart from the code under test.
+    path = np.concatenate([curve.points, curve.points[:1]]) if closed else curve.points
+    for number, point in enumerate(new.points):
+        left = number * even
+        for a, b in zip(path[:-1], path[1:], strict=True):
+            d = np.linalg.norm(b - a)
+            if left <= d * (1 + 1e-9) + 1e-9:
+                assert np.allclose(point, a + (b - a) * min(left / d, 1), atol=1e-6)
+                break
+            left -= d
+
+
+def test_points_that_repeat_are_dropped():
+    points = np.array([[0.0, 0], [0, 0], [1, 0], [1, 1], [1, 1], [0, 0]])
+    assert len(checked(Curve(points, True), "a").points) == 3
+    assert len(checked(Curve(points, False), "a").points) == 4
+
+
+@pytest.mark.parametrize(
+    ("points", "closed", "word"),
+    [
+        ([[0, 0], [1, np.nan], [2, 0]], True, "point 1"),
+        ([[0, 0], [1, 1], [np.inf, 0]], False, "inf"),
+        ([[0, 0], [1, 1], [1e200, 0]], False, "1e\\+200"),
+        ([[0, 0], [1, 1]], True, "closed curve brow 2 lie apart"),
+        ([[0, 0], [1, 1], [0, 0]], True, "2 lie apart"),
+        ([[1, 1], [1, 1], [1, 1]], False, "its length is 0"),
+        ([[1, 1]] * 5, True, "its length is 0"),
+        (np.zeros((0, 2)), True, "0 lie apart"),
+        ([[1, 1, 1]], True, "shape"),
+        ([1, 2, 3], True, "shape"),
+    ],
+)
+def test_what_is_no_curve_is_refused_by_name(points, closed, word):
+    with pytest.raises(FinloopError, match=word) as refused:
+        checked(Curve(np.array(points, float), closed), "brow")
+    assert "brow" in str(refused.value)
+
+
+def test_open_curves_have_no_other_start_and_resampling_needs_points():
+    with pytest.raises(FinloopError, match="open"):
+        rolled(Curve(SQUARE, False), 1)
+    with pytest.raises(FinloopError, match="at least 3"):
+        resampled(Curve(SQUARE, True), 2)
+
+
+def test_glyphs_are_outlines_the_right_way_up():
+    (three,) = glyph("3")
+    assert three.points[:, 1].max() < 50  # of an em of 1000: hardly below the baseline
+    assert -800 < three.points[:, 1].min() < -650
+    assert abs(area(three)) > 1e5
+    (seven,) = glyph("7")  # its bar is above: at the top it is wide
+    top = seven.points[seven.points[:, 1] < -600]
+    foot = seven.points[seven.points[:, 1] > -100]
+    assert np.ptp(top[:, 0]) > 2 * np.ptp(foot[:, 0])
+    assert len(glyph("8")) == 3
+    for word in ("", "12", " "):
+        with pytest.raises(FinloopError):
+            glyph(word)

@@ -1,0 +1,398 @@
+"""Dynamics of deformed curves: laws, closed forms, every method against the exact one.
+
+The hoop is a circle of radius 1; mode k of it swings k times in a unit of time (e₀ = ρ = 1).
+"""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from scipy.linalg import expm
+
+from finloop.curve_dynamics import energy, force_at, momentum, solve
+from finloop.curve_integrate import schulz
+from finloop.curve_oscillator import Oscillators, driven, moved, response
+from finloop.curve_plots import figure6, figure7
+from finloop.curve_problem import METHODS, How, Material, Problem
+from finloop.curve_stiffness import eigenvalues, stiffness_phi
+from finloop.curve_wavelet import control, from_control, mirrored
+from finloop.errors import FinloopError
+
+TIGHT = How(rtol=1e-8, integrator="DOP853", substeps=30)
+TIMES = np.linspace(0, 0.5, 11)
+LIGHT = Material(1, 1, 0.5, 0.001)
+MASSLESS = Material(0, 1, 1.0, 0.01)
+
+
+def hoop(n):
+    t = 2 * np.pi * np.arange(n) / n
+    return np.stack([np.cos(t), np.sin(t)], axis=1)
+
+
+def bent(n, seed=0):
+    """A smooth displacement."""
+    t = 2 * np.pi * np.arange(n) / n
+    weights = np.random.default_rng(seed).normal(size=(2, 4, 2)) / np.arange(1, 5)[:, None] ** 2
+    waves = np.stack([np.cos(np.outer(t, np.arange(1, 5))), np.sin(np.outer(t, np.arange(1, 5)))])
+    return np.einsum("cnk,ckd->nd", waves, weights)
+
+
+def problem(material=LIGHT, n=64, times=TIMES, **more):
+    return Problem(hoop(n), more.pop("displacement", bent(n)), material, times, **more)
+
+
+def for_method(method, **more):
+    return problem(MASSLESS if method.endswith("euler") else LIGHT, **more)
+
+
+# --- one oscillator: the closed form
+
+
+@given(
+    st.floats(0.1, 5),
+    st.floats(0, 20),
+    st.floats(0, 50),
+    st.floats(-2, 2),
+    st.floats(-2, 2),
+    st.floats(-2, 2),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
+    """Against the exponential of the first-order system (3.15), the force a state of its own."""
+    of = Oscillators(density, np.array([c]), np.array([k]))
+    times = np.array([0.0, 0.3, 1.0])
+    places, speeds = moved(of, np.array([[a]]), np.array([[v]]), times, np.array([[q]]))
+    system = np.array([[0, 1, 0], [-k / density, -c / density, 1 / density], [0, 0, 0]])
+    for time, place, speed in zip(times, places[:, 0, 0], speeds[:, 0, 0], strict=True):
+        wanted = expm(time * system) @ [a, v, q]
+        assert place == pytest.approx(wanted[0], rel=1e-9, abs=1e-10)
+        assert speed == pytest.approx(wanted[1], rel=1e-9, abs=1e-10)
+
+
+@pytest.mark.parametrize(("c", "case"), [(9.0, "real"), (4.0, "double"), (1.0, "complex")])
+def test_the_three_damping_cases(c, case):
+    """ρ = 1, k = 4: a e^{r₁t} + b e^{r₂t}, or (a + b t) e^{rt} where the roots are one."""
+    of = Oscillators(1.0, np.array([c]), np.array([4.0]))
+    assert of.cases()[case] == 1
+    assert sum(of.cases().values()) == 1
+    t = np.linspace(0, 3, 20)
+    places, _ = moved(of, np.array([[1.0]]), np.array([[0.5]]), t, None)
+    r1, r2 = np.roots([1, c, 4]).astype(complex)
+    if case == "double":
+        wanted = (1 + 2.5 * t) * np.exp(-2 * t)
+    else:
+        b = (0.5 - r1) / (r2 - r1)
+        wanted = ((1 - b) * np.exp(r1 * t) + b * np.exp(r2 * t)).real
+    assert np.allclose(places[:, 0, 0], wanted, atol=1e-12)
+
+
+def test_near_the_double_root_nothing_jumps_and_stiff_ones_do_not_overflow():
+    near = 4 + np.array([-1e-7, -1e-12, 0, 1e-12, 1e-7])
+    at = response(Oscillators(1.0, near, np.full(5, 4.0)), np.linspace(0, 3, 7))
+    for part in at:
+        assert np.ptp(part, axis=1).max() < 1e-6
+    for c in (3.999, 4.0001, 4.001):  # not the double root's either
+        wanted = expm(np.array([[0, 1], [-4, -c]]))[0]
+        one = response(Oscillators(1.0, np.array([c]), np.array([4.0])), np.array([1.0]))
+        assert np.allclose([one.place[0, 0], one.speed[0, 0]], wanted, rtol=0, atol=1e-13)
+    stiff = response(
+        Oscillators(1.0, np.array([1e9, 1e9]), np.array([1e12, 0])), np.array([0, 5.0])
+    )
+    assert all(np.isfinite(part).all() for part in stiff)
+    assert stiff.place[1, 0] == pytest.approx(0, abs=1e-300)
+    assert stiff.pushed[1, 1] == pytest.approx(5e-9, rel=1e-6)
+    free = response(Oscillators(2.0, np.zeros(1), np.zeros(1)), np.array([3.0]))
+    assert free.pushed[0, 0] == pytest.approx(9 / 4)  # ½ q t² / ρ
+
+
+@pytest.mark.parametrize("density", [0.0, 1.0])
+def test_a_driven_oscillator_follows_a_force_of_time_and_place(density):
+    of = Oscillators(density, np.array([0.7, 3.0]), np.array([3000.0, 0.0]))
+    a, v = np.array([[1.0], [0.2]]), np.array([[0.0], [1.0]])
+    times = np.array([0.0, 0.4, 0.6, 2.0])
+
+    def push(time, places):
+        return np.sin(5 * time) - 0.5 * places**2
+
+    places, speeds, _ = driven(of, a, v, times, push, 1e-10)
+
+    def slope(t, y):
+        x = y[:2, None]
+        if density == 0:
+            return ((push(t, x) - of.stiffness[:, None] * x) / of.damping[:, None]).ravel()
+        w = y[2:, None]
+        rate = (push(t, x) - of.stiffness[:, None] * x - of.damping[:, None] * w) / density
+        return np.concatenate([w, rate]).ravel()
+
+    start = a.ravel() if density == 0 else np.concatenate([a, v]).ravel()
+    found = solve_ivp(slope, (0, 2), start, "DOP853", times, rtol=1e-11, atol=1e-12)
+    assert np.allclose(places[:, :, 0], found.y[:2].T, atol=1e-8)
+    rates = slope if density == 0 else (lambda t, y: y[2:])
+    assert np.allclose(
+        speeds[:, :, 0], [rates(t, y) for t, y in zip(times, found.y.T, strict=True)], atol=1e-7
+    )
+
+
+def test_a_force_too_wild_is_refused():
+    of = Oscillators(1.0, np.zeros(1), np.ones(1))
+    one = np.ones((1, 1))
+    with pytest.raises(FinloopError, match="too fast"):
+        driven(
+            of,
+            one,
+            one,
+            np.array([0.0, 1.0]),
+            lambda t, x: np.sign(np.sin(1e7 * t * t)) * one,
+            1e-9,
+        )
+
+
+# --- the exact solution
+
+
+def test_the_exact_solution_against_a_tight_integrator_in_the_phi_basis():
+    p = problem(displacement=bent(128), n=128, velocity=bent(128, 1), force=np.array([1.0, -2]))
+    k = stiffness_phi("coif2", 128)
+
+    def slope(t, y):
+        u, w = y.reshape(2, 128, 2)
+        c = 0.5 * w + 0.001 * (k @ w)
+        return np.concatenate([w.ravel(), ([1.0, -2] - k @ u - c).ravel()])
+
+    start = np.stack([p.displacement, p.velocity]).ravel()
+    found = solve_ivp(slope, (0, 0.5), start, "DOP853", TIMES, rtol=1e-10, atol=1e-12)
+    ours = solve(p)
+    assert np.abs(ours.displacement - found.y.T.reshape(-1, 2, 128, 2)[:, 0]).max() < 1e-8
+    assert np.abs(ours.velocity - found.y.T.reshape(-1, 2, 128, 2)[:, 1]).max() < 1e-6
+    assert ours.error == 0
+
+
+def test_a_mode_of_the_hoop_swings_so_often():
+    t = 2 * np.pi * np.arange(256) / 256
+    for mode in (1, 2, 3):
+        u = np.stack([np.cos(mode * t), 0 * t], axis=1)
+        motion = solve(problem(Material(), 256, displacement=u, times=np.array([0, 0.5, 1]) / mode))
+        assert np.allclose(motion.displacement[1], -u, atol=1e-4)
+        assert np.allclose(motion.displacement[2], u, atol=1e-4)
+
+
+# --- laws
+
+
+@given(st.floats(0.1, 5), st.floats(0.1, 5), st.floats(0, 5), st.floats(0, 0.1), st.integers(0, 99))
+@settings(max_examples=30, deadline=None)
+def test_energy_never_rises_and_stays_without_damping(density, elastic, s1, s2, seed):
+    times = np.linspace(0, 2, 40)
+    jagged = 0.01 * (-1.0) ** np.arange(64)[:, None]
+    more = {"displacement": bent(64, seed) + jagged, "velocity": bent(64, seed + 1), "times": times}
+    damped = problem(Material(density, elastic, s1, s2), **more)
+    course = energy(damped, solve(damped))
+    assert (np.diff(course) <= 1e-12 * course[0]).all()
+    free = problem(Material(density, elastic), **more)
+    course = energy(free, solve(free))
+    assert np.allclose(course, course[0], rtol=1e-11)
+    # As a sum over K itself.
+    first = more["displacement"], more["velocity"]
+    k = stiffness_phi("coif2", 64, elastic)
+    byhand = ((first[0] * (k @ first[0])).sum() + density * (first[1] ** 2).sum()) / 2 / 64
+    assert course[0] == pytest.approx(byhand)
+
+
+def test_energy_of_the_other_methods_falls_too():
+    for method in ("runge-kutta", "explicit-euler", "implicit-euler"):
+        p = for_method(method)
+        course = energy(p, solve(p, method, TIGHT))
+        assert (np.diff(course) <= 1e-7 * course[0]).all()
+
+
+@pytest.mark.parametrize("method", ["modal", "runge-kutta"])
+def test_momentum(method):
+    """ρ ∫ u̇ fades by e^{−s₁t} towards Q / s₁: what is inside the curve cannot push it."""
+    q = np.array([0.3, -1.0])
+    material = Material(2.0, 3.0, 0.8, 0.002)
+    for force in (None, q, lambda t, x: np.broadcast_to(q, x.shape)):
+        p = problem(material, velocity=bent(64, 2) + (1, 2), force=force)
+        start = 2 * p.velocity.mean(axis=0)
+        pushed = np.zeros(2) if force is None else q
+        fade = np.exp(-0.8 * TIMES)[:, None]
+        wanted = start * fade + pushed / 0.8 * (1 - fade)
+        assert np.allclose(momentum(p, solve(p, method, TIGHT)), wanted, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_rest_state_stays_at_rest(method):
+    p = for_method(method, displacement=np.zeros((64, 2)))
+    motion = solve(p, method, TIGHT)
+    assert not motion.displacement.any()
+    assert not motion.velocity.any()
+    assert motion.error == 0
+
+
+def test_refining_the_scale_converges():
+    """The hoop at 8, 16, …, 128 control points against 1024 of them."""
+    n = 1024
+    u = bent(n)
+    fine = solve(problem(n=n, displacement=u)).displacement
+    errors = []
+    for level in (7, 6, 5, 4, 3):
+        few = Problem(control(hoop(n), "coif2", level), control(u, "coif2", level), LIGHT, TIMES)
+        coarse = from_control(solve(few).displacement, "coif2", level)
+        errors.append(np.abs(coarse - fine).max())
+    assert (np.diff(errors) < 0).all()
+    assert errors[-1] < 1e-3 * errors[0]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_shifts_and_turns_do_not_matter(method):
+    p = for_method(method)
+    turn = np.array([[0.6, -0.8], [0.8, 0.6]])
+    turned = Problem(p.rest @ turn + 7, p.displacement @ turn, p.material, TIMES + 3)
+    a, b = solve(p, method, TIGHT), solve(turned, method, TIGHT)
+    assert np.allclose(a.displacement @ turn, b.displacement, atol=1e-6)
+    assert a.error == pytest.approx(b.error, rel=0.5, abs=1e-6)
+
+
+def test_an_open_curve_has_free_ends_and_stays_its_own_mirror_image():
+    t = np.linspace(0, 1, 32)
+    line = mirrored(np.stack([t, 0 * t], axis=1))
+    bend = mirrored(np.stack([0 * t, (t - 0.3) ** 2], axis=1))
+    motion = solve(Problem(line, bend, LIGHT, TIMES))
+    assert np.allclose(motion.displacement[:, :32], motion.displacement[:, :31:-1], atol=1e-12)
+    assert np.abs(motion.displacement[-1, :32] - bend[:32]).max() > 0.01
+
+
+# --- every method against the exact one
+
+
+@pytest.mark.parametrize("force", ["none", "constant", "field"])
+@pytest.mark.parametrize("method", METHODS)
+def test_error_against_the_exact_solution(method, force):
+    given = {
+        "none": None,
+        "constant": np.array([0.0, 9.81]),
+        "field": lambda t, x: -2 * x + np.array([np.sin(9 * t), 0.3]),
+    }[force]
+    p = for_method(method, force=given)
+    motion = solve(p, method, TIGHT)
+    exact = solve(p).displacement
+    off = np.abs(motion.displacement - exact).max() / np.abs(exact).max()
+    if method != "modal":
+        assert motion.error == pytest.approx(off)
+    limit = {"modal": 1e-8, "runge-kutta": 1e-6, "decoupled": 3.0}.get(method, 2e-2)
+    assert motion.error <= limit
+    assert motion.displacement.shape == motion.velocity.shape == (11, 64, 2)
+    assert np.allclose(motion.displacement[0], p.displacement)
+    # A velocity is the change of place.
+    if method not in ("decoupled",):
+        inner = (motion.displacement[2:] - motion.displacement[:-2]) / (TIMES[2] - TIMES[0])
+        assert np.abs(inner - motion.velocity[1:-1]).max() < 0.2 * np.abs(motion.velocity).max()
+
+
+def test_euler_is_of_first_order_and_both_inverses_agree():
+    for method in ("explicit-euler", "implicit-euler"):
+        p = problem(MASSLESS, force=np.array([1.0, 0]))
+        errors = [solve(p, method, How(substeps=s)).error for s in (20, 40, 80)]
+        assert errors[0] / errors[1] == pytest.approx(2, rel=0.1)
+        assert errors[1] / errors[2] == pytest.approx(2, rel=0.1)
+        by = [solve(p, method, How(substeps=5, inverse=i)) for i in ("sparse", "schulz")]
+        assert np.allclose(by[0].displacement, by[1].displacement, atol=1e-10)
+        assert by[1].facts["schulz_iterations"] > 3
+        assert by[1].facts["schulz_residual"] <= 1e-10
+
+
+def test_schulz_iteration():
+    rng = np.random.default_rng(0)
+    a = rng.normal(size=(30, 30))
+    matrix = a @ a.T + np.eye(30)
+    inverse, steps, residual = schulz(matrix)
+    assert np.allclose(inverse, np.linalg.inv(matrix), atol=1e-9)
+    assert residual <= 1e-10
+    assert steps < 40
+    with pytest.raises(FinloopError, match="residual"):
+        schulz(np.ones((4, 4)))
+
+
+def test_decoupling_is_no_small_error():
+    """Dropping the off-diagonals costs 37 % and more over a period of mode 2, lightly damped."""
+    t = 2 * np.pi * np.arange(128) / 128
+    u = np.stack([np.cos(2 * t), np.sin(2 * t)], axis=1)
+    for wavelet in ("db4", "coif2"):
+        for levels in (1, 2, 3):
+            p = problem(
+                Material(1, 1, 0.2, 0),
+                128,
+                np.linspace(0, 0.5, 26),
+                displacement=u,
+                wavelet=wavelet,
+            )
+            motion = solve(p, "decoupled", How(levels=levels))
+            assert motion.error > 0.37
+            assert motion.facts["complex_roots"] == 128
+
+
+def test_decoupled_is_exact_where_k_is_diagonal():
+    """No elasticity: each coefficient fades alone."""
+    p = problem(Material(1, 0, 0.7, 0), velocity=bent(64, 1), force=np.array([1.0, 2]))
+    assert solve(p, "decoupled").error < 1e-12
+
+
+def test_force_at_is_of_place_and_time():
+    p = problem(force=lambda t, x: t * x)
+    assert np.allclose(force_at(p, 2.0, p.displacement), 2 * (p.rest + p.displacement))
+    assert np.allclose(eigenvalues("coif2", 64)[0], 0)
+
+
+# --- what is refused
+
+
+@pytest.mark.parametrize(
+    ("change", "method", "word"),
+    [
+        ({"times": [0, 1, 1]}, "modal", "rise"),
+        ({"times": [0, np.nan]}, "modal", "finite"),
+        ({"displacement": np.full((64, 2), np.nan)}, "modal", "finite"),
+        ({"displacement": np.zeros((32, 2))}, "modal", "shape"),
+        ({"force": np.zeros(3)}, "modal", "force of shape"),
+        ({"material": Material(-1)}, "modal", "negative"),
+        ({"material": Material(0, 1, 0, 1)}, "modal", "mass_damping"),
+        ({"material": MASSLESS}, "runge-kutta", "density, 0"),
+        ({}, "implicit-euler", "density 1"),
+        ({}, "leapfrog", "leapfrog"),
+        ({"wavelet": "db2"}, "modal", "square integrable"),
+        ({"material": MASSLESS, "times": [0, 1, 3]}, "implicit-euler", "evenly"),
+    ],
+)
+def test_what_makes_no_sense_is_refused(change, method, word):
+    p = Problem(**{**vars(problem()), **change})
+    with pytest.raises(FinloopError, match=word):
+        solve(p, method)
+
+
+def test_explicit_euler_refuses_steps_that_grow_without_end_and_says_how_many_will_do():
+    p = problem(Material(0, 1, 1.0, 1e-4))
+    with pytest.raises(FinloopError, match="grow without end") as refused:
+        solve(p, "explicit-euler", How(substeps=1))
+    enough = int(refused.value.do.split("substeps to ")[1].split()[0])
+    assert solve(p, "explicit-euler", How(substeps=enough)).error < 0.1
+    with pytest.raises(FinloopError, match="grow without end"):
+        solve(p, "explicit-euler", How(substeps=int(0.7 * enough)))
+    with pytest.raises(FinloopError, match="sparse or schulz"):
+        solve(problem(MASSLESS), "implicit-euler", How(inverse="cholesky"))
+
+
+def test_odd_curves_are_refused():
+    with pytest.raises(FinloopError, match="48 points"):
+        solve(problem(n=48, displacement=np.zeros((48, 2))))
+
+
+def test_figures_6_and_7_draw_the_hoop():
+    n = 64
+    frames = hoop(n) + solve(problem()).displacement
+    figure = figure6(frames, TIMES, hoop(n), "hoop", columns=4)
+    assert len(figure.axes) == 12
+    x, y = figure.axes[5].lines[1].get_data()
+    assert np.allclose(np.stack([x, y], axis=1)[:-1], frames[5])
+    assert figure.axes[0].yaxis_inverted()
+    figure = figure7([(4, frames[:3]), (8, frames[3:6])], TIMES[:3], "hoop")
+    assert len(figure.axes) == 6

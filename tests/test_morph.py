@@ -1,0 +1,303 @@
+"""Morphs of drawings in layers, and the command that makes them from two files to one."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from finloop.curve import Curve, Drawing
+from finloop.errors import FinloopError
+from finloop.files.animation import ENDINGS
+from finloop.files.svg import load_svg
+from finloop.morph import main
+from finloop.morph_folds import folds
+from finloop.morph_layers import METHODS, Physics, fitted, morph, there_and_back
+
+ROOT = Path(__file__).parents[1]
+FACES = [str(ROOT / "data/drawings" / f"face_{which}.svg") for which in "ab"]
+SQUARE = np.array([[20, 20], [60, 20], [60, 60], [20, 60.0]])
+TRIANGLE = np.array([[10, 80], [50, 5], [90, 80.0]])
+LINE = np.array([[10, 10], [40, 20], [90, 15.0]])
+EIGHT = np.array([[10, 10], [60, 60], [60, 10], [10, 60.0]])
+
+
+def drawing(width=100, height=100, styles=(), **curves):
+    """Of arrays (n, 2), open where the name begins with "open"."""
+    return Drawing(
+        {name: Curve(points, not name.startswith("open")) for name, points in curves.items()},
+        width,
+        height,
+        dict(styles),
+    )
+
+
+A = drawing(box=SQUARE, open_line=LINE, styles={"box": "fill:red"})
+B = drawing(
+    open_line=LINE + [0, 60], box=TRIANGLE, styles={"box": "fill:blue", "open_line": "stroke:lime"}
+)
+
+
+def far(points, line):
+    """The farthest of points from a closed polyline."""
+    a, b = line, np.roll(line, -1, axis=0)
+    t = ((points[:, None] - a) * (b - a)).sum(-1) / ((b - a) ** 2).sum(-1)
+    foot = a + np.clip(t, 0, 1)[..., None] * (b - a)
+    return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1).max()
+
+
+# --- layers
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_morph_has_every_frame_of_every_layer(method):
+    done = morph(A, B, method, 7, points=64)
+    assert list(done.layers) == ["box", "open_line"]  # as the first drawing has them
+    assert {name: stack.shape for name, stack in done.layers.items()} == dict.fromkeys(
+        done.layers, (7, 64, 2)
+    )
+    assert done.closed == {"box": True, "open_line": False}
+    np.testing.assert_allclose(done.tau, np.arange(7) / 6)
+    assert {name: count.shape for name, count in done.folds.items()} == dict.fromkeys(
+        done.layers, (7,)
+    )
+    assert done.styles == {"box": "fill:red", "open_line": "stroke:lime"}
+    assert (done.width, done.height) == (100, 100)
+
+
+@pytest.mark.parametrize("method", ["linear", "simple"])
+def test_the_ends_are_the_drawings(method):
+    done = morph(A, B, method, 5, points=128)
+    for frame, box, line in ((0, SQUARE, LINE), (-1, TRIANGLE, LINE + [0, 60])):
+        assert far(done.layers["box"][frame], box) < 1e-4
+        ends = done.layers["open_line"][frame][[0, -1]]
+        np.testing.assert_allclose(ends[np.argsort(ends[:, 0])], line[[0, -1]], atol=1e-4)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_drawing_morphed_into_itself_stays(method):
+    done = morph(A, A, method, 4, points=64)
+    for stack in done.layers.values():
+        np.testing.assert_allclose(stack, np.broadcast_to(stack[0], stack.shape), atol=1e-4)
+    assert all(done.continuous.values())
+
+
+def test_frames_lie_on_the_grid_that_is_told():
+    for side, decimals in ((100, 4), (101, 3), (1, 6), (24, 4), (3e7, -2)):
+        done = morph(fitted(A, side, side), fitted(B, side, side), "linear", 3, points=32)
+        assert done.decimals == decimals
+        for stack in done.layers.values():
+            np.testing.assert_array_equal(stack, np.round(stack, decimals))
+
+
+def test_zero_has_no_sign():
+    corner = drawing(box=SQUARE - 20 - 1e-9)
+    box = morph(corner, corner, "linear", 2, points=32).layers["box"]
+    assert (box == 0).any()
+    assert not np.signbit(box).any()
+
+
+def test_what_is_counted_is_what_is_shown():
+    twisted = drawing(box=EIGHT)
+    done = morph(twisted, twisted, "linear", 3, points=64)
+    assert (done.folds["box"] > 0).all()
+    assert not done.continuous["box"]
+    np.testing.assert_array_equal(done.folds["box"], folds(done.layers["box"], True))
+
+
+def test_physics_reaches_the_method():
+    stiff, soft = (morph(A, B, "physical", 5, 64, physics=Physics(elastic=e)) for e in (8.0, 0.5))
+    assert np.abs(stiff.layers["box"] - soft.layers["box"]).max() > 0.1
+
+
+def test_level_reaches_the_method():
+    fine, coarse = (morph(A, B, "linear", 5, 64, level) for level in (None, 3))
+    assert np.abs(fine.layers["box"] - coarse.layers["box"]).max() > 0.1
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    size=st.tuples(st.floats(1, 500), st.floats(1, 500)),
+    into=st.tuples(st.floats(1, 500), st.floats(1, 500)),
+)
+def test_fitted_drawings_keep_their_shape_and_touch_the_rim(size, into):
+    corners = np.array([[0, 0], [size[0], 0], size, [0, size[1]]])
+    shown = fitted(drawing(*size, box=corners), *into).curves["box"].points
+    low, high = shown.min(axis=0), shown.max(axis=0)
+    extent = high - low
+    assert extent[0] * size[1] == pytest.approx(extent[1] * size[0])
+    np.testing.assert_allclose(low + high, into)  # in the middle
+    assert (low >= -1e-9 * max(into)).all()
+    assert np.isclose(extent, into).any()
+
+
+def test_the_second_drawing_is_fitted_into_the_first():
+    large = fitted(B, 1000, 1000)
+    one, other = (morph(A, b, "linear", 3, points=32) for b in (B, large))
+    for name in one.layers:
+        np.testing.assert_allclose(one.layers[name], other.layers[name], atol=2e-4)
+
+
+def test_there_and_back_repeats_without_a_jump():
+    done = morph(A, B, "linear", 4, points=32)
+    shown = there_and_back(done)
+    np.testing.assert_array_equal(shown.tau, done.tau[[0, 1, 2, 3, 2, 1]])
+    np.testing.assert_array_equal(shown.layers["box"], done.layers["box"][[0, 1, 2, 3, 2, 1]])
+    assert len(shown.folds["box"]) == 6
+
+
+def test_the_faces_do_not_fold():
+    done = morph(*map(load_svg, map(Path, FACES)), "simple", 60)
+    assert {name: int(count.max()) for name, count in done.folds.items()} == dict.fromkeys(
+        done.layers, 0
+    )
+    assert all(done.continuous.values())
+
+
+# --- what does not belong together
+
+
+def test_all_that_does_not_belong_together_is_told_at_once():
+    a = drawing(box=SQUARE, nose=SQUARE, ear=SQUARE, open_line=LINE)
+    b = Drawing(
+        {"box": Curve(SQUARE, False), "ear": Curve(SQUARE, True), "chin": Curve(SQUARE, True),
+         "open_line": Curve(LINE, True)}, 100, 100, {},
+    )  # fmt: skip
+    with pytest.raises(FinloopError) as error:
+        morph(a, b, "linear", 3)
+    said = error.value.came
+    assert "'nose' only in the first" in said
+    assert "'chin' only in the second" in said
+    assert "'box' closed in the first, open in the second" in said
+    assert "'open_line' open in the first, closed in the second" in said
+    assert "ear" not in said
+
+
+@pytest.mark.parametrize(
+    ("method", "frames", "points", "says"),
+    [
+        ("magic", 3, 64, "magic"),
+        ("linear", 1, 64, "1 frames"),
+        ("linear", 10**9, 64, "frames"),
+        ("linear", 3, 4, "4 points"),
+        ("linear", 3, 10**9, "points"),
+    ],
+)
+def test_impossible_numbers(method, frames, points, says):
+    with pytest.raises(FinloopError, match=says):
+        morph(A, B, method, frames, points)
+
+
+def test_a_contour_that_a_method_refuses_is_named():
+    with pytest.raises(FinloopError, match="contour 'box'"):
+        morph(drawing(box=EIGHT), drawing(box=SQUARE), "simple", 3, points=64)
+
+
+def test_a_contour_far_off_is_named():
+    with pytest.raises(FinloopError, match="contour 'box' reaches 1"):
+        morph(drawing(box=SQUARE + 1e6), drawing(box=SQUARE), "linear", 3, points=64)
+
+
+# --- the command
+
+
+@pytest.mark.parametrize("ending", list(ENDINGS))
+def test_the_command_writes_every_format(tmp_path, ending, capsys):
+    out = tmp_path / f"out{ending}"
+    given = [*FACES, "-o", str(out), "--frames", "4", "--points", "64", "--size", "64"]
+    assert main(given) == 0
+    said = capsys.readouterr()
+    assert f"{out}: 11 contours, 4 frames, no folds" in said.out
+    assert said.err == ""
+    assert [path.name for path in tmp_path.iterdir()] == [out.name]
+
+
+def test_the_command_counts_folds(tmp_path, capsys):
+    (tmp_path / "a.svg").write_text(
+        '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99"><path id="eight" d="M9 9L60 60V9L9 60z"/></svg>'
+    )
+    eight = str(tmp_path / "a.svg")
+    assert (
+        main([eight, eight, "-o", str(tmp_path / "o.json"), "--method", "linear", "--frames", "3"])
+        == 0
+    )
+    assert "folds: eight in 3 of 3 frames" in capsys.readouterr().out
+
+
+def test_the_command_from_end_to_end(tmp_path):
+    """As a person would: another process, in another folder, with `--back`."""
+    command = [
+        sys.executable,
+        "-m",
+        "finloop.morph",
+        *FACES,
+        "-o",
+        "out.json",
+        "--frames",
+        "5",
+        "--back",
+    ]
+    done = subprocess.run(
+        [*command, "--method", "linear", "--fps", "12.5", "--points", "32"],
+        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert len(done.stdout.splitlines()) == 1
+    frames = json.loads((tmp_path / "out.json").read_text())["frames"]
+    assert [frame["tau"] for frame in frames] == [0, 0.25, 0.5, 0.75, 1, 0.75, 0.5, 0.25]
+    assert {len(points) for points in frames[0]["layers"].values()} == {32}
+    assert list(frames[0]["layers"]) == list(load_svg(Path(FACES[0])).curves)
+
+
+@pytest.mark.parametrize(
+    ("body", "says"),
+    [
+        ("", "no contour"),
+        ('<path id="box" d="M5 5L9 5Z"/>', "curve box"),
+        ('<path id="box" d="M5 5L5 5"/>', "curve box"),
+        ('<path id="box" d="M5 5L1e999 5"/>', "curve box"),
+        ('<path id="box" d="M9 9L60 60V9L9 60z"/>', "contour 'box'"),
+        ('<path id="box" d="M9 9L60 60V9"/>', "'box' open in the first"),
+        ('<path id="other" d="M9 9L60 60V9z"/>', "'other' only in the first"),
+    ],
+)
+def test_the_command_tells_what_is_wrong_and_leaves_nothing(tmp_path, body, says, capsys):
+    paths = [tmp_path / "a.svg", tmp_path / "b.svg"]
+    for path, inside in zip(paths, [body, '<path id="box" d="M9 9H60V60z"/>'], strict=True):
+        path.write_text(
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">{inside}</svg>'
+        )
+    assert main([*map(str, paths), "-o", str(tmp_path / "out.svg")]) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("finloop: ")
+    assert says in said.err
+    assert said.out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.svg", "b.svg"]
+
+
+@pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])
+def test_the_command_cannot_write_there(tmp_path, output, capsys):
+    assert (
+        main([*FACES, "-o", output, "--frames", "2", "--points", "16", "--method", "linear"]) == 1
+    )
+    assert output in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "wrong", [["--fps", "fast"], ["--fps", "1/0"], ["--method", "magic"], ["--frames", "x"]]
+)
+def test_the_command_refuses_what_it_does_not_know(tmp_path, wrong, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*FACES, "-o", str(tmp_path / "out.svg"), *wrong])
+    assert stop.value.code == 2
+    assert wrong[0] in capsys.readouterr().err
+
+
+def test_a_wrong_ending_is_told_before_the_work(tmp_path, capsys):
+    missing = str(tmp_path / "missing.svg")
+    assert main([missing, missing, "-o", "out.gif"]) == 1
+    assert "out.gif" in capsys.readouterr().err

@@ -1,0 +1,330 @@
+"""Matching and morphs: laws, exact ends, and frames without folds between shapes hard to part."""
+
+import string
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from finloop.curve import Curve, checked, resampled
+from finloop.curve_glyph import glyph
+from finloop.curve_wavelet import truncated
+from finloop.errors import FinloopError
+from finloop.morph_flow import area, ears_off, joined, retracted, shortened
+from finloop.morph_folds import folds, is_simple, stays_simple
+from finloop.morph_linear import linear, physical
+from finloop.morph_match import matched, misfit
+from finloop.morph_simple import path_length, simple, simple_morph
+
+GLYPHS = {
+    name: outlines[0]
+    for name in string.ascii_letters + string.digits
+    if len(outlines := glyph(name)) == 1
+}
+METHODS = (linear, simple, lambda a, b, f, n: physical(a, b, f, n, 1.0, 8.0, 1.0))
+
+
+def centred(points):
+    return points - points.mean(axis=-2, keepdims=True)
+
+
+def spiral(turns, width, sense=1):
+    t = np.linspace(1, 2 * turns, 1500) * np.pi
+    strand = [(t / (2 * np.pi) + side) * np.exp(1j * sense * t) for side in (width / 2, -width / 2)]
+    z = np.r_[strand[0], strand[1][::-1]]
+    return Curve(np.stack([z.real, z.imag], axis=1), True)
+
+
+def comb(teeth, depth):
+    up_and_down = ((0, 0), (0, depth), (0.5, depth), (0.5, 0))
+    tooth = [(k + x, y) for k in range(teeth) for x, y in up_and_down]
+    return Curve(np.array([*tooth, (teeth - 0.5, -0.5), (0, -0.5)], float), True)
+
+
+def winding(turns, sense=1):
+    t = np.linspace(0.2, turns, 500) * 2 * np.pi
+    return Curve(np.stack([t * np.cos(t), sense * t * np.sin(t)], axis=1), False)
+
+
+def star_shaped(rng, n=60):
+    t = np.sort(rng.uniform(0, 2 * np.pi, n))
+    radius = rng.uniform(0.2, 1, n)
+    return Curve(radius[:, None] * np.stack([np.cos(t), np.sin(t)], axis=1), True)
+
+
+def folds_seen(points, closed=True):
+    """Pairs of edges that cross, by determinants of all pairs in floats: an independent count."""
+    ends = np.roll(points, -1, axis=0)
+    start, end = (points, ends) if closed else (points[:-1], ends[:-1])
+
+    def side(a, b, c):
+        return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (
+            c[..., 0] - a[..., 0]
+        )
+
+    a, b, c, d = start[:, None], end[:, None], start[None], end[None]
+    cross = (side(a, b, c) * side(a, b, d) < 0) & (side(c, d, a) * side(c, d, b) < 0)
+    return int(np.triu(cross, 2).sum())
+
+
+# --- matching
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(0, 63), st.booleans())
+def test_a_curve_is_found_again(seed, start, back):
+    """Begun elsewhere, run the other way, moved: the same points come out."""
+    points = resampled(star_shaped(np.random.default_rng(seed)), 64)
+    points = resampled(points, 64).points
+    other = np.roll(points, start, axis=0)[:: -1 if back else 1] + [30, -7]
+    far = misfit(points, other if not back else other[::-1])
+    assert far.min() < 1e-9 * far.max()
+    one, two = matched(Curve(points, True), Curve(other, True), 64)
+    assert abs(centred(one) - centred(two)).max() < 0.2  # resampling starts between the points
+
+
+def test_the_best_of_all_start_points():
+    a, b = (resampled(GLYPHS[name], 64).points for name in "k5")
+    every = [((centred(a) - centred(np.roll(b, -s, axis=0))) ** 2).sum() for s in range(64)]
+    np.testing.assert_allclose(misfit(a, b), every, rtol=1e-9)
+    one, two = matched(GLYPHS["k"], GLYPHS["5"], 64)
+    np.testing.assert_array_equal(one, a)
+    assert ((centred(one) - centred(two)) ** 2).sum() == pytest.approx(min(every))
+
+
+def test_both_directions():
+    eight = np.stack([np.sin(2 * (t := np.arange(300) / 300 * 2 * np.pi)), np.sin(t)], axis=1)
+    turned = Curve(eight[::-1] + 0.01, True)  # no sense of turning: both directions are tried
+    one, two = matched(Curve(eight, True), turned, 300)
+    assert abs(centred(one) - centred(two)).max() < 0.03
+    arc = Curve(np.array([[0, 0], [1, 2], [5, 3]], float), False)
+    one, two = matched(arc, Curve(arc.points[::-1], False), 50)
+    np.testing.assert_allclose(one, two, atol=1e-12)
+    one, two = matched(GLYPHS["C"], Curve(GLYPHS["C"].points * [-1, 1], True), 128)
+    assert area(one) * area(two) > 0  # a mirror image turns the other way: run backwards
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_open_with_closed(method):
+    with pytest.raises(FinloopError, match="one that is open"):
+        method(GLYPHS["C"], winding(1), 5, 64)
+
+
+# --- linear and physical
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("a", "b"), [(GLYPHS["W"], GLYPHS["I"]), (winding(0.6), winding(0.8))])
+def test_ends_are_the_curves(method, a, b):
+    frames = method(a, b, 9, 128)
+    assert frames.shape == (9, 128, 2)
+    one, two = matched(a, b, 128)
+    size = np.ptp(one)
+    np.testing.assert_allclose(frames[0], one, atol=1e-9 * size)
+    assert abs(centred(frames[-1]) - centred(resampled(b, 128).points)).max() < 3 * size
+    assert set(map(tuple, np.round(frames[-1], 6))) == set(map(tuple, np.round(two, 6)))
+    np.testing.assert_allclose(method(a, a, 9, 128), np.stack([one] * 9), atol=1e-9 * size)
+
+
+def test_eq_4_1():
+    """Of all coefficients it is the points' own mean; of few, that of the truncated ends."""
+    a, b = GLYPHS["C"], GLYPHS["S"]
+    one, two = matched(a, b, 256)
+    tau = np.linspace(0, 1, 7)[:, None, None]
+    np.testing.assert_allclose(linear(a, b, 7, 256), (1 - tau) * one + tau * two, atol=1e-9)
+    np.testing.assert_allclose(linear(a, b, 7, 256, 0), linear(a, b, 7, 256), atol=1e-9)
+    for source, target in ((a, b), (winding(1), winding(1.2))):
+        ends = truncated(np.stack(matched(source, target, 256)), "db4", 4, source.closed)
+        coarse = linear(source, target, 7, 256, 4, "db4")
+        np.testing.assert_allclose(coarse, (1 - tau) * ends[0] + tau * ends[1], atol=1e-9)
+        assert abs(coarse - linear(source, target, 7, 256)).max() > 1e-3 * np.ptp(ends)
+
+
+def test_physics():
+    """Heavy damping creeps, light damping overshoots; place goes with the slowest mode."""
+    t = 2 * np.pi * (np.arange(64) + 0.5) / 64
+    ring = np.stack([np.cos(t), np.sin(t)], axis=1)
+    a, b = Curve(1.5 * ring + [9, 0], True), Curve(ring, True)
+
+    def radius(elastic, damping, mass):
+        frames = physical(a, b, 101, 64, elastic, damping, mass)
+        np.testing.assert_allclose(
+            frames.mean(axis=1)[:, 0] / 9,
+            (size := abs(centred(frames)[:, 0] @ [1, 1j])) * 2 - 2,
+            atol=1e-6,
+        )
+        return size
+
+    swing = np.cos(2 * np.pi * np.linspace(0, 1, 101))[:75]  # mode 1 swings once
+    np.testing.assert_allclose(radius(1, 0, 1)[:75], 1 + 0.5 * swing, atol=2e-3)
+    np.testing.assert_allclose(radius(2, 0, 2)[:75], radius(1, 0, 1)[:75], atol=1e-9)
+    np.testing.assert_allclose(radius(3, 6, 3)[:75], radius(1, 2, 1)[:75], atol=1e-9)
+    assert radius(1, 3, 1).min() < 0.99 < 0.999 < radius(1, 200, 1).min()
+    creep = np.exp(-4 * np.pi**2 * np.linspace(0, 1, 101) / 20)[:75]
+    np.testing.assert_allclose(radius(1, 20, 0)[:75], 1 + 0.5 * creep, atol=2e-3)
+
+
+# --- plainer poses
+
+
+@pytest.mark.parametrize(
+    ("curve", "n"),
+    [(GLYPHS["W"], 256), (GLYPHS["S"], 256), (spiral(6, 0.3), 128), (comb(15, 8), 64)],
+)
+def test_shortening(curve, n):
+    """The last two are so coarse that whole steps would fold: they are halved."""
+    points = resampled(curve, n).points
+    poses, done = shortened(points)
+    assert done and stays_simple(poses)
+    np.testing.assert_array_equal(poses[0], points)
+    areas = np.array([area(pose) for pose in poses])
+    np.testing.assert_allclose(areas, areas[0], rtol=1e-9)
+    length = np.hypot(*(poses - np.roll(poses, 1, axis=1)).transpose(2, 0, 1)).sum(axis=1)
+    assert (np.diff(length) < 0).all() and 4 * np.pi * abs(areas[0]) / length[-1] ** 2 > 0.97
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 40))
+def test_ears(seed, n):
+    """Any simple polygon comes down to a triangle."""
+    points = star_shaped(np.random.default_rng(seed), n).points
+    if is_simple(points):
+        check_ears(points)
+
+
+@pytest.mark.parametrize(
+    ("curve", "n"), [(GLYPHS["W"], 64), (comb(15, 8), 32), (spiral(4, 0.4), 96)]
+)
+def test_ears_of_tangles(curve, n):
+    """Some of their smallest corners are no ears: a part of the curve lies within."""
+    check_ears(resampled(curve, n).points)
+
+
+def check_ears(points):
+    n = len(points)
+    poses, done = ears_off(points)
+    assert done and len(poses) == n - 2 and stays_simple(poses)
+    areas = [area(pose) for pose in poses]
+    np.testing.assert_allclose(areas, areas[0], rtol=1e-9)
+    edges = np.roll(poses[-1], -1, axis=0) - poses[-1]
+    corners = abs(np.angle(np.roll(edges, 1, axis=0) @ [1, -1j] * (edges @ [1, 1j]))) > 1e-6
+    assert corners.sum() <= 3
+
+
+def test_plain_ends_can_always_be_joined():
+    """Whatever the turn between two near-circles, or a triangle and a circle, or two lines."""
+    points, _ = shortened(resampled(GLYPHS["k"], 64).points)
+    triangle, _ = ears_off(resampled(comb(3, 2), 64).points)
+    for start in range(0, 64, 7):
+        for other in (points[-1], triangle[-1]):
+            if area(other) * area(points[-1]) < 0:
+                other = other[::-1]
+            other = np.roll(other, start, axis=0) + [500, 40]
+            poses = joined(points[-1], other, True)
+            assert stays_simple(poses)
+            np.testing.assert_array_equal(poses[[0, -1]], [points[-1], other])
+    one, done = retracted(resampled(winding(3), 64).points)
+    other, also = retracted(resampled(winding(2, -1), 64).points)
+    assert done and also and stays_simple(one, False)
+    for turn in np.deg2rad([0, 90, 179, 180, 181]):
+        turned = other[-1] @ [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
+        assert stays_simple(joined(one[-1], turned, False), False)
+
+
+# --- the morph
+
+
+@pytest.mark.parametrize("pair", ["CS", "CW", "nu", "XI", "MW", "km", "2G", "Es", "71", "mJ", "CI"])
+def test_glyphs(pair):
+    a, b = (GLYPHS[name] for name in pair)
+    found = simple_morph(a, b, 62, 256)
+    frames = found.frames
+    assert found.proved and not folds(frames).any()
+    assert sum(map(folds_seen, frames)) == 0
+    one, two = matched(a, b, 256)
+    np.testing.assert_array_equal(frames[0], one)
+    assert set(map(tuple, frames[-1])) == set(map(tuple, two))
+    low, high = sorted(abs(area(end)) for end in (one, two))
+    if found.way != "linear":
+        assert all(low * (1 - 1e-9) <= abs(area(frame)) <= high * (1 + 1e-9) for frame in frames)
+        assert path_length(frames) < 2 * np.hypot(*(frames[-1] - frames[0]).T).mean()
+        steps = np.array([path_length(np.stack(pair)) for pair in pairwise(frames)])
+        assert steps.max() < 4 * steps.mean()  # no jumps
+
+
+def test_linear_where_that_is_simple():
+    for pair in ("CI", "IS", "HW"):
+        a, b = (GLYPHS[name] for name in pair)
+        found = simple_morph(a, b, 62, 256)
+        assert found.way == "linear" and found.proved
+        np.testing.assert_array_equal(found.frames, linear(a, b, 62, 256))
+
+
+def test_a_fold_between_frames_is_no_linear_morph():
+    """m → J: all 62 linear frames are simple, but it folds for a moment between two of them."""
+    straight = linear(GLYPHS["m"], GLYPHS["J"], 62, 256)
+    finer = linear(GLYPHS["m"], GLYPHS["J"], 61 * 200 + 1, 256)
+    assert not folds(straight).any() and folds(finer).any()
+    assert simple_morph(GLYPHS["m"], GLYPHS["J"], 62, 256).way != "linear"
+
+
+@pytest.mark.parametrize(
+    ("a", "b"),
+    [
+        (spiral(4, 0.4), spiral(4, 0.4, -1)),
+        (spiral(5, 0.4), comb(10, 5)),
+        (comb(15, 8), comb(4, 20)),
+        (winding(2), winding(2, -1)),
+        (winding(4), winding(1, -1)),
+    ],
+)
+def test_tangles(a, b):
+    for frames in (62, 4):
+        found = simple_morph(a, b, frames, 256)
+        assert found.proved and not folds(found.frames, a.closed).any()
+        assert sum(folds_seen(frame, a.closed) for frame in found.frames) == 0
+
+
+def test_too_coarse_to_shorten():
+    """Ears are taken off instead: simple all the same."""
+    a, b = comb(15, 8), GLYPHS["S"]
+    assert not shortened(resampled(a, 32).points)[1]
+    found = simple_morph(a, b, 62, 32)
+    assert found.proved and not folds(found.frames).any()
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.booleans())
+def test_any_simple_polygons(seed, back):
+    rng = np.random.default_rng(seed)
+    a, b = (star_shaped(rng) for _ in range(2))
+    b = Curve(b.points[:: -1 if back else 1] * 40 + [300, -20], True)
+    if not all(is_simple(resampled(curve, 128).points) for curve in (a, b)):
+        return
+    found = simple_morph(a, b, 20, 128)
+    assert found.proved and not folds(found.frames).any()
+
+
+def test_size_and_place_do_not_matter():
+    a, b = GLYPHS["C"], GLYPHS["W"]
+    frames = simple(a, b, 20, 128)
+    moved = [Curve(curve.points * 0.5 + [1024, -512], True) for curve in (a, b)]
+    np.testing.assert_allclose(simple(*moved, 20, 128), frames * 0.5 + [1024, -512], atol=1e-3)
+
+
+def test_curves_that_meet_themselves():
+    eight = Curve(np.array([[0, 0], [4, 4], [4, 0], [0, 4]], float), True)
+    with pytest.raises(FinloopError, match="first curve, at 64 points, meets itself"):
+        simple(eight, GLYPHS["C"], 5, 64)
+    with pytest.raises(FinloopError, match="second curve, at 64 points, meets itself"):
+        simple(GLYPHS["C"], eight, 5, 64)
+    assert folds(linear(eight, GLYPHS["C"], 5, 64))[0] > 0  # the linear one only counts
+
+
+def test_curves_that_are_none():
+    with pytest.raises(FinloopError):
+        simple(GLYPHS["C"], Curve(np.full((5, 2), np.nan), True), 5, 64)
+    with pytest.raises(FinloopError):
+        simple(GLYPHS["C"], checked(Curve(np.zeros((5, 2)), True), "dot"), 5, 64)

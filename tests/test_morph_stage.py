@@ -1,0 +1,80 @@
+"""The stage `morph`, end to end in a folder of its own."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT
+from scratch import content, prepare
+
+import stages.morph
+from finloop.errors import FinloopError
+from finloop.files.picture import load_picture
+
+SMALL = ("morph.frames=6", "morph.points=64", "morph.size_px=64")
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    shutil.copytree(ROOT / "data/drawings", tmp_path / "data/drawings")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_stage_makes_what_dvc_expects_the_same_each_time(folder):
+    prepare(folder, *SMALL)
+    stages.morph.main()
+    first = content(folder / "data/morph") | content(folder / "reports/morph")
+    stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["morph"]
+    named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]
+    for out in named:
+        assert (folder / out).exists(), out
+    assert {path.name for path in (folder / "data/morph").iterdir()} == {
+        f"simple{ending}" for ending in (".svg", ".json", ".lottie.json", ".webp", ".mp4")
+    }
+    stages.morph.main()
+    assert content(folder / "data/morph") | content(folder / "reports/morph") == first
+
+
+def test_numbers_tell_what_was_made(folder):
+    prepare(folder, *SMALL, "morph.method=linear", "morph.back=false")
+    stages.morph.main()
+    numbers = json.loads((folder / "reports/morph/metrics.json").read_text())
+    assert (numbers["contours"], numbers["frames"]) == (11, 6)
+    assert numbers["simple_contours_that_fold"] == 0
+    assert numbers["hoop_error_runge_kutta"] < 1e-4
+    assert numbers["hoop_error_decoupled"] > 0.37  # dropping off-diagonals is no small error
+    assert numbers["hoop_largest_rise_of_energy_share"] <= 1e-9
+    assert 13 < numbers["off_diagonal_energy_coif2_2_levels_pct"] < 17
+    folds = pd.read_csv(folder / "reports/morph/folds.csv")
+    assert set(folds["method"]) == {"linear", "physical", "simple"} and len(folds) == 33
+    frames = json.loads((folder / "data/morph/linear.json").read_text())["frames"]
+    assert [frame["tau"] for frame in frames] == pytest.approx(list(np.linspace(0, 1, 6)))
+    table = pd.read_csv(folder / "reports/morph/connection.csv").set_index(["wavelet", "l"])
+    assert table.loc[("db4", 0), "mu"] == pytest.approx(4.165973640696, abs=1e-11)
+    assert table.loc[("coif2", 7), "nu_normalised"] == pytest.approx(-2.70434e-7, abs=1e-11)
+    for number in range(2, 8):
+        assert load_picture(folder / f"reports/morph/fig{number}.png").std() > 5
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("morph.points=100", "power of two"),
+        ("morph.wavelet=db2", "H"),
+        ("morph.a=data/drawings/none.svg", "none.svg"),
+        ("morph.b=data/drawings/hoop.svg", "hoop"),
+        ("morph.method=fold", "morph.method"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_lost(folder, asked, said):
+    (folder / "data/morph").mkdir(parents=True)
+    (folder / "data/morph/kept.txt").write_text("kept")
+    with pytest.raises(FinloopError, match=said):
+        prepare(folder, *SMALL, asked)
+        stages.morph.main()
+    assert (folder / "data/morph/kept.txt").read_text() == "kept"

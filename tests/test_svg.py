@@ -1,0 +1,429 @@
+"""SVG in: geometry against formulas and fontTools' own reader, names, styles, files that do harm."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fontTools.pens.recordingPen import RecordingPen
+from fontTools.svgLib.path import parse_path
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from finloop.curve import area
+from finloop.errors import FinloopError
+from finloop.files.svg import FLATNESS, load_svg
+from finloop.files.svg_guard import MOST_BYTES, MOST_DRAWN, MOST_NESTED
+
+DRAWINGS = Path(__file__).parents[1] / "data/drawings"
+SIDE = 100
+REACHED = []  # what Python opened or asked the network for while `watched` held
+watched = []
+
+
+def listen(event, arguments):
+    if watched and (event.startswith(("socket.", "urllib.", "subprocess.")) or event == "open"):
+        REACHED.append((event, str(arguments[0])))
+
+
+sys.addaudithook(listen)
+
+
+def put(tmp_path, body, attributes='viewBox="0 0 100 100"', head=""):
+    path = tmp_path / "drawing.svg"
+    xmlns = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
+    path.write_text(f"{head}<svg {xmlns} {attributes}>{body}</svg>", encoding="utf-8")
+    return path
+
+
+def load(tmp_path, body, *more, **kinds):
+    return load_svg(put(tmp_path, body, *more, **kinds))
+
+
+def one(tmp_path, body, *more):
+    (curve,) = load(tmp_path, body, *more).curves.values()
+    return curve
+
+
+def distance(points, line, closed=False):
+    """Of each point from a polyline."""
+    a, b = (line, np.roll(line, -1, axis=0)) if closed else (line[:-1], line[1:])
+    along = b - a
+    t = ((points[:, None] - a) * along).sum(-1) / np.maximum((along**2).sum(-1), 1e-300)
+    foot = a + np.clip(t, 0, 1)[..., None] * along
+    return np.linalg.norm(points[:, None] - foot, axis=-1).min(axis=1)
+
+
+def bezier(nodes, t):
+    """Bernstein's formula."""
+    nodes = np.array(nodes, float)
+    n = len(nodes) - 1
+    choose = [1, n, n * (n - 1) / 2, 1][: n + 1] if n > 1 else [1, 1]
+    choose[-1] = 1
+    return sum(
+        c * t[:, None] ** k * (1 - t[:, None]) ** (n - k) * p
+        for k, (c, p) in enumerate(zip(choose, nodes, strict=True))
+    )
+
+
+# --- path commands
+
+
+def as_fonttools_sees(d):
+    """Dense points of a path with one contour, by another reader."""
+    pen = RecordingPen()
+    parse_path(d, pen)
+    t, points, at = np.linspace(0, 1, 400), [], None
+    for command, nodes in pen.value:
+        if command == "moveTo":
+            at = nodes[0]
+        elif command in ("lineTo", "curveTo", "qCurveTo"):
+            points.append(bezier([at, *nodes], t))
+            at = nodes[-1]
+    return np.concatenate(points)
+
+
+@pytest.mark.parametrize(
+    "d",
+    [
+        "M10 10L50 20L40 60",
+        "m10 10 40 10-10 40",
+        "M10 10H60V40h-20v30",
+        "M10 50C20 10 40 10 50 50S80 90 90 50",
+        "m10 50c10-40 30-40 40 0s30 40 40 0",
+        "M10 50Q30 0 50 50T90 50",
+        "m10 50q20-50 40 0t40 0",
+        "M20 50A30 20 30 0 1 60 60",
+        "M20 50A30 20 30 1 0 60 60",
+        "m20 50a30 20 30 1 1 20 10",
+        "M20 50a1 1 0 01 40 0",  # too small a radius is made larger; flags run together
+        "M10 10 20 20.5.5-3e1",  # numbers run together
+        "M10,50C20,10,40,10,50,50Q60 90 70 50A9 9 0 0 1 80 60H90V10L5 5",
+        "M10 50S40 10 50 50",  # nothing to mirror: the control point is the current one
+    ],
+)
+def test_every_path_command(tmp_path, d):
+    curve, other = one(tmp_path, f'<path d="{d}"/>'), as_fonttools_sees(d)
+    assert not curve.closed
+    rough = 6e-4 * 30 if "a" in d.lower() else 0  # that reader makes Bézier curves of arcs
+    assert distance(other, curve.points).max() < FLATNESS * SIDE * 1.01 + rough
+    assert distance(curve.points, other).max() < 0.05  # as dense as the other is
+    np.testing.assert_allclose(curve.points[[0, -1]], other[[0, -1]], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("smooth", "plain"),
+    [
+        (
+            "M10 50C20 10 40 10 50 50T70 30 90 50",
+            "M10 50C20 10 40 10 50 50Q50 50 70 30Q90 10 90 50",
+        ),
+        ("M10 50Q20 10 50 50S60 10 70 30t9-9", "M10 50Q20 10 50 50C50 50 60 10 70 30L79 21"),
+        ("M10 50Q20 10 30 50L40 40T50 30", "M10 50Q20 10 30 50L40 40L50 30"),
+    ],
+)
+def test_s_and_t_mirror_their_own_kind_only(tmp_path, smooth, plain):
+    turned = '<path transform="rotate(20) skewX(9)" d="{}"/>'
+    lines = [one(tmp_path, turned.format(d)).points for d in (smooth, plain)]
+    assert distance(lines[0], lines[1]).max() < 2 * FLATNESS * SIDE
+    assert distance(lines[1], lines[0]).max() < 2 * FLATNESS * SIDE
+
+
+NUMBER = st.floats(-500, 500).map(lambda x: round(x, 3))
+
+
+@settings(max_examples=40, deadline=None)
+@given(nodes=st.lists(st.tuples(NUMBER, NUMBER), min_size=3, max_size=4, unique=True))
+def test_curves_are_followed_within_flatness(tmp_path_factory, nodes):
+    path = tmp_path_factory.getbasetemp() / "f"
+    path.mkdir(exist_ok=True)
+    letter = "QC"[len(nodes) - 3]
+    d = f"M{nodes[0][0]} {nodes[0][1]}{letter}" + " ".join(f"{x} {y}" for x, y in nodes[1:])
+    curve = one(path, f'<path d="{d}"/>')
+    true = bezier(nodes, np.linspace(0, 1, 700))
+    assert distance(true, curve.points).max() <= FLATNESS * SIDE * 1.001
+    np.testing.assert_allclose(curve.points[[0, -1]], [nodes[0], nodes[-1]], atol=1e-9)
+
+
+def test_closed_or_open(tmp_path):
+    closed = {
+        name: curve.closed
+        for name, curve in load(
+            tmp_path,
+            '<path id="z" d="M0 0H9V9Z"/><path id="meets" d="M0 0H9V9L0 0"/>'
+            '<path id="open" d="M0 0H9V9"/><polyline id="line" points="0 0 9 0 9 9"/>'
+            '<polygon id="gon" points="0,0 9,0 9,9"/><line id="one" x2="9"/>',
+        ).curves.items()
+    }
+    assert closed == {
+        "z": True, "meets": True, "open": False, "line": False, "gon": True, "one": False,
+    }  # fmt: skip
+
+
+def test_a_path_goes_on_after_it_was_closed(tmp_path):
+    drawing = load(tmp_path, '<path id="p" d="M10 10h20v20zm5 5h5v5zl3 4"/>')
+    assert list(drawing.curves) == ["p", "p#2", "p#3"]
+    corners = [curve.points.tolist() for curve in drawing.curves.values()]
+    assert corners[0] == [[10, 10], [30, 10], [30, 30]]
+    assert corners[1] == [[15, 15], [20, 15], [20, 20]]
+    assert corners[2] == [[15, 15], [18, 19]]  # from where the second began
+
+
+# --- shapes, transforms, viewport
+
+
+@pytest.mark.parametrize(
+    ("shape", "wanted"),
+    [
+        ('<circle cx="50" cy="40" r="20"/>', np.pi * 400),
+        ('<ellipse cx="50" cy="40" rx="30" ry="10"/>', np.pi * 300),
+        ('<rect x="5" y="6" width="30" height="20"/>', 600),
+        ('<rect x="5" y="6" width="30" height="20" rx="4" ry="3"/>', 600 - (4 - np.pi) * 12),
+        ('<polygon points="10 10 40 10 40 30"/>', 300),
+    ],
+)
+def test_areas_of_basic_shapes(tmp_path, shape, wanted):
+    curve = one(tmp_path, shape)
+    assert curve.closed
+    assert abs(area(curve)) == pytest.approx(wanted, rel=1e-3)
+
+
+def test_a_circle_is_round(tmp_path):
+    points = one(tmp_path, '<circle cx="50" cy="40" r="20"/>').points
+    np.testing.assert_allclose(np.hypot(*(points - [50, 40]).T), 20, rtol=1e-9)
+
+
+A = np.deg2rad(30)
+TURN = np.array([[np.cos(A), -np.sin(A)], [np.sin(A), np.cos(A)]])
+
+
+@pytest.mark.parametrize(
+    ("transform", "matrix", "shift"),
+    [
+        ("translate(3 4)", np.eye(2), [3, 4]),
+        ("translate(3)", np.eye(2), [3, 0]),
+        ("scale(2)", 2 * np.eye(2), [0, 0]),
+        ("scale(2,-3)", np.diag([2, -3]), [0, 0]),
+        ("rotate(30)", TURN, [0, 0]),
+        ("rotate(30 10 20)", TURN, np.array([10, 20]) - TURN @ [10, 20]),
+        ("skewX(30)", np.array([[1, np.tan(A)], [0, 1]]), [0, 0]),
+        ("skewY(30)", np.array([[1, 0], [np.tan(A), 1]]), [0, 0]),
+        ("matrix(1 2 3 4 5 6)", np.array([[1, 3], [2, 4]]), [5, 6]),
+        ("translate(3,4) rotate(30) scale(2)", 2 * TURN, [3, 4]),
+    ],
+)
+def test_transforms(tmp_path, transform, matrix, shift):
+    corners = np.array([[10, 10], [40, 10], [40, 30.0]])
+    path = '<path d="M10 10H40V30z"'
+    wanted = corners @ np.array(matrix).T + shift
+    np.testing.assert_allclose(one(tmp_path, f'{path} transform="{transform}"/>').points, wanted)
+    group = f'<g transform="{transform}"><g transform="translate(1 2)">{path}/></g></g>'
+    moved = (corners + [1, 2]) @ np.array(matrix).T + shift
+    np.testing.assert_allclose(one(tmp_path, group).points, moved)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "size", "first"),
+    [
+        ('viewBox="0 0 100 100"', (100, 100), (10, 10)),
+        ('width="200" height="200" viewBox="0 0 100 100"', (200, 200), (20, 20)),
+        ('width="300" height="100" viewBox="0 0 100 100"', (300, 100), (110, 10)),
+        ('width="300" height="100" viewBox="0 0 100 100" preserveAspectRatio="none"', (300, 100), (30, 10)),
+        ('width="100" height="300" viewBox="0 0 100 100" preserveAspectRatio="xMinYMin"', (100, 300), (10, 10)),
+        ('width="100" height="100" viewBox="-10 -20 100 100"', (100, 100), (20, 30)),
+        ('width="1in" height="1in" viewBox="0 0 96 96"', (96, 96), (10, 10)),
+        ('width="50" height="60"', (50, 60), (10, 10)),
+        ("", (40, 30), (10, 10)),
+    ],
+)  # fmt: skip
+def test_viewport(tmp_path, attributes, size, first):
+    drawing = load(tmp_path, '<path d="M10 10H40V30z"/>', attributes)
+    assert (drawing.width, drawing.height) == pytest.approx(size)
+    (curve,) = drawing.curves.values()
+    np.testing.assert_allclose(curve.points[0], first)
+
+
+# --- use, names, styles
+
+
+def test_shapes_used_again(tmp_path):
+    drawing = load(
+        tmp_path,
+        '<defs><path id="eye" d="M0 0h2v2z"/></defs><symbol id="s"><path d="M0 0h4v4z"/></symbol>'
+        '<use id="left" href="#eye" x="10" y="5"/><use id="right" xlink:href="#eye" x="20"/>'
+        '<use href="#eye" transform="scale(2)"/><use id="badge" href="#s"/>',
+    )
+    assert {name: curve.points[0].tolist() for name, curve in drawing.curves.items()} == {
+        "left": [10, 5], "right": [20, 0], "eye": [0, 0], "badge": [0, 0],
+    }  # fmt: skip
+
+
+def test_names_come_from_ids_then_groups(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    drawing = load(
+        tmp_path,
+        f'<path {p}/><g id="mouth"><path {p}/><path {p}/><path id="tooth" {p}/></g><path {p}/>',
+    )
+    assert list(drawing.curves) == ["contour", "mouth", "mouth-2", "tooth", "contour-2"]
+
+
+def test_styles(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    drawing = load(
+        tmp_path,
+        "<style>.k{fill:red;stroke:#00f}</style><linearGradient id='g'/>"
+        f'<path id="css" class="k" {p}/><g fill="none" stroke="lime"><path id="in" {p}/></g>'
+        f'<path id="usual" {p}/><path id="grad" fill="url(#g)" {p}/>'
+        f'<g transform="scale(3)"><path id="wide" style="fill:none;stroke:#fff;stroke-width:2" {p}/></g>'
+        f'<path id="thin" opacity=".5" fill-opacity=".4" {p}/><path id="bare" fill="none" {p}/>',
+    )
+    styles = {
+        name: dict(s.split(":") for s in text.split(";")) for name, text in drawing.styles.items()
+    }
+    assert (styles["css"]["fill"], styles["css"]["stroke"]) == ("#ff0000", "#0000ff")
+    assert (styles["in"]["fill"], styles["in"]["stroke"]) == ("none", "#00ff00")
+    assert styles["usual"] == {"fill": "#000000", "stroke": "none"}
+    assert styles["grad"]["fill"] == "#808080"
+    assert float(styles["wide"]["stroke-width"]) == pytest.approx(6)
+    assert float(styles["thin"]["fill-opacity"]) == pytest.approx(0.2, abs=0.002)
+    assert "bare" not in styles
+
+
+def test_what_is_hidden_or_no_contour_is_left_out(tmp_path):
+    p = 'd="M0 0H9V9z"'
+    body = (
+        f'<path id="seen" {p}/><path display="none" {p}/><g style="display:none"><path {p}/></g>'
+        f'<path visibility="hidden" {p}/><text>words</text><metadata><path {p}/></metadata>'
+        f"<clipPath><path {p}/></clipPath><mask><path {p}/></mask><pattern><path {p}/></pattern>"
+        f"<marker><path {p}/></marker><symbol><path {p}/></symbol><defs><path {p}/></defs>"
+    )
+    assert list(load(tmp_path, body).curves) == ["seen"]
+
+
+def test_the_example_drawings():
+    faces = [load_svg(DRAWINGS / f"face_{which}.svg") for which in "ab"]
+    assert list(faces[0].curves) == list(faces[1].curves)
+    assert {name: c.closed for name, c in faces[0].curves.items()} == {
+        name: c.closed for name, c in faces[1].curves.items()
+    }
+    assert not faces[0].curves["nose"].closed
+    assert faces[0].curves["mouth"].closed
+    assert list(load_svg(DRAWINGS / "hoop.svg").curves) == ["hoop"]
+
+
+# --- files that do harm
+
+BOMB = '<!DOCTYPE svg [<!ENTITY a "ha">' + "".join(
+    f'<!ENTITY {b} "{f"&{a};" * 10}">' for a, b in zip("abcdefgh", "bcdefghi", strict=True)
+) + "]>"  # fmt: skip
+SHAPE = '<path id="p" d="M0 0H9V9z"/>'
+
+
+def use_bomb():
+    levels = ['<g id="u0"><path d="M0 0H9V9z"/></g>']
+    levels += [f'<g id="u{k}">{f"""<use href="#u{k - 1}"/>""" * 10}</g>' for k in range(1, 10)]
+    return f"<defs>{''.join(levels)}</defs><use href='#u9'/>"
+
+
+@pytest.mark.parametrize(
+    ("body", "head", "says"),
+    [
+        ("<text>&i;</text>" + SHAPE, BOMB, "entity"),
+        (SHAPE, '<!DOCTYPE svg [<!ENTITY x SYSTEM "secret.txt">]>', "entity"),
+        (SHAPE, '<!DOCTYPE svg [<!ENTITY % x SYSTEM "http://127.0.0.1:9/x.dtd"> %x;]>', "entity"),
+        ('<use href="other.svg#p"/>', "", "other.svg#p"),
+        ('<use xlink:href="http://127.0.0.1:9/a.svg#p"/>', "", "another file"),
+        ('<g id="a"><use href="#a"/></g>', "", "shows itself"),
+        ('<g id="a"><use href="#b"/></g><g id="b"><use href="#a"/></g>', "", "shows itself"),
+        (use_bomb(), "", "512 KiB"),
+        (f'<path id="p" d="M0 0{"h1v1" * (MOST_DRAWN // 100)}"/>' + '<use href="#p"/>' * 50, "", "512 KiB"),
+        ("<g>" * MOST_NESTED + SHAPE + "</g>" * MOST_NESTED, "", f"{MOST_NESTED} deep"),
+        ("<g/>" * (MOST_DRAWN // 100 + 1), "", "512 KiB"),
+        (f'<path d="M0 0{"h1v1" * (MOST_DRAWN // 4)}"/>', "", "512 KiB"),
+        (SHAPE * 1001, "", "1001"),
+        (f"<style>{'*{a:b}' * 12_000}</style>" + SHAPE, "", "style sheets of 70 KiB"),
+        ("", "", "no contour"),
+        ("<text>only words</text>", "", "no contour"),
+        ("<g>", "", "no XML"),
+        (SHAPE * 2, "", "'p' 2 times"),
+        ('<path id="p" d="M0 0H9V9z" transform="scale(0)"/>', "", "curve p"),
+        ('<path id="p" d="M0 0H1e999V9z"/>', "", "curve p"),
+        ('<path id="p" d="M5 5L5 5"/>', "", "curve p"),
+        ('<path id="p" d="M5 5L9 5z"/>', "", "closed curve p"),
+        ('<path id="p" d="M5 5L9 bogus"/>', "", "cannot be understood"),
+    ],
+)  # fmt: skip
+def test_refused(tmp_path, body, head, says):
+    (tmp_path / "secret.txt").write_text("secret")
+    path = put(tmp_path, body, head=head)
+    if len(body) < 100_000:
+        assert path.stat().st_size <= MOST_BYTES
+    REACHED.clear()
+    watched.append(True)
+    try:
+        with pytest.raises(FinloopError) as error:
+            load_svg(path)
+    finally:
+        watched.clear()
+    assert says in error.value.came.replace(str(path), "")
+    assert "secret" not in str(error.value)
+    assert_nothing_fetched(path)
+
+
+def test_outside_references_are_not_fetched(tmp_path):
+    (tmp_path / "secret.txt").write_text("<path d='M0 0H9V9z'/>")
+    body = (
+        '<image href="secret.txt" width="9" height="9"/><image href="http://127.0.0.1:9/a.png"/>'
+        "<style>@import url(secret.txt); @import url(http://127.0.0.1:9/a.css);"
+        " path{fill:url(secret.txt#x)}</style><script href='secret.txt'/>"
+        '<feImage href="secret.txt"/><a href="http://127.0.0.1:9/">' + SHAPE + "</a>"
+    )
+    head = (
+        '<?xml-stylesheet href="secret.txt"?>'
+        '<!DOCTYPE svg PUBLIC "-//W3C//DTD SVG 1.1//EN" "http://127.0.0.1:9/svg11.dtd">'
+    )
+    path = put(tmp_path, body, head=head)
+    REACHED.clear()
+    watched.append(True)
+    try:
+        assert list(load_svg(path).curves) == ["p"]
+    finally:
+        watched.clear()
+    assert_nothing_fetched(path)
+
+
+def assert_nothing_fetched(path):
+    reached = [
+        (event, what) for event, what in REACHED
+        if event != "open" or not what.endswith((".py", ".pyc", ".so"))
+    ]  # fmt: skip
+    assert ("open", str(path)) in reached  # the listener does hear
+    assert [r for r in reached if r != ("open", str(path))] == []
+
+
+@pytest.mark.parametrize(
+    ("data", "says"),
+    [
+        (b"", "it is empty"),
+        (b"GIF89a", "no XML"),
+        (b"\x1f\x8b\x08zipped", "no XML"),
+        (b"<html/>", "<html>"),
+        (b"<svg>" + b" " * MOST_BYTES + b"</svg>", "MiB"),
+        (b'<?xml version="1.0" encoding="klingon"?><svg/>', "no XML"),
+        (b'<svg xmlns="http://www.w3.org/2000/svg"/>', "no contour"),
+        (b'<svg xmlns="http://www.w3.org/2000/svg" width="0" height="0" viewBox="0 0 9 9"/>', "no contour"),
+    ],
+)  # fmt: skip
+def test_no_drawing(tmp_path, data, says):
+    path = tmp_path / "drawing.svg"
+    path.write_bytes(data)
+    with pytest.raises(FinloopError) as error:
+        load_svg(path)
+    assert str(path) in error.value.came
+    assert says in error.value.came.replace(str(path), "")
+
+
+def test_missing_file_and_folder(tmp_path):
+    for path in (tmp_path / "none.svg", tmp_path):
+        with pytest.raises(FinloopError, match="cannot be read"):
+            load_svg(path)
