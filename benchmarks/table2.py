@@ -41,13 +41,14 @@ def main() -> None:
         start = time.perf_counter()
         numbers = stage(folder, "animate")
         took["animate"] = time.perf_counter() - start
-        clip = json.loads((folder / "reports/clip/metrics.json").read_text(encoding="utf-8"))
+        features = (folder / "reports/features/metrics.json").read_text(encoding="utf-8")
+        fish_frames = json.loads(features)["fish_frames"]
     table = pd.DataFrame(
         [
             {
                 "process": process,
                 f"paper ({PAPER_FRAMES} frames)": paper,
-                f"here, s ({clip['frames']} frames)": round(sum(took[word] for word in words), 1),
+                f"here, s ({fish_frames} fish-frames)": round(sum(took[word] for word in words), 1),
             }
             for process, paper, words in TABLE
         ]
