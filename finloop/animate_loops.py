@@ -198,9 +198,10 @@ class LoopMode:
             shown.append(row)
             goes_on = film.more[row] and film.endless[row + 1]
             touched = goes_on and bool(step.touches(x, y, heading, self.head_px, at, self.touch_px))
-            # The way was looked at no farther than the target.
+            # The way was looked at no farther than the target, and the horizon.
             arrived = goes_on and step.touches(x, y, heading, self.head_px, target, self.touch_px)
             arrived |= len(shown) >= self._stride and film.end[row + 1] >= 0
+            arrived |= len(shown) >= self._horizon
             if touched or arrived or not film.more[row + 1]:
                 break
             dx, dy = ahead.moved(film.dx[row], film.dy[row], rot)

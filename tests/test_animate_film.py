@@ -518,6 +518,16 @@ def test_never_outside_the_tank(make):
         assert measures.outside(table, cast_of(), ROOM) == 0
 
 
+def test_a_way_is_never_swum_farther_than_it_was_looked_at():
+    """Loop ends so rare that between two of them lies more film than a look ahead."""
+    reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
+    assert np.diff(np.flatnonzero(reel.end >= 0)).max() > 5 * RATE
+    for seed in range(6):
+        found, _ = edit_of(loop_mode(reel), [Goal("A", 200.0, 200.0)], 1500, seed, reel=reel)
+        way = np.concatenate([stretch.way for stretch in found.stretches])
+        assert all(inside(ROOM.legal, x, y) for x, y in way[:, :2])
+
+
 @pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
 def test_goals_are_reached(make):
     mode = make()
