@@ -107,7 +107,8 @@ def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
 def _endless(more, end, start, to):  # type: ignore[no-untyped-def]
     """Rows from which one can play for ever: all but those that only lead to ends of tracks.
 
-    Rows without a way on are struck off, again and again, until nothing changes.
+    Rows without a way on are struck off, again and again, until nothing changes. Without barred
+    rows `loops_graph.goes_on` says the same.
     """
     n = more.size
     live = np.ones(n, np.bool_)

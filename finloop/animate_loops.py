@@ -238,7 +238,8 @@ class LoopMode:
         ways, _ = self._ways_on(fish, jumps=True)
         begin = int(ways[0]) if len(ways) else fish.row
         rows, rot = np.arange(begin, begin + self._stride), self._rotation(fish, begin)
-        goes_on = film.more[rows[:-1] + 1] & film.endless[np.minimum(rows[:-1] + 2, film.last)]
+        after = np.minimum(rows[:-1] + 1, film.last)
+        goes_on = film.more[after] & film.endless[np.minimum(after + 1, film.last)]
         rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
         error = step.wrap(step.bearing(fish.x, fish.y, *target) - fish.heading)
         turn = np.clip(error / len(rows), -_ON_SPOT_DEG, _ON_SPOT_DEG)

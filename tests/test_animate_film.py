@@ -518,6 +518,15 @@ def test_never_outside_the_tank(make):
         assert measures.outside(table, cast_of(), ROOM) == 0
 
 
+def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
+    mode = loop_mode(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
+    fish = mode.begin(np.random.default_rng(0))
+    fish.row, fish.rot, fish.x, fish.y = 197, 0.0, 744.0, 300.0  # into the wall
+    found = mode.stretch(fish, np.array([300.0, 300.0]), "A", np.random.default_rng(0))
+    assert list(found.number) == [198] and fish.row == 198
+    assert found.why.startswith("no way on")
+
+
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
     reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
