@@ -101,7 +101,7 @@ def morph(
         contour; the message names it.
     """
     _check_numbers(method, frames, points)
-    _check_pairs(a, b)
+    check_pairs(a, b)
     b = fitted(b, a.width, a.height)
     side = max(a.width, a.height)
     stacks = dict[str, Points]()
@@ -195,7 +195,7 @@ def _check_numbers(method: str, frames: int, points: int) -> None:
         )
 
 
-def _check_pairs(a: Drawing, b: Drawing) -> None:
+def check_pairs(a: Drawing, b: Drawing) -> None:
     """Refuse drawings whose contours do not belong together, all that is wrong in one message."""
     wrong = [
         f"{', '.join(map(repr, lone[:5]))}{' …' * (len(lone) > 5)} only in the {which}"

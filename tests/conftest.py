@@ -28,6 +28,12 @@ TINY_CARP = [
     "morph.frames=6",
     "morph.points=64",
     "morph.size_px=64",
+    "gait.dog_frames=32",
+    "gait.dog_cycles=2",
+    "gait.dog_width_px=160",
+    "gait.points=64",
+    "gait.frame_rate_hz=8.0",
+    "gait.size_px=64",
 ]
 
 

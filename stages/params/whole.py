@@ -12,6 +12,7 @@ from stages.params import (
     distance,
     extract,
     features,
+    gait,
     gateways,
     loops,
     morph,
@@ -31,6 +32,7 @@ GROUPS: dict[str, Mapping[str, type]] = {
     "animate": animate.OPTIONS,
     "render": render.OPTIONS,
     "morph": morph.OPTIONS,
+    "gait": gait.OPTIONS,
 }
 """conf/<word>/<option>.yaml holds the values of GROUPS[word][option]."""
 

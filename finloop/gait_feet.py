@@ -1,0 +1,73 @@
+"""When exactly a walking animal is at key 1: where its feet turn round (curve paper §4.2, Fig. 9).
+
+The period of a walk is known well, but its fundamental does not tell where the feet turn: a planted
+foot goes straight back, a lifted one is eased. In a gait of four subcycles the way of every foot is
+four parabolas, joined at the keys, so the keys are where four parabolas fit all feet best.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+
+Array = NDArray[np.float64]
+
+FOOT = 16
+"""The lowest 1/FOOT of a limb's contour is its foot."""
+REACH = 0.06  # cycles that key 1 is looked for to either side
+STEPS = 61
+
+
+def feet(limbs: Mapping[str, Array]) -> Array:
+    """How far ahead the feet of limbs (frames, n, 2) are, (frames, limbs); rows may hold NaN."""
+    return np.stack([_foot(points) for points in limbs.values()], axis=1)
+
+
+def _foot(points: Array) -> Array:
+    low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
+    return points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1)
+
+
+def aligned(phase: Array, ahead: Array, split: float) -> Array:
+    """The phase (frames,), set right so that `ahead` (frames, k) turns at the keys.
+
+    Moved by at most about REACH and stretched a little: least squares over both. Rows with NaN are
+    not used.
+    """
+    seen = np.isfinite(ahead).all(axis=1)
+    if seen.sum() < 12:  # eight numbers a foot are fitted
+        return phase
+    at, way = phase[seen], ahead[seen] - ahead[seen].mean(axis=0)
+    middle = float(at.mean())
+
+    def off(change: Array) -> float:
+        return _off(at - change[0] + change[1] * (at - middle), way, split)
+
+    moves = np.linspace(-REACH, REACH, STEPS)
+    first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
+    found = minimize(
+        off,
+        (first, 0.0),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": [(first, 0.0), (first + 0.004, 0.0), (first, 0.003)],
+            "xatol": 1e-5,
+            "fatol": 1e-12 * float((way**2).sum()),
+        },
+    ).x
+    return phase - found[0] + found[1] * (phase - middle)
+
+
+def _off(phase: Array, way: Array, split: float) -> float:
+    """Squares that four parabolas, joined at the keys, leave of (frames, k)."""
+    ends = np.array([0, split, 0.5, 0.5 + split, 1])
+    phase = np.mod(phase, 1.0)
+    which = np.searchsorted(ends[1:-1], phase, side="right")
+    tau = (phase - ends[which]) / (ends[which + 1] - ends[which])
+    terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
+    terms[row, which] = 1 - tau
+    terms[row, (which + 1) % 4] = tau
+    terms[row, 4 + which] = tau * (1 - tau)
+    left = way - terms @ np.linalg.lstsq(terms, way, rcond=None)[0]
+    return float((left**2).sum())

@@ -1,0 +1,153 @@
+"""Feet that keep to the ground: between key frames drawn by hand they slide and sink a little.
+
+While a foot is on the ground the body passes over it at one speed, so seen from the body it goes
+straight back at that speed, the same for every foot. A limb whose foot does not is sheared: not at
+its top, where it hangs on the body, and fully in its foot, which so keeps its shape.
+
+How a foot moves is not how points of its contour move: those run along it a little when parts of
+the limb become longer or shorter. So the motion of a rigid foot is taken that goes best with the
+points' motion across the contour, and of that the motion where the foot touches the ground: a foot
+that rolls over its toes does not slide.
+
+Contours of one cycle (f, n, 2), frame k at phase k / f, x right, y down.
+"""
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+
+FOOT = 0.25  # of a limb's height: the part that moves as one
+PAW = 0.15  # of a limb's height: the part whose motion is looked at
+SOLE = 0.03  # of a limb's height: what of it touches the ground
+
+Points = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Support = Mapping[str, tuple[tuple[float, float], ...]]
+Paths = dict[str, list[tuple[Ints, Points]]]
+"""By id, for each support its frames and how far the foot has gone in them."""
+
+
+class Ground(NamedTuple):
+    """Where feet stand.
+
+    Attributes
+    ----------
+    speed
+        Of the ground in the body's frame, drawing units a frame; below 0 if it goes to the left.
+    slide
+        By id: how far the foot strays from the ground's motion in a support, peak to peak, the
+        most of all its supports; drawing units.
+    """
+
+    speed: float
+    slide: dict[str, float]
+
+
+def supports(spans: tuple[tuple[float, float], ...], frames: int) -> list[Ints]:
+    """Frames of each support (from, to) in order, both ends among them, counted on beyond f."""
+    room = 1e-9
+    ends = [(np.ceil((a - room) * frames), np.floor((b + room) * frames)) for a, b in spans]
+    return [np.arange(int(a), int(b) + 1) for a, b in ends if b >= a]
+
+
+def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
+    """The ground's speed that fits all feet on it best, and how far each slides at that speed.
+
+    Only ids that `support` names count.
+    """
+    return _ground(_paths(limbs, support))
+
+
+def grounded(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
+    """The limbs, sheared so that feet on the ground go with it at one height, and none is below.
+
+    In the swing the correction passes over, smoothly, from that of one support to that of the
+    next. Ids that `support` does not name stay as they are.
+
+    Raises
+    ------
+    FinloopError
+        If a limb has no height.
+    """
+    paths = _paths(limbs, support)
+    speed = _ground(paths).speed
+    return {
+        name: _sheared(name, stack, paths[name], speed) if name in paths else stack
+        for name, stack in limbs.items()
+    }
+
+
+def path(stack: Points) -> Points:
+    """How far the foot of a limb (f, n, 2) has gone in x since the first frame, (f,).
+
+    Open limbs count as closed: their ends do not run along them, so no wrong is done.
+    """
+    return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
+
+
+def _step(here: Points, there: Points) -> float:
+    """Motion in x of the foot, where it touches the ground, between two contours (n, 2)."""
+    middle = (here + there) / 2
+    along = np.roll(middle, -1, axis=0) - np.roll(middle, 1, axis=0)
+    across = along[:, ::-1] * [1, -1]  # as long as the piece of contour that the point stands for
+    y = middle[:, 1]
+    foot = y >= y.max() - PAW * np.ptp(y)
+    touch = middle[y >= y.max() - SOLE * np.ptp(y)].mean(axis=0)
+    arm = middle - touch
+    turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
+    motion = np.column_stack([across, turn])[foot]
+    wanted = ((there - here) * across).sum(axis=1)[foot]
+    return float(np.linalg.lstsq(motion, wanted, rcond=None)[0][0])
+
+
+def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
+    found: Paths = {}
+    for name, stack in limbs.items():
+        if runs := supports(support.get(name, ()), len(stack)):
+            found[name] = [(run, path(stack[run % len(stack)])) for run in runs]
+    return found
+
+
+def _ground(paths: Paths) -> Ground:
+    every = [(run - run.mean(), way - way.mean()) for of in paths.values() for run, way in of]
+    spread = sum(float(run @ run) for run, _ in every)
+    speed = sum(float(run @ way) for run, way in every) / spread if spread else 0.0
+    slide = {
+        name: max(float(np.ptp(way - speed * run)) for run, way in of) for name, of in paths.items()
+    }
+    return Ground(speed, slide)
+
+
+def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
+    frames = len(stack)
+    top, low = stack[..., 1].min(axis=1), stack[..., 1].max(axis=1)
+    if not (low > top).all():
+        raise FinloopError(
+            f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
+        )
+    level = float(np.median(low[np.concatenate([run for run, _ in ways]) % frames]))
+    shift = np.full((frames, 2), np.nan)
+    for run, way in ways:
+        at, slid = run % frames, way - speed * run
+        shift[at] = np.stack([slid.mean() - slid, level - low[at]], axis=1)
+    shift = _passed_over(shift)
+    shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
+    share = (stack[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
+    return stack + np.minimum(share, 1)[..., None] * shift[:, None]
+
+
+def _passed_over(shift: Points) -> Points:
+    """Shifts (f, 2) of a cycle with those that are not given eased in between."""
+    frames, given = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
+    out = shift.copy()
+    for here, there in zip(given, np.append(given[1:], given[0] + frames), strict=True):
+        between = np.arange(here + 1, there)
+        s = (between - here) / (there - here)
+        s = (s * s * (3 - 2 * s))[:, None]
+        out[between % frames] = (1 - s) * shift[here] + s * shift[there % frames]
+    return out

@@ -1,0 +1,190 @@
+"""The drawn dog: laws of its walk, its exact contours and γ, and that its film shows them."""
+
+from dataclasses import replace
+from fractions import Fraction
+
+import av
+import numpy as np
+import pytest
+
+from finloop.curve import Curve, area
+from finloop.dog import (
+    NAMES,
+    DogFilm,
+    course_px,
+    feet_px,
+    foot,
+    gammas,
+    limb,
+    phases,
+    progress,
+    support,
+    swings,
+    true_gamma,
+    trunk,
+    truth,
+)
+from finloop.dog_draw import filled, film, seen, traced
+from finloop.dog_shape import BODY, FORE, HEAD, HIND, LIMBS, posed
+from finloop.errors import FinloopError
+from finloop.files.movie import Mp4Writer
+from finloop.morph_folds import is_simple
+
+SMALL = DogFilm(
+    frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0
+)
+PHASE = np.linspace(0, 1, 97)[:-1]
+
+
+def moved(dog, name, phase):
+    """A limb's contours without its place in the depth of the picture."""
+    points = limb(dog, name, phase, 64)
+    return points - points[0].mean(axis=0)
+
+
+@pytest.mark.parametrize("shape", [FORE, HIND], ids=["fore", "hind"])
+def test_a_foot_that_stays_leaves_the_limb_as_it_was_drawn(shape):
+    still = posed(shape, np.zeros(2), np.zeros(2), 128)
+    assert area(Curve(still, True)) > 0  # clockwise as seen
+    lengths = np.linalg.norm(np.diff(still, axis=0, append=still[:1]), axis=1)
+    assert lengths.max() < 1.01 * lengths.mean()  # at the toes a chord is shorter than its arc
+    # Moving foot and hip together moves all of it, but for the lean of the pastern, which goes by
+    # the foot; so only without one.
+    stiff = replace(shape, lean=(0.0, 0.0))
+    both = posed(stiff, np.array([0.2, -0.1]), np.array([0.2, -0.1]), 128)
+    assert both == pytest.approx(posed(stiff, np.zeros(2), np.zeros(2), 128) + [0.2, -0.1])
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_planted_feet_stay_where_they_are_on_the_ground(name):
+    # The body gets on by two strides a cycle: what the ground does under it, the foot does.
+    phase = PHASE[~swings(name, PHASE)]
+    on_ground = foot(SMALL, name, phase)[:, 0] + 2 * SMALL.stride * phase
+    # All feet land once a cycle, so one place, or for two runs of phases two places.
+    assert np.ptp(on_ground) < 1e-12
+    assert foot(SMALL, name, phase)[:, 1] == pytest.approx(0)
+    assert (foot(SMALL, name, PHASE)[:, 1] <= 0).all()
+    ((begin, end),) = support(name)
+    assert not swings(name, np.linspace(begin + 1e-9, end - 1e-9, 9)).any()
+
+
+def test_a_foot_swings_slowly_at_both_ends_and_never_back():
+    for name in NAMES:
+        whole = np.r_[PHASE, 1.0]
+        part = np.r_[progress(SMALL, name, PHASE), 0.0]
+        for half in (whole[:49], whole[48:]):
+            inside = part[np.isin(whole, half[:-1])]
+            speed = np.diff(np.r_[inside, 1.0])
+            assert (speed > 0).all()
+            if swings(name, half[:1] + 1e-6)[0]:
+                assert speed[0] < speed[len(speed) // 2] / 2 > speed[-1]
+            else:
+                assert speed == pytest.approx(speed.mean())
+
+
+def test_the_limbs_of_one_end_are_each_other_half_a_cycle_later():
+    for end in ("fore", "hind"):
+        near = limb(SMALL, f"{end}_right", PHASE, 64)
+        far = limb(SMALL, f"{end}_left", PHASE + 0.5, 64)
+        offset = far - near
+        assert offset == pytest.approx(np.broadcast_to(offset[0, 0], offset.shape), abs=1e-9)
+
+
+def test_no_limb_folds_and_none_jumps():
+    fine = np.linspace(0, 1, 481)
+    for name in NAMES:
+        points = limb(SMALL, name, fine, 128)
+        steps = np.linalg.norm(np.diff(points, axis=0), axis=2).max(axis=1)
+        assert steps.max() < 0.012 * SMALL.trunk_px
+        assert all(is_simple(frame) for frame in points[::40])
+        sizes = [area(Curve(frame, True)) for frame in points[::40]]
+        assert np.ptp(sizes) < 0.12 * np.mean(sizes)
+
+
+def test_true_gamma_comes_to_that_of_the_clock_as_the_swing_becomes_small():
+    apart = []
+    for scale in (1.0, 0.25, 0.025):
+        dog = DogFilm(stride=0.4 * scale, lift=0.08 * scale**3, bob=0.0)
+        found = true_gamma(dog, 64)
+        apart.append(
+            max(
+                abs(found[name][label] - gammas(dog, name)[which])
+                for name in NAMES
+                for which, label in enumerate("AB")
+            )
+        )
+    assert apart[0] > 0.1  # at full swing points go on arcs
+    assert apart[0] > apart[1] > apart[2]
+    assert apart[2] < 0.01
+
+
+def test_true_gamma_is_the_least_squares_of_many_frames():
+    # Written anew with numpy's own least squares, on a film of 100 frames a quarter.
+    dog = SMALL
+    found = true_gamma(dog, 64)
+    for name in NAMES:
+        for which, label in enumerate("AB"):
+            tau = np.linspace(0, 1, 101)
+            c = limb(dog, name, (which + np.minimum(tau, 1 - 1e-9)) / 4, 64)
+            way = c[0] - c[-1]
+            left = (c - c[-1] - (1 - tau)[:, None, None] * way).ravel()
+            column = -((tau * (1 - tau))[:, None, None] * way).reshape(-1, 1)
+            assert np.linalg.lstsq(column, left, rcond=None)[0][0] == pytest.approx(
+                found[name][label], abs=2e-3
+            )
+
+
+@pytest.mark.parametrize(
+    ("changes", "word"),
+    [
+        ({"stride": 0.9}, "reach"),
+        ({"swing_fore": (-1.5, 0.5)}, "turns back"),
+        ({"frames": 1}, "2 frames"),
+        ({"width_px": 150}, "whole dog"),
+        ({"pan": 0.0, "cycles": 8.0}, "camera"),
+    ],
+)
+def test_a_dog_that_cannot_be_drawn_is_refused(changes, word):
+    with pytest.raises(FinloopError, match=word):
+        replace(SMALL, **changes)
+
+
+def test_the_film_is_the_same_again_and_shows_the_near_limbs_where_they_are(tmp_path):
+    pictures = list(film(SMALL))
+    assert all((a == b).all() for a, b in zip(pictures, film(SMALL), strict=True))
+    with Mp4Writer(tmp_path / "dog.mp4", pictures[0].shape, Fraction(16), 18) as movie:
+        for picture in pictures:
+            movie.write(picture)
+    with av.open(str(tmp_path / "dog.mp4")) as container:
+        coded = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    assert len(coded) == SMALL.frames
+    for k in range(0, SMALL.frames, 5):
+        exact = traced(SMALL, k)
+        for name, mask in seen(coded[k]).items():
+            both = (mask & exact[name]).sum() / (mask | exact[name]).sum()
+            assert both > 0.9
+    with pytest.raises(FinloopError, match="pale"):
+        seen(np.zeros((20, 20, 3), np.uint8))
+
+
+def test_traced_regions_are_the_exact_contours():
+    exact = truth(SMALL, 256)
+    for k in (0, 7):
+        masks = traced(SMALL, k)
+        assert set(masks) == {*NAMES, "body"}
+        for name in NAMES:
+            points = exact[name][k] + course_px(SMALL)[k]
+            assert masks[name].sum() == pytest.approx(area(Curve(points, True)), rel=0.02)
+            assert (masks[name] == filled(points, 160, 240)).all()
+
+
+def test_the_dog_stands_on_the_ground_and_heads_to_the_right():
+    for phase in phases(SMALL)[:8]:
+        lowest = max(limb(SMALL, n, np.array(phase), 128)[:, 1].max() for n in NAMES)
+        assert lowest == pytest.approx(0, abs=0.02 * SMALL.trunk_px)
+        body, head = trunk(SMALL, phase, BODY, 64), trunk(SMALL, phase, HEAD, 64)
+        assert head[:, 0].max() > body[:, 0].max()
+    assert (np.diff(course_px(SMALL)[:, 0]) >= 0).all()
+    soles = feet_px(SMALL, "fore_right", PHASE[PHASE < 0.5])
+    assert soles[:, 1] == pytest.approx(0)
+    assert set(LIMBS) == {"fore", "hind"}

@@ -1,0 +1,228 @@
+"""The model of a gait: its clock, its four keys, its cycle; gaits as files."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from finloop.errors import FinloopError
+from finloop.files.gait import load_gait, save_gait
+from finloop.gait_descriptor import descriptor, scale_slices
+from finloop.gait_model import (
+    Gait,
+    at_phases,
+    between,
+    clock,
+    cycle,
+    four_keys,
+    mirrored,
+    partner,
+    reversal,
+    subcycle,
+)
+
+RNG = np.random.default_rng(5)
+LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right", "body")
+ONE, TWO = ({name: RNG.normal(size=(32, 2)) for name in LIMBS} for _ in range(2))
+GAMMA = {
+    "*": {"A": (0.5,), "B": (-0.5,)},
+    "fore_left": {"A": (-0.9, 0.3, 0.1), "B": (1.0,)},
+    "fore_right": {"A": (0.0,), "B": (0.2,)},
+}
+WALK = Gait("walk", "swap", 1.5, GAMMA, wavelet="db4")
+SWIM = Gait("swim", "mirror", 4.0, GAMMA, split=0.2, wavelet="db4")
+
+
+@pytest.mark.parametrize("gamma", [-1.0, -0.4, 0.0, 0.8, 1.0])
+def test_clock_goes_from_one_to_zero_and_bends_by_gamma(gamma):
+    tau = np.linspace(0, 1, 101)
+    f = clock(tau, gamma)
+    assert (f[0], f[-1]) == (1, 0)
+    assert (np.diff(f) <= 1e-15).all()
+    np.testing.assert_allclose(f - (1 - tau), -gamma * tau * (1 - tau), atol=1e-15)
+    np.testing.assert_allclose(np.diff(f, 2) / 0.01**2, 2 * gamma, atol=1e-9)
+
+
+def test_partner_is_the_other_side_if_it_is_there():
+    assert partner("fore_left", LIMBS) == "fore_right"
+    assert partner("fore_left", ["fore_left"]) == "fore_left"
+    assert partner("body", LIMBS) == "body"
+    for name in LIMBS:
+        assert partner(partner(name, LIMBS), LIMBS) == name
+
+
+def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
+    points = RNG.normal(size=(3, 16, 2))
+    flipped = mirrored(points, 2.0, reversal(16, 3))
+    np.testing.assert_allclose(mirrored(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
+    x, y = points[0].T
+    u, v = flipped[0].T
+    area = [a @ np.roll(b, -1) - b @ np.roll(a, -1) for a, b in ((x, y), (u, v))]
+    assert area[0] == pytest.approx(area[1])
+    np.testing.assert_allclose(mirrored(points)[:, 0], points[:, 0] * [1, -1])  # the snout stays
+
+
+@pytest.mark.parametrize("gait", [WALK, SWIM], ids=lambda gait: gait.name)
+def test_the_cycle_goes_through_its_keys_and_its_second_half_repeats_the_first(gait):
+    keys = four_keys(ONE, TWO, gait.symmetry)
+    frames = at_phases(ONE, TWO, gait, np.array([0, gait.split, 0.5, 0.5 + gait.split, 1]))
+    for name in LIMBS:
+        for k in range(5):
+            np.testing.assert_allclose(frames[name][k], keys[k % 4][name], atol=1e-12)
+    whole = cycle(ONE, TWO, gait, 20)
+    for name in LIMBS:
+        other = whole[partner(name, LIMBS)][:10]
+        expected = other if gait.symmetry == "swap" else mirrored(other)
+        np.testing.assert_allclose(whole[name][10:], expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("gait", [WALK, SWIM], ids=lambda gait: gait.name)
+def test_a_cycle_repeats_without_a_jump(gait):
+    """Across every key, the end of the cycle among them, steps are as small as the time step."""
+    ends = np.array([0.0, gait.split, 0.5, 0.5 + gait.split, 1.0])
+    for frames in at_phases(ONE, TWO, gait, np.r_[ends - 1e-7, ends + 1e-7]).values():
+        assert np.abs(frames[:5] - frames[5:]).max() < 1e-4
+
+
+def test_gamma_bends_between_the_keys_and_each_scale_by_its_own():
+    source, to = ONE["body"], TWO["body"]
+    tau = np.array([0.25, 0.5])
+    one = between(source, to, tau, (0.7,), "db4", 4)
+    np.testing.assert_allclose(one, to + clock(tau, 0.7)[:, None, None] * (source - to))
+    np.testing.assert_allclose(between(source, to, tau, (0.7, 0.7), "db4", 4), one, atol=1e-12)
+    gammas = (-0.5, 0.0, 0.9)
+    moved = descriptor(between(source, to, tau, gammas, "db4", 4) - to, "db4", 4)
+    way = descriptor(source - to, "db4", 4)
+    for m, where in enumerate(scale_slices(32, 4)):
+        f = clock(tau, gammas[min(m, 2)])  # scales beyond those named go by the last
+        np.testing.assert_allclose(moved[:, where], f[:, None, None] * way[where], atol=1e-12)
+
+
+def test_few_control_points_make_smoother_contours_and_all_change_nothing():
+    full = cycle(ONE, TWO, WALK, 8)["body"]
+    np.testing.assert_allclose(cycle(ONE, TWO, WALK, 8, control=32)["body"], full, atol=1e-12)
+    few = cycle(ONE, TWO, WALK, 8, control=4)["body"]
+    assert np.abs(descriptor(few, "db4", 4)[:, 4:]).max() < 1e-12
+    np.testing.assert_allclose(few.mean(axis=1), full.mean(axis=1), atol=1e-12)
+    open_ones = cycle(ONE, TWO, WALK, 8, control=4, closed={"body": False})["body"]
+    assert np.abs(open_ones[:, 0] - open_ones[:, -1]).max() > 0.1  # its ends do not meet
+
+
+def test_subcycles():
+    which, tau = subcycle(np.array([0.0, 0.1, 0.2, 0.5, 0.95, 1.25, -0.4]), 0.2)
+    assert which.tolist() == [0, 0, 1, 2, 3, 1, 2]
+    np.testing.assert_allclose(tau, [0, 0.5, 0, 0, 5 / 6, 1 / 6, 0.5], atol=1e-12)
+
+
+def test_offsets_keep_a_limb_at_its_hip():
+    hips = {"fore_left": np.array([3.0, -1.0]), "fore_right": np.array([-3.0, 1.0])}
+    later = four_keys(ONE, TWO, "swap", offsets=hips)[2]
+    np.testing.assert_allclose(later["fore_left"], ONE["fore_right"] + [3, -1])
+    with pytest.raises(FinloopError, match="twice, is not 'fore_left' itself"):
+        four_keys(ONE, TWO, "swap", offsets={name: np.ones(2) for name in hips})
+    with pytest.raises(FinloopError, match="twice"):
+        four_keys(ONE, TWO, "mirror", orders={"body": np.roll(np.arange(32), 1)})
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda one, two: two.pop("body"), "'body' only in key 1"),
+        (lambda one, two: one.pop("body"), "'body' only in key 2"),
+        (lambda one, two: two.update(body=np.zeros((8, 2))), "32 points in key 1, 8 in 2"),
+        (
+            lambda one, two: [key.update(fore_left=np.zeros((16, 2))) for key in (one, two)],
+            "'fore_right' 32",
+        ),
+        (lambda one, two: (one.clear(), two.clear()), "no contours"),
+    ],
+)
+def test_keys_that_do_not_belong_together_are_refused(change, said):
+    one, two = dict(ONE), dict(TWO)
+    change(one, two)
+    with pytest.raises(FinloopError, match=said):
+        four_keys(one, two, "swap")
+
+
+def test_numbers_out_of_range_are_refused():
+    with pytest.raises(FinloopError, match="3 frames"):
+        cycle(ONE, TWO, WALK, 3)
+    with pytest.raises(FinloopError, match=r"split of 0\.6"):
+        cycle(ONE, TWO, replace(WALK, split=0.6), 8)
+    with pytest.raises(FinloopError, match="'turn'"):
+        four_keys(ONE, TWO, "turn")
+    with pytest.raises(FinloopError, match="64 control points"):
+        cycle(ONE, TWO, WALK, 8, control=64)
+
+
+def test_a_gait_comes_back_from_its_file(tmp_path):
+    gait = replace(
+        WALK, support={"fore_left": ((0.5, 1.0),)}, source="a film", confidence=0.9, cycles=3.0,
+        frames=72, residuals={"linear": 0.02, "gamma": 0.01},
+    )  # fmt: skip
+    path = tmp_path / "walk.json"
+    save_gait(path, gait)
+    assert load_gait(path) == gait
+    before = path.read_bytes()
+    save_gait(path, load_gait(path))
+    assert path.read_bytes() == before
+    with pytest.raises(FinloopError, match="frequency_hz"):
+        save_gait(path, replace(gait, frequency_hz=float("nan")))
+    assert path.read_bytes() == before
+
+
+def test_the_least_that_a_person_must_write(tmp_path):
+    path = tmp_path / "own.json"
+    path.write_text(
+        '{"name": "own", "symmetry": "mirror", "frequency_hz": 2, "gamma": {"*": {"A": [0], "B": [0.5]}}}'
+    )
+    assert load_gait(path) == Gait("own", "mirror", 2, {"*": {"A": (0.0,), "B": (0.5,)}})
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"speed": 1}, "'speed' is unknown"),
+        ({"name": None}, "'name' is None"),
+        ({"symmetry": "turn"}, "'turn', not one of swap, mirror"),
+        ({"split": 0.5}, "'split' is 0.5"),
+        ({"frequency_hz": True}, "'frequency_hz' is True"),
+        ({"coarse": 3}, "no power of two"),
+        ({"gamma": {}}, "names no contour"),
+        ({"gamma": {"*": {"A": [0]}}}, "not the two subcycles"),
+        ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, "no list of numbers"),
+        ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "no list of numbers"),
+        ({"support": {"fore_left": [[0.5, 0.2]]}}, "support of 'fore_left'"),
+        ({"residuals": {"gamma": "small"}}, "'residuals'"),
+    ],
+)
+def test_a_file_that_is_no_gait_is_refused_by_name(tmp_path, change, said):
+    path = tmp_path / "walk.json"
+    save_gait(path, WALK)
+    path.write_text(json.dumps(json.loads(path.read_text()) | change))
+    with pytest.raises(FinloopError, match=said):
+        load_gait(path)
+
+
+@pytest.mark.parametrize("text", [None, "", "{", "[1, 2]", "3", "[" * 100_000])
+def test_a_file_that_cannot_be_read_is_refused(tmp_path, text):
+    path = tmp_path / "walk.json"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(FinloopError, match=r"walk\.json"):
+        load_gait(path)
+
+
+def test_all_that_is_wrong_is_said_at_once(tmp_path):
+    path = tmp_path / "walk.json"
+    path.write_text('{"name": 3, "colour": "red"}')
+    with pytest.raises(FinloopError) as raised:
+        load_gait(path)
+    for word in (
+        "'name' is 3",
+        "'colour' is unknown",
+        "'gamma' is missing",
+        "'symmetry' is missing",
+    ):
+        assert word in raised.value.came

@@ -1,0 +1,259 @@
+"""γ from contours: films made by the model give back what made them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from finloop.dog import DogFilm, phases, truth
+from finloop.errors import FinloopError
+from finloop.gait_compare import compare, left_out
+from finloop.gait_feet import aligned, feet
+from finloop.gait_film import Filmed, keys_of
+from finloop.gait_fit import fit, gamma_fit
+from finloop.gait_model import Gait, at_phases, clock, four_keys, mirrored
+
+RNG = np.random.default_rng(6)
+LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
+TRUE = {
+    "fore_left": {"A": (0.1,), "B": (-0.8,)},
+    "fore_right": {"A": (0.6,), "B": (0.3,)},
+    "hind_left": {"A": (-0.2,), "B": (0.9,)},
+    "hind_right": {"A": (0.0,), "B": (-0.5,)},
+}
+N = 32
+
+
+def _blob(angle: float, seed: int) -> np.ndarray:
+    t = np.linspace(0, 2 * np.pi, N, endpoint=False)
+    rng = np.random.default_rng(seed)
+    radius = 1 + 0.1 * sum(rng.normal() * np.cos(k * t + rng.normal()) for k in (2, 3, 5))
+    points = np.column_stack([radius * np.cos(t) * 0.3, radius * np.sin(t) + 1])
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    return points @ turn
+
+
+ONE = {
+    name: _blob(a, k) for k, (name, a) in enumerate(zip(LIMBS, (0.5, -0.5, -0.4, 0.4), strict=True))
+}
+TWO = {
+    name: _blob(a, k) for k, (name, a) in enumerate(zip(LIMBS, (0.1, 0.05, -0.1, 0.0), strict=True))
+}
+
+
+def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE, two=TWO):
+    gait = Gait("x", symmetry, 1.0, gamma, split=split, wavelet="db4")
+    frames = at_phases(one, two, gait, phases, offsets=offsets)
+    return Filmed(frames, phases, 2.0, symmetry, offsets=offsets)
+
+
+@pytest.mark.parametrize("gamma", [-1.0, -0.3, 0.0, 0.7, 1.0, 2.5])
+def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
+    source, to = RNG.normal(size=(2, 9))
+    tau = RNG.uniform(size=12)
+    frames = to + clock(tau, gamma)[:, None] * (source - to)
+    assert gamma_fit(tau, frames, source, to) == pytest.approx(gamma, abs=1e-12)
+    noisy = frames + 0.1 * RNG.normal(size=frames.shape)
+    best = gamma_fit(tau, noisy, source, to)
+    error = [
+        float(((noisy - to - clock(tau, g)[:, None] * (source - to)) ** 2).sum())
+        for g in (best - 1e-3, best, best + 1e-3)
+    ]
+    assert error[1] < min(error[0], error[2])
+
+
+def test_no_motion_and_no_frames_have_no_gamma():
+    still = np.ones(4)
+    assert gamma_fit(np.array([0.5]), still[None], still, still) == 0
+    assert gamma_fit(np.array([]), np.empty((0, 4)), still, 2 * still) == 0
+
+
+@pytest.mark.parametrize("start", [0.0, 0.125, 0.75])
+def test_limbs_of_a_synthesized_walk_give_back_gamma_and_keys(start):
+    gait, keys = fit(_film(start + np.arange(16) / 16), "walk", 1.5, wavelet="db4")
+    for name in LIMBS:
+        for letter in "AB":
+            assert gait.gamma[name][letter] == pytest.approx(TRUE[name][letter], abs=1e-9)
+        np.testing.assert_allclose(keys.one[name], ONE[name], atol=1e-12)
+        np.testing.assert_allclose(keys.two[name], TWO[name], atol=1e-12)
+    assert (gait.frequency_hz, gait.frames) == (1.5, 16)
+    assert gait.cycles == pytest.approx(1)
+
+
+def test_keys_between_frames_allow_for_the_bend_of_the_way():
+    """Straight lines from frame to frame would be off by the bend (and γ by a tenth and more)."""
+    film = _film(np.arange(48) / 24 + 1 / 48)
+    gait, keys = fit(film, "x", 1.0, wavelet="db4")
+    rough = keys_of(film, 0.25)
+    off = [
+        sum(
+            ((found.one[n] - ONE[n]) ** 2).sum() + ((found.two[n] - TWO[n]) ** 2).sum() for n in ONE
+        )
+        for found in (keys, rough)
+    ]
+    assert off[0] < 0.1 * off[1]
+    for name in LIMBS:
+        assert gait.gamma[name]["B"] == pytest.approx(TRUE[name]["B"], abs=0.05)
+
+
+def test_gamma_per_scale_comes_back():
+    per_scale = {name: {"A": (0.5, -0.5, 0.9, 0.0), "B": (-0.7, 0.2, 0.1, 0.3)} for name in LIMBS}
+    gait, _ = fit(_film(np.arange(24) / 16, per_scale), "x", 1.0, wavelet="db4", per_scale=True)
+    for name in LIMBS:
+        for letter in "AB":
+            assert gait.gamma[name][letter] == pytest.approx(per_scale[name][letter], abs=1e-9)
+
+
+def test_half_a_cycle_is_enough_and_less_is_refused():
+    """Limbs of one side in the first half are those of the other in the second."""
+    gait, _ = fit(_film(np.arange(9) / 16), "x", 1.0, wavelet="db4")
+    for name in LIMBS:
+        assert gait.gamma[name]["B"] == pytest.approx(TRUE[name]["B"], abs=1e-9)
+    with pytest.raises(FinloopError, match="half a cycle"):
+        fit(_film(np.arange(6) / 16), "x", 1.0)
+    with pytest.raises(FinloopError, match="does not always rise"):
+        fit(_film(np.array([0.0, 0.4, 0.3, 0.9])), "x", 1.0)
+
+
+def test_far_limbs_that_hang_elsewhere_keep_their_hips():
+    offsets = {"fore_left": np.array([0.2, 0.1]), "fore_right": np.array([-0.2, -0.1])}
+    gait, keys = fit(_film(np.arange(16) / 16, offsets=offsets), "x", 1.0, wavelet="db4")
+    assert gait.gamma["fore_left"]["B"] == pytest.approx((-0.8,), abs=1e-9)
+    np.testing.assert_allclose(keys.one["fore_right"], ONE["fore_right"], atol=1e-12)
+
+
+def test_a_mirrored_cycle_and_another_split():
+    one = {"outline": _blob(0.5, 9)}
+    two = {"outline": _blob(0.2, 9)}
+    gamma = {"outline": {"A": (-0.9,), "B": (0.4,)}}
+    phases = np.arange(40) / 20
+    film = _film(phases, gamma, 0.2, "mirror", one=one, two=two)
+    np.testing.assert_allclose(
+        film.contours["outline"][10], mirrored(film.contours["outline"][0]), atol=1e-12
+    )
+    gait, _ = fit(film, "fish", 2.0, split=0.2, wavelet="db4")
+    assert gait.gamma["outline"]["A"] == pytest.approx((-0.9,), abs=1e-9)
+    assert gait.gamma["*"]["B"] == pytest.approx((0.4,), abs=1e-9)
+    assert gait.support == {}
+
+
+def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
+    straight = {name: {"A": (0.0,), "B": (0.0,)} for name in LIMBS}
+    film = _film(np.arange(32) / 16, straight)
+    noise = RNG.normal(size=film.contours["fore_left"].shape)
+    noisy = replace(
+        film, contours={**film.contours, "fore_left": film.contours["fore_left"] + noise}
+    )
+    later = {name: points[[8, 24]] for name, points in noisy.contours.items()}
+    mean = (noisy.contours["fore_left"][[0, 16]].sum(0) + film.later(later)["fore_left"].sum(0)) / 4
+    np.testing.assert_allclose(keys_of(noisy, 0.25).one["fore_left"], mean)
+    between = _film((np.arange(4) - 0.5) / 4 + 0.25, straight)  # key 2 amid two frames
+    expected = between.contours["fore_left"][:2].mean(axis=0)
+    twin = _film(between.phase + 0.5, straight)
+    other = twin.later(twin.contours)["fore_left"][:2].mean(axis=0)
+    np.testing.assert_allclose(expected, other, atol=1e-12)
+    np.testing.assert_allclose(keys_of(between, 0.25).two["fore_left"], expected, atol=1e-12)
+
+
+def test_limbs_missing_in_some_frames_are_fitted_from_the_others():
+    film = _film(np.arange(32) / 16)
+    for name, frames in (("fore_left", [2, 9, 20]), ("hind_right", [0, 5])):
+        film.contours[name][frames] = np.nan
+    gait, _ = fit(film, "x", 1.0, wavelet="db4")
+    for name in LIMBS:
+        assert gait.gamma[name]["A"] == pytest.approx(TRUE[name]["A"], abs=1e-9)
+    film.contours["fore_left"][:] = np.nan
+    film.contours["fore_right"][:] = np.nan
+    with pytest.raises(FinloopError, match="show 'fore_left' in A, 'fore_left' in B, 'fore_right'"):
+        fit(film, "x", 1.0)
+
+
+def test_a_limb_that_is_missing_near_a_key_is_said():
+    film = _film(np.arange(32) / 16)
+    film.contours["hind_left"][[0, 1, 2, 14, 15, 16, 17, 18, 30, 31]] = np.nan
+    film.contours["hind_right"][[6, 7, 8, 9, 10, 22, 23, 24, 25, 26]] = np.nan
+    with pytest.raises(FinloopError, match="no frame shows 'hind_left' near key 1\n"):
+        fit(film, "x", 1.0)
+
+
+def test_too_few_frames_between_keys_is_said():
+    with pytest.raises(FinloopError, match="'fore_left' in A"):
+        fit(_film(np.arange(8) / 4), "x", 1.0)
+
+
+def test_support_is_from_the_foremost_place_to_the_hindmost():
+    """The limb of _blob hangs down and swings: foremost at a negative angle."""
+    gait, keys = fit(_film(np.arange(16) / 16), "x", 1.0)
+    for ((start, stop),) in gait.support.values():
+        assert 0 <= start < stop <= start + 1
+    low = int(keys.one["hind_left"][:, 1].argmax())
+    frames = _film(np.array([gait.support["hind_left"][0][0], 0.3, 0.9])).contours["hind_left"]
+    assert frames[0, low, 0] >= frames[1:, low, 0].max()
+
+
+def test_clocks_on_frames_left_out_stand_in_their_order():
+    quiet = compare(_film(np.arange(48) / 16), wavelet="db4")
+    assert quiet.way == "cycles"
+    assert quiet.rms["linear"] > 0.01
+    assert max(quiet.rms[clock] for clock in ("gamma", "gamma_scale", "free")) < 1e-9
+    other = compare(_film(np.arange(24) / 16), wavelet="db4")  # no left-out frame has a twin
+    assert other.rms["gamma"] < other.rms["free"] < other.rms["linear"]
+    hind = quiet.by_scale.query("contour == 'hind_left' and subcycle == 'B'")
+    assert hind["verdict"].iloc[0] == "buys" and hind["energy_share"].sum() == pytest.approx(1)
+    straight = compare(_film(np.arange(48) / 16, {"*": {"A": (0.0,), "B": (0.0,)}}))
+    assert set(straight.by_scale["verdict"]) == {"not seen"}
+
+
+def test_noise_makes_gamma_buy_nothing_where_there_is_none():
+    film = _film(np.arange(80) / 20, {"*": {"A": (0.0,), "B": (0.8,)}})
+    noisy = {k: v + 0.02 * RNG.normal(size=v.shape) for k, v in film.contours.items()}
+    found = compare(replace(film, contours=noisy))
+    limbs = found.by_contour.set_index(["contour", "subcycle"])
+    for name in LIMBS:
+        assert limbs.loc[(name, "B"), "rms_gamma"] < limbs.loc[(name, "B"), "rms_linear"]
+        assert limbs.loc[(name, "A"), "rms_gamma"] == pytest.approx(
+            limbs.loc[(name, "A"), "rms_linear"], rel=0.02
+        )
+    fine = found.by_scale.query("subcycle == 'A' and scale > 0")
+    assert not (fine["gamma_buys_pct"] > 10).any()
+
+
+def test_what_is_left_out():
+    way, turns = left_out(_film(np.arange(40) / 16))
+    assert (way, [int(t.sum()) for t in turns]) == ("cycles", [16, 16, 8])
+    way, turns = left_out(_film(np.arange(24) / 16))
+    assert way == "every other frame" and (turns[0] ^ turns[1]).all()
+    one = compare(_film(np.arange(24) / 24), wavelet="db4")
+    assert one.rms["gamma"] < one.rms["linear"]
+
+
+def test_the_keys_that_a_film_starts_from_do_not_matter():
+    """Errors are lengths: a film twice as large has the same in body lengths, and the same γ."""
+    film = _film(np.arange(16) / 16 + 0.03)
+    large = replace(
+        film,
+        contours={k: 2 * v for k, v in film.contours.items()},
+        body_length=2 * film.body_length,
+    )
+    for name, of in fit(film, "x", 1.0)[0].gamma.items():
+        assert of["A"] == pytest.approx(fit(large, "x", 1.0)[0].gamma[name]["A"], rel=1e-9)
+    assert compare(film).rms == pytest.approx(compare(large).rms, rel=1e-9)
+
+
+def test_keys_of_the_model_agree():
+    keys = four_keys(ONE, TWO, "swap")
+    film = _film(np.arange(4) / 4)
+    for k in range(4):
+        np.testing.assert_allclose(film.contours["hind_left"][k], keys[k]["hind_left"], atol=1e-12)
+
+
+@pytest.mark.parametrize("late", [-0.03, 0.0, 0.02])
+def test_feet_tell_where_the_keys_are(late):
+    """A period is off by a little in phase and frequency; where feet turn round sets it right."""
+    dog = DogFilm(frames=50, cycles=2.7)
+    limbs = truth(dog, 32)
+    limbs["fore_left"][7] = np.nan
+    true = phases(dog)
+    found = aligned(true * 1.003 + late, feet(limbs), 0.25)
+    np.testing.assert_allclose(found, true, atol=1e-3)
+    np.testing.assert_array_equal(aligned(true[:9], feet(limbs)[:9], 0.25), true[:9])

@@ -1,0 +1,195 @@
+"""Outlines in the frame of the body and their beat, on a fish drawn from its known motion."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop.carp import CarpFilm, motion
+from finloop.carp_motion import midline
+from finloop.carp_skin import half_width
+from finloop.curve import Curve, area
+from finloop.errors import FinloopError
+from finloop.gait_outline import Swim, bent, contours, in_frame, of_track, pose, steady, swim, tail
+from finloop.gait_period import Period
+
+RATE = 50.0
+LENGTH = 90.0  # px
+FRAMES = 70
+BEAT = 2.2 * np.arange(FRAMES) / RATE  # cycles
+
+
+def drawn(line: np.ndarray) -> np.ndarray:
+    """Outline (128, 2) about a midline (65, 2), both in body lengths; begins at the tail."""
+    along = np.gradient(line, axis=0)
+    normal = along[:, ::-1] * [1, -1] / np.hypot(*along.T)[:, None]
+    side = normal * half_width(np.linspace(0, 1, len(line)))[:, None]
+    return np.concatenate([(line + side)[::-1], (line - side)[1:-1]])
+
+
+def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Outlines and midlines in px of a carp that beats its tail and goes its way, head right."""
+    time = np.arange(FRAMES) / RATE
+    lines = np.stack(
+        [midline(speed * t, 0.0, turn * t, b, 1.0, 0.0) for t, b in zip(time, BEAT, strict=True)]
+    )
+    return np.stack([drawn(line) for line in lines]) * LENGTH, lines * LENGTH
+
+
+def off(found: np.ndarray, true: np.ndarray | float) -> np.ndarray:
+    return (found - true + 0.5) % 1 - 0.5
+
+
+def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
+    outline, line = swimming()
+    found = contours(outline, line[:, 0], 64)
+    assert np.abs(found[:, 0] - line[:, 0]).max() < 0.02 * LENGTH
+    assert all(area(Curve(one, True)) > 0 for one in found)
+    for one in found:
+        step = np.hypot(*np.diff(np.vstack([one, one[:1]]), axis=0).T)
+        assert np.ptp(step[2:30]) < 0.05 * step.mean()  # not the tips, where corners are cut
+    # Neither the direction nor the first point of what comes matters.
+    np.testing.assert_allclose(contours(outline[:, ::-1], line[:, 0], 64), found, atol=1e-9)
+    np.testing.assert_allclose(contours(np.roll(outline, 9, 1), line[:, 0], 64), found, atol=1e-9)
+
+
+def test_the_beat_of_a_drawn_fish_is_found() -> None:
+    found = swim(*swimming(), RATE)
+    assert found.period.frequency_hz == pytest.approx(2.2, rel=0.01)
+    assert found.period.confidence > 0.98
+    assert found.period.steady.all()
+    assert found.length_px == pytest.approx(LENGTH, rel=0.01)
+    assert np.ptp(off(found.period.phase, BEAT)) < 0.03
+    # Phase 0 is where the tail is farthest to the left, which is up on the screen.
+    turned = tail(found.points) @ np.exp(-2j * np.pi * found.period.phase)
+    assert np.angle(-turned) == pytest.approx(0, abs=0.05)
+    assert np.abs(off(found.period.phase[tail(found.points).argmin()], 0.0)) < 0.06
+    assert tail(found.points).max() > 0.05
+
+
+def test_the_way_is_dropped_and_the_beat_kept() -> None:
+    """Swimming ahead and in a wide turn gives the contours of swimming in place."""
+    here = swim(*swimming(), RATE)
+    for way in ({"speed": 1.5}, {"speed": 1.0, "turn": 0.4}):
+        there = swim(*swimming(**way), RATE)
+        assert np.sqrt(((there.points - here.points) ** 2).sum(-1).mean()) < 0.005
+        np.testing.assert_allclose(off(there.period.phase, here.period.phase), 0, atol=0.02)
+
+
+def test_the_yaw_of_the_head_is_kept() -> None:
+    """The head swings in the body frame as it does on the film of a fish that stays in place."""
+    outline, line = swimming()
+    found = swim(outline, line, RATE)
+    wanted = line[:, 0, 1] / LENGTH
+    np.testing.assert_allclose(found.points[:, 0, 1], wanted - wanted.mean(), atol=0.004)
+    assert np.ptp(wanted) > 0.02
+
+
+def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
+    outline, line = swimming(speed=1.0)
+    cos, sin = np.cos(2.1), np.sin(2.1)
+    turn = 3 * np.array([[cos, sin], [-sin, cos]])
+    one = swim(outline, line, RATE)
+    other = swim(outline @ turn + [700, -20], line @ turn + [700, -20], RATE)
+    np.testing.assert_allclose(one.points, other.points, atol=1e-9)
+    np.testing.assert_allclose(one.period.phase, other.period.phase, atol=1e-9)
+
+
+def test_in_a_mirror_it_is_half_a_beat_later() -> None:
+    outline, line = swimming(speed=1.0)
+    one, other = swim(outline, line, RATE), swim(outline * [1, -1], line * [1, -1], RATE)
+    image = one.points[:, -np.arange(one.points.shape[1])] * [1, -1]
+    np.testing.assert_allclose(image, other.points, atol=1e-9)
+    np.testing.assert_allclose(off(one.period.phase + 0.5, other.period.phase), 0, atol=1e-9)
+
+
+def test_a_straight_fish_is_its_own_mirror_image() -> None:
+    still, curled = midline(0, 0, 0, 0, 0, 0), midline(0, 0, 0, 0, 0, 1.0)
+    lines = np.stack([still, curled])
+    found = contours(np.stack([drawn(line) for line in lines]), lines[:, 0], 128)
+    centre, angle = pose(found, lines)
+    far = bent(in_frame(found, centre, angle))
+    assert far[0] < 1e-3
+    assert far[1] > 0.03
+
+
+@pytest.mark.parametrize("seed", [3, 9, 11])
+def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> None:
+    """Cruises, glides, bursts and turns, as its script has them; outlines from its true midline."""
+    carp = motion(CarpFilm(frames=200, seed=seed))
+    lines = np.stack(
+        [
+            midline(
+                carp.x[i, 0], carp.y[i, 0], carp.axis[i, 0], carp.beat[i, 0], carp.amplitude[i, 0],
+                carp.bend[i, 0], carp.ripple[i, 0],
+            )
+            for i in range(len(carp.x))
+        ]
+    )  # fmt: skip
+    found = swim(np.stack([drawn(line) for line in lines]), lines, 25.0).period
+    beat, both = carp.beat[:, 0], found.steady[1:] & found.steady[:-1]
+    assert found.why == ""
+    assert found.cycles > 4
+    assert found.frequency_hz == pytest.approx(25 * np.diff(beat)[both].mean(), rel=0.03)
+    apart = np.exp(2j * np.pi * (found.phase - beat)[found.steady])
+    assert np.abs(apart.mean()) > np.cos(2 * np.pi * 0.07)  # 0.07 of a beat, typically
+    assert found.steady[np.abs(carp.bend[:, 0]) > 0.9].mean() < 0.2
+
+
+def test_a_glide_has_no_beat() -> None:
+    outline, line = swimming()
+    still = np.repeat(outline[:1], FRAMES, axis=0), np.repeat(line[:1], FRAMES, axis=0)
+    found = swim(*still, RATE)
+    assert found.period.why == "nothing moves"
+    with pytest.raises(FinloopError, match="1 of 1: nothing moves"):
+        steady([found])
+
+
+def test_steady_frames_of_several_tracks_follow_each_other() -> None:
+    one = swim(*swimming(), RATE)
+    gap = one.period.steady.copy()
+    gap[30:40] = False
+    holed = replace(one, period=replace(one.period, steady=gap))
+    lost = replace(one, period=replace(one.period, why="no cycle is much like another"))
+    points, phase = steady([holed, lost, one])
+    assert len(points) == len(phase) == 2 * FRAMES - 10
+    assert (np.diff(phase) > 0).all()
+    assert (np.diff(phase) <= 2).all()
+    np.testing.assert_allclose(off(phase, np.r_[one.period.phase[gap], one.period.phase]), 0)
+
+
+def test_too_few_frames_of_a_beat_are_said() -> None:
+    outline, line = swimming()
+    found = swim(outline[:9], line[:9], RATE)
+    assert isinstance(found, Swim)
+    assert isinstance(found.period, Period)
+    assert "half a cycle" in found.period.why
+
+
+def tables() -> tuple[pd.DataFrame, pd.DataFrame]:
+    """A track whose backbones are back to front in odd frames, and its features."""
+    outline, line = swimming()
+    odd = (np.arange(FRAMES) % 2 == 1)[:, None, None]
+    mixed = np.where(odd, line[:, ::-1], line)
+    track = pd.DataFrame({"frame": np.arange(FRAMES)})
+    for k, name in enumerate("xy"):
+        track[f"outline_{name}_px"] = list(outline[..., k])
+        track[f"backbone_{name}_px"] = list(mixed[..., k])
+    head = {f"head_{name}_px": line[:, 0, k] for k, name in enumerate("xy")}
+    return track, pd.DataFrame({"frame": np.arange(FRAMES), **head})
+
+
+def test_backbones_of_the_tables_come_head_first() -> None:
+    outline, line = swimming()
+    found = of_track(*tables())
+    np.testing.assert_array_equal(found[0], outline)
+    np.testing.assert_array_equal(found[1], line)
+
+
+def test_features_of_other_frames_are_refused() -> None:
+    track, features = tables()
+    with pytest.raises(FinloopError, match="do not match"):
+        of_track(track, features[:-1])
+    with pytest.raises(FinloopError, match="do not match"):
+        of_track(track, features.assign(frame=features["frame"] + 1))

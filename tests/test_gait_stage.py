@@ -1,0 +1,165 @@
+"""The stage `gait`, end to end in a folder of its own: a drawn dog and two toy fish."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import ROOT
+from scratch import content, prepare, put_clip
+
+import stages.gait
+from finloop.dog import DogFilm
+from finloop.dog_draw import film, seen
+from finloop.errors import FinloopError
+from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features import FEATURES
+from finloop.files.gait import load_gait
+from finloop.files.regions import save_masks
+from finloop.files.scene import save_scene
+from finloop.files.table import save_table
+
+RATE = 25
+BEAT_HZ = 2.0
+SMALL = (
+    "gait.dog_frames=32",
+    "gait.dog_cycles=2",
+    "gait.dog_width_px=160",
+    "gait.points=64",
+    "gait.frame_rate_hz=8.0",
+    "gait.size_px=64",
+)
+
+
+def toy_fish(frames: int, beats: bool) -> tuple[np.ndarray, np.ndarray]:
+    """Backbones (frames, 33, 2), head first, and outlines of a fish that swims to the right."""
+    s = np.linspace(0, 1, 33)
+    time = np.arange(frames)[:, None] / RATE
+    side = 6.0 * s**2 * np.cos(2 * np.pi * (BEAT_HZ * time - 0.7 * s)) * beats
+    ahead = 100 - 60 * s + 40 * time
+    backbone = np.stack([ahead, 80 + side], -1)
+    width = 5 * np.sin(np.pi * s**0.7) + 0.3
+    upper, lower = backbone - [[0, 1]] * width[:, None], backbone + [[0, 1]] * width[:, None]
+    ring = np.concatenate([upper, lower[:, ::-1]], axis=1)
+    picked = np.linspace(0, ring.shape[1], OUTLINE_POINTS, endpoint=False)
+    outline = np.stack(
+        [[np.interp(picked, np.arange(66), f[:, c], period=66) for c in range(2)] for f in ring]
+    )
+    return backbone, outline.transpose(0, 2, 1)
+
+
+def put_fish(folder: Path, *beats: bool, frames: int = 50) -> None:
+    """What the stages before make of fish that beat their tails or are stiff."""
+    put_clip(folder, [np.zeros((16, 16), np.uint8)] * 2, RATE)
+    save_scene(folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, 33))
+    tracks, features = [], []
+    for number, beating in enumerate(beats):
+        backbone, outline = toy_fish(frames, beating)
+        lists = {f"outline_{c}_px": list(outline[..., k].astype("f4")) for k, c in enumerate("xy")}
+        lists |= {
+            f"backbone_{c}_px": list(backbone[..., k].astype("f4")) for k, c in enumerate("xy")
+        }
+        lists["half_width_px"] = lists["backbone_x_px"]
+        ids = {"track_id": number, "frame": np.arange(frames)}
+        head = {"head_x_px": backbone[:, 0, 0], "head_y_px": backbone[:, 0, 1]}
+        tracks.append(pd.DataFrame(ids | lists))
+        features.append(pd.DataFrame(ids | head))
+    for path, schema, parts in (
+        ("data/extract/tracks.parquet", tracks_schema(33), tracks),
+        ("data/features/features.parquet", FEATURES, features),
+    ):
+        table = pd.concat(parts, ignore_index=True)
+        table = table.assign(**{c.name: 1 for c in schema.columns if c.name not in table})
+        for column in schema.columns:
+            if column.length is None:
+                table[column.name] = table[column.name].astype(column.dtype)
+        save_table(folder / path, table[[c.name for c in schema.columns]], schema)
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    for name in ("drawings", "gaits"):
+        shutil.copytree(ROOT / "data" / name, tmp_path / "data" / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_stage_makes_what_dvc_expects_the_same_each_time(folder):
+    prepare(folder, *SMALL)
+    put_fish(folder, True, False)
+    stages.gait.main()
+    first = content(folder / "data/gait") | content(folder / "reports/gait")
+    stage = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]["gait"]
+    named = [next(iter(o)) if isinstance(o, dict) else o for o in stage["outs"] + stage["metrics"]]
+    for out in named:
+        assert (folder / out).exists(), out
+    made = {path.name for path in (folder / "data/gait").iterdir()}
+    drawings = {
+        f"{n}{e}" for n in ("dog", "fish") for e in (".svg", ".webp", ".mp4", ".lottie.json")
+    }
+    assert made == drawings | {"dog_film.mp4", "regions", "limbs.json", "outline.json"}
+    for which in ("limbs", "outline"):
+        figures = {path.name for path in (folder / "reports/gait" / which).iterdir()}
+        assert figures == {f"fig{k}.png" for k in range(8, 15)}
+    numbers = json.loads((folder / "reports/gait/metrics.json").read_text())
+    assert (numbers["tracks"], numbers["tracks_that_repeat"]) == (2, 1)
+    assert numbers["outline_frequency_hz"] == pytest.approx(BEAT_HZ, rel=0.01)
+    assert numbers["outline_rms_gamma_pct"] < min(2.0, numbers["outline_rms_linear_pct"])
+    assert numbers["dog_gamma_error_exact_pct"] < 2
+    assert numbers["dog_gamma_error_film_pct"] < 20  # a quarter of the usual picture
+    assert numbers["limbs_rms_gamma_pct"] < 0.8 * numbers["limbs_rms_linear_pct"]
+    tracks = pd.read_csv(folder / "reports/gait/tracks.csv")
+    assert tracks["why_not"].notna().tolist() == [False, True]
+    assert load_gait(folder / "data/gait/outline.json").symmetry == "mirror"
+    stages.gait.main()
+    assert content(folder / "data/gait") | content(folder / "reports/gait") == first
+
+
+@pytest.fixture
+def no_figures(monkeypatch) -> None:
+    monkeypatch.setattr(stages.gait, "figures", lambda *_: iter(()))
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
+    dog = DogFilm(frames=36, cycles=1.9, width_px=160, height_px=107, trunk_px=57)
+    masks = [seen(picture) for picture in film(dog)]
+    masks[5]["fore_right"][:] = False
+    save_masks(folder / "own", masks)
+    prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=own", "gait.regions_rate_hz=24")
+    put_fish(folder, False, frames=20)
+    stages.gait.main()
+    said = capsys.readouterr().out
+    assert "fore_right is left out of frames 5: empty" in said
+    assert "no track of the clip has an outline that repeats" in said
+    assert [path.name for path in (folder / "reports/gait/outline").iterdir()] == ["none.txt"]
+    assert not (folder / "data/gait/outline.json").exists()
+    gait = load_gait(folder / "data/gait/limbs.json")
+    assert gait.name == "own" and gait.frequency_hz == pytest.approx(dog.frequency_hz, rel=0.03)
+
+
+@pytest.mark.usefixtures("no_figures")
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        (("gait.points=100",), "power of two"),
+        (("gait.limbs=regions",), "regions_rate_hz"),
+        (
+            ("gait.limbs=regions", "gait.regions=none", "gait.regions_rate_hz=24"),
+            "none is no folder",
+        ),
+        (("gait.dog_2=data/drawings/fish_2.svg",), "do not belong together"),
+        (("gait.dog_cycles=0.4",), "not periodic"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_lost(folder, asked, said):
+    (folder / "data/gait").mkdir(parents=True)
+    (folder / "data/gait/kept.txt").write_text("kept")
+    put_fish(folder, False, frames=10)
+    with pytest.raises(FinloopError, match=said):
+        prepare(folder, *SMALL, *asked)
+        stages.gait.main()
+    assert (folder / "data/gait/kept.txt").read_text() == "kept"

@@ -1,0 +1,170 @@
+"""The command `python -m finloop.gait`."""
+
+import json
+import subprocess
+import sys
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from conftest import ROOT
+
+from finloop.errors import FinloopError
+from finloop.files.animation import ENDINGS
+from finloop.files.gait import load_gait
+from finloop.files.svg import load_svg
+from finloop.gait import SHIPPED, found, gaits, main, timing
+
+DOG = [str(ROOT / f"data/drawings/dog_{key}.svg") for key in (1, 2)]
+SMALL = ["--points", "32", "--frames", "4"]
+
+
+def svg(path: Path, inside: str) -> str:
+    path.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 99 99">{inside}</svg>', "utf-8"
+    )
+    return str(path)
+
+
+def leg(name: str, x: int = 9) -> str:
+    return f'<path id="{name}" d="M{x} 9H{x + 9}V60H{x}z"/>'
+
+
+@pytest.mark.parametrize("ending", list(ENDINGS))
+def test_the_command_writes_every_format(tmp_path, ending, capsys):
+    out = tmp_path / f"out{ending}"
+    given = [*DOG, "--gait", "dog_walk", "-o", str(out), *SMALL, "--size", "64"]
+    assert main(given) == 0
+    said = capsys.readouterr()
+    assert said.out.startswith(f"{out}: 16 contours, 4 frames, a cycle of ")
+    assert "feet slide 0.0" in said.out
+    assert said.err == ""
+    assert [path.name for path in tmp_path.iterdir()] == [out.name]
+
+
+def test_the_command_from_end_to_end(tmp_path):
+    """As a person would: another process, in another folder, two cycles in a row."""
+    command = [sys.executable, "-m", "finloop.gait", *DOG, "--gait", "dog_walk", "-o", "out.json"]
+    done = subprocess.run(
+        [*command, *SMALL, "--cycles", "2", "--control", "4"],
+        cwd=tmp_path, env={"PYTHONPATH": str(ROOT)}, text=True, capture_output=True, timeout=120,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    frames = json.loads((tmp_path / "out.json").read_text())["frames"]
+    assert [frame["tau"] for frame in frames] == [0, 0.5, 1, 0.5] * 2
+    assert frames[:4] == frames[4:]
+    assert {len(points) for points in frames[0]["layers"].values()} == {32}
+    assert list(frames[0]["layers"]) == list(load_svg(Path(DOG[0])).curves)
+
+
+def test_an_animated_picture_goes_on_from_its_last_frame_to_its_first(tmp_path):
+    """It would stand still at its end otherwise, and jump."""
+    out = tmp_path / "out.svg"
+    assert main([*DOG, "--gait", "dog_walk", "-o", str(out), *SMALL]) == 0
+    values = out.read_text().split('values="')[1].split('"')[0].split(";")
+    assert len(values) == 5 and values[0] == values[-1] != values[-2]
+
+
+def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
+    key1 = svg(tmp_path / "1.svg", leg("fore_left", -5) + leg("fore_right", 60))
+    key2 = svg(tmp_path / "2.svg", leg("fore_left", 20) + leg("fore_right", 20))
+    assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
+    assert (
+        "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames" in capsys.readouterr().out
+    )
+    other = svg(tmp_path / "3.svg", leg("arm"))
+    assert main([other, other, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
+    assert "no contour is a foot of dog_walk" in capsys.readouterr().out
+
+
+# --- gaits
+
+
+def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
+    assert found("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
+    own = tmp_path / "own.json"
+    own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
+    assert found(str(own), SHIPPED) == own
+    with pytest.raises(FinloopError, match="one of dog_walk"):
+        found("cat", SHIPPED)
+    with pytest.raises(FinloopError, match="none is here"):
+        found("cat", tmp_path / "nowhere")
+
+
+def test_shipped_gaits_are_whole_and_named_after_their_files():
+    assert {name: load_gait(path).name for name, path in gaits(SHIPPED).items()} == {
+        name: name for name in gaits(SHIPPED)
+    }
+
+
+def test_the_list_shows_each_gait(capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(["--list"])
+    assert stop.value.code == 0
+    assert [line.split(":")[0] for line in capsys.readouterr().out.splitlines()] == list(
+        gaits(SHIPPED)
+    )
+
+
+@pytest.mark.parametrize(
+    ("hz", "frames", "rate", "wanted"),
+    [
+        (1.5, None, None, (20, 30)),
+        (1.5, None, 12, (8, 12)),
+        (1.5, 40, None, (40, 60)),
+        (1.5, 40, 20, (40, 20)),
+        (25.0, None, None, (4, 30)),
+        (0.0001, None, None, (10_000, 30)),
+    ],
+)
+def test_tempo(hz, frames, rate, wanted):
+    assert timing(hz, frames, rate and Fraction(rate)) == wanted
+
+
+# --- bad input
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "given", "says"),
+    [
+        (leg("a"), leg("b"), [], "'a' only in the first; 'b' only in the second"),
+        (leg("a"), '<path id="a" d="M9 9H18V60"/>', [], "'a' closed in the first, open in the second"),
+        (leg("a"), "", [], "no contour"),
+        (leg("a"), leg("a"), ["--gait", "cat"], "one of dog_walk"),
+        (leg("a"), leg("a"), ["--frames", "3"], "3 frames"),
+        (leg("a"), leg("a"), ["--points", "4"], "4 points"),
+        (leg("a"), leg("a"), ["--cycles", "0"], "0 cycles"),
+        (leg("a"), leg("a"), ["--cycles", "9999"], "9999 cycles"),
+        (leg("a"), leg("a"), ["--control", "5"], "5"),
+        (leg("a"), leg("a"), ["--rate", "2000"], "2000 frames per second"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_is_said_and_nothing_is_left(tmp_path, one, two, given, says, capsys):
+    keys = [svg(tmp_path / f"{k}.svg", inside) for k, inside in enumerate((one, two))]
+    out = str(tmp_path / "out.svg")
+    assert main([*keys, "--gait", "dog_walk", "-o", out, *SMALL, *given]) == 1
+    said = capsys.readouterr()
+    assert said.err.startswith("finloop: ") and says in said.err
+    assert said.out == ""
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0.svg", "1.svg"]
+
+
+def test_a_damaged_gait_is_told(tmp_path, capsys):
+    bad = tmp_path / "bad.json"
+    bad.write_text('{"name": "bad"}')
+    assert main([*DOG, "--gait", str(bad), "-o", str(tmp_path / "o.svg"), *SMALL]) == 1
+    assert "bad.json" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("output", ["out.gif", "out", "/dev/null/out.svg"])
+def test_the_command_cannot_write_there(output, capsys):
+    assert main([*DOG, "--gait", "dog_walk", "-o", output, *SMALL]) == 1
+    assert output in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("wrong", [["--rate", "fast"], ["--rate", "1/0"], ["--rate", "-3"]])
+def test_the_command_refuses_what_it_does_not_know(wrong, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main([*DOG, "--gait", "dog_walk", "-o", "out.svg", *wrong])
+    assert stop.value.code == 2
+    assert wrong[0] in capsys.readouterr().err

@@ -1,0 +1,324 @@
+"""A gait drives drawings: poses, symmetry, correspondence, feet on the ground."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import ROOT
+
+from finloop.curve import Curve, Drawing, resampled
+from finloop.errors import FinloopError
+from finloop.files.svg import load_svg
+from finloop.gait_ground import ground, grounded, path, supports
+from finloop.gait_match import corresponding, mirror_orders, renumbered
+from finloop.gait_model import Gait, mirrored
+from finloop.gait_transfer import repeated, transfer, with_pooled
+
+FIRST, LATER = ((0.0, 0.5),), ((0.5, 1.0),)
+WALK = Gait(
+    "walk",
+    "swap",
+    1.0,
+    {
+        "fore_left": {"A": (-1.0,), "B": (1.0,)},
+        "hind_right": {"A": (-1.0,), "B": (1.0,)},
+        "*": {"A": (0.0,), "B": (0.0,)},
+    },
+    support={"fore_right": FIRST, "hind_left": FIRST, "fore_left": LATER, "hind_right": LATER},
+)
+SWIM = Gait("swim", "mirror", 2.0, {"*": {"A": (-0.5,), "B": (0.5,)}})
+BOOT = np.array([[0, 0], [9, 0], [8, 30], [20, 34], [20, 40], [0, 40]], float)
+
+
+def poses(name: str) -> tuple[Drawing, Drawing]:
+    one, two = (load_svg(Path(ROOT / f"data/drawings/{name}_{key}.svg")) for key in (1, 2))
+    return one, two
+
+
+def legs(**where: tuple[float, float]) -> Drawing:
+    """Boots at places of a picture of 100 by 60."""
+    return Drawing({name: Curve(BOOT + at, True) for name, at in where.items()}, 100, 60)
+
+
+def turned(points: np.ndarray, degrees: float) -> np.ndarray:
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return points @ np.array([[c, s], [-s, c]])
+
+
+# --- shipped drawings
+
+
+@pytest.mark.parametrize(("name", "gait"), [("dog", WALK), ("fish", SWIM)])
+def test_shipped_drawings_go_without_folds_or_jumps(name, gait):
+    done = transfer(*poses(name), gait, 16, 64)
+    assert not any(count.any() for count in done.morph.folds.values())
+    assert done.outside == {}
+    for stack in done.morph.layers.values():
+        step = np.abs(np.roll(stack, -1, axis=0) - stack).max(axis=(1, 2))
+        assert step[-1] <= 1.5 * step[:-1].max() + 0.01
+
+
+def test_the_dog_stands_on_its_feet():
+    done = transfer(*poses("dog"), WALK, 16, 64)
+    assert max(done.after.slide.values()) < 1e-4 < max(done.before.slide.values()) < 0.005
+    width = np.ptp(np.concatenate([c.points for c in poses("dog")[0].curves.values()])[:, 0])
+    assert done.after.speed * 16 * width == pytest.approx(-168, rel=0.01)  # two steps as drawn
+
+
+def test_few_control_points_keep_the_ground():
+    whole, few = (transfer(*poses("dog"), WALK, 8, 64, control) for control in (None, 4))
+    assert max(few.after.slide.values()) < 1e-4
+    far = np.abs(few.morph.layers["head"] - whole.morph.layers["head"]).max()
+    assert far > 2
+
+
+# --- keys and symmetry
+
+
+def test_swap_passes_the_keys_of_left_and_right():
+    one, two = poses("dog")
+    layers = transfer(one, two, replace(WALK, support={}), 8, 64).morph.layers
+    for name, other in (("fore_left", "fore_right"), ("hind_right", "hind_left"), ("body", "body")):
+        assert np.abs(layers[name][4] - layers[other][0]).max() < 0.02
+        assert np.abs(layers[name][6] - layers[other][2]).max() < 0.02
+    keys = corresponding(one, two, "swap", 64)
+    assert np.abs(layers["fore_left"][[0, 2]] - [key["fore_left"] for key in keys]).max() < 0.01
+
+
+def test_mirror_passes_reflected_keys():
+    layers = transfer(*poses("fish"), SWIM, 12, 64).morph.layers
+    for name, other in (("tail", "tail"), ("eye_left", "eye_right"), ("mouth", "mouth")):
+        here, there = layers[name][:6], layers[other][6:] * [1, -1] + [0, 300]
+        near = np.abs(here[:, :, None] - there[:, None]).max(axis=-1).min(axis=2)
+        assert near.max() < 0.02
+
+
+def test_swing_follows_its_clock():
+    one = legs(fore_left=(10, 5), fore_right=(50, 5))
+    two = legs(fore_left=(30, 5), fore_right=(30, 5))
+    layers = transfer(one, two, replace(WALK, support={}), 16, 32).morph.layers
+    x = layers["fore_left"][:, :, 0].mean(axis=1) - BOOT[:, 0].mean()
+    tau = np.arange(4) / 4
+    x -= x[0] - 10
+    assert x[:4] == pytest.approx(30 - 20 * (1 - tau**2), abs=0.01)
+    assert x[4:8] == pytest.approx(50 - 20 * (1 - tau) ** 2, abs=0.01)
+    assert x[8:12] == pytest.approx(50 - 20 * tau, abs=0.01)  # the right one's A, not eased
+
+
+def test_ids_that_a_gait_does_not_name_go_by_the_mean():
+    bare = replace(WALK, gamma={"fore_left": {"A": (-1.0, -0.5), "B": (1.0,)}})
+    assert with_pooled(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
+    assert with_pooled(WALK) is WALK
+
+
+def test_a_far_limb_that_stands_higher_stays_there():
+    one = legs(fore_left=(10, 5), fore_right=(50, 12))
+    two = legs(fore_left=(30, 1), fore_right=(30, 12))
+    done = transfer(one, two, WALK, 16, 64)
+    low = {name: stack[..., 1].max(axis=1) for name, stack in done.morph.layers.items()}
+    assert low["fore_left"].max() == pytest.approx(45, abs=0.02)
+    assert low["fore_right"] == pytest.approx(
+        low["fore_left"][(np.arange(16) + 8) % 16] + 7, abs=0.02
+    )
+
+
+def test_what_leaves_the_picture_is_counted():
+    one = legs(fore_left=(-5, 5), fore_right=(50, 5))
+    done = transfer(one, legs(fore_left=(20, 5), fore_right=(20, 5)), WALK, 8, 32)
+    assert set(done.outside) == {"fore_left", "fore_right"}
+    assert done.outside["fore_left"] == done.outside["fore_right"]  # each is there in its turn
+
+
+def test_cycles_in_a_row():
+    done = transfer(*poses("fish"), SWIM, 6, 32).morph
+    three = repeated(done, 3)
+    assert len(three.tau) == 18
+    assert (three.layers["tail"][12:] == done.layers["tail"]).all()
+    assert done.tau[0] == 0 and done.tau[3] == 1 and done.tau[-1] < done.tau.max()
+
+
+# --- correspondence
+
+
+@pytest.mark.parametrize("degrees", [0, 35, -60])
+def test_a_turned_contour_is_numbered_alike(degrees):
+    model = renumbered(np.zeros((64, 2)), Curve(BOOT, True))
+    other = turned(np.roll(BOOT, 2, axis=0) * 1.2, degrees) + [300, -20]
+    found = renumbered(model, Curve(other[::-1], True))
+    assert found == pytest.approx(turned(model * 1.2, degrees) + [300, -20], abs=0.5)
+
+
+def test_a_contour_may_start_between_the_points_of_another():
+    model = renumbered(np.zeros((64, 2)), Curve(BOOT, True))
+    dense = resampled(Curve(model, True), 64 * 8).points
+    found = renumbered(model, Curve(np.roll(dense, -4, axis=0), True))
+    assert np.abs(found - model).mean() < 0.15  # half a step is 0.9
+
+
+def test_left_and_right_limbs_are_numbered_alike():
+    left = Curve(turned(BOOT, 20), True)
+    right = Curve(np.roll(turned(BOOT, -15), 3, axis=0)[::-1] + [50, 0], True)
+    pair = Drawing({"fore_left": left, "fore_right": right}, 100, 60)
+    first, second = corresponding(pair, pair, "swap", 64)
+    assert turned(first["fore_right"] - [50, 0], 35) == pytest.approx(first["fore_left"], abs=0.7)
+    assert second == {name: pytest.approx(points) for name, points in first.items()}
+
+
+def test_a_round_eye_does_not_turn():
+    t = 2 * np.pi * np.arange(40) / 40
+    eye = np.stack([np.cos(t), np.sin(t)], axis=1)
+    model = renumbered(np.zeros((32, 2)), Curve(eye, True))
+    assert np.abs(renumbered(model, Curve(np.roll(eye, 7, axis=0), True)) - model).max() < 0.1
+
+
+def test_an_open_contour_may_be_drawn_from_either_end():
+    line = np.array([[0, 0], [10, 3], [30, 0]], float)
+    model = renumbered(np.zeros((16, 2)), Curve(line, False))
+    other = renumbered(model, Curve(turned(line[::-1], 40), False))
+    assert other == pytest.approx(turned(model, 40))
+
+
+def test_mirror_orders_find_the_other_side_of_a_turned_tail():
+    """A fork lies along the axis, turned by 30° to one side, then to the other."""
+    fork = np.array([[0, 5], [-40, 14], [-30, 0], [-40, -14], [0, -5]], float)
+    key = renumbered(np.zeros((64, 2)), Curve(fork, True))
+    one, two = turned(key, 30), turned(key, -20)
+    order = mirror_orders({"tail": one}, {"tail": two}, {"tail": True})["tail"]
+    assert mirrored(one, 0.0, order) == pytest.approx(turned(key, -30), abs=1.5)
+
+
+# --- the ground
+
+
+def planted(slip: float, sink: float) -> np.ndarray:
+    """A boot (16, 6, 2) whose foot goes back by 2 a frame for half a cycle, and slips and sinks."""
+    k = np.arange(17)
+    x = np.where(k <= 8, -2.0 * k + slip * np.sin(np.pi * k / 8), -16 + 2.0 * (k - 8))
+    y = np.where(k <= 8, sink * np.sin(np.pi * k / 8), -5 * np.sin(np.pi * (k - 8) / 8))
+    return (BOOT + np.stack([x, y], axis=1)[:, None])[:16]
+
+
+def test_supports_are_whole_frames_with_both_ends():
+    assert [run.tolist() for run in supports(((0.0, 0.5), (0.75, 1.25)), 8)] == [
+        [0, 1, 2, 3, 4], [6, 7, 8, 9, 10],
+    ]  # fmt: skip
+    assert supports(((0.3, 0.31),), 8) == []
+
+
+def test_a_foot_drawn_with_an_open_line_counts_too():
+    """Its upper part becomes shorter, so the points run along the line."""
+    legs = [
+        resampled(Curve(BOOT[1:5] + [[1.5 * k, 2 * k * (i == 0)] for i in range(4)], False), 64)
+        for k in range(5)
+    ]
+    assert path(np.stack([leg.points for leg in legs]))[-1] == pytest.approx(6, abs=0.3)
+
+
+def test_a_foot_that_rolls_does_not_slide():
+    """The toe stays where it is, the heel rises."""
+    boot = resampled(Curve(BOOT, True), 256).points
+    toe = boot[np.argmax(boot @ [1, 1])]
+    rolls = np.stack([turned(boot - toe, degrees) for degrees in np.linspace(0, 20, 9)])
+    assert abs(path(rolls)[-1]) < 1 < abs(np.ptp(rolls[..., 0].mean(axis=1)))
+
+
+def test_a_good_foot_is_left_alone():
+    stack = planted(0, 0)
+    found = ground({"foot": stack}, {"foot": FIRST})
+    assert found.speed == pytest.approx(-2)
+    assert found.slide["foot"] == pytest.approx(0, abs=1e-9)
+    assert grounded({"foot": stack}, {"foot": FIRST})["foot"] == pytest.approx(stack)
+
+
+def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
+    stack, good = planted(3, 2), planted(0, 0) + [1, 0]
+    limbs, support = {"foot": stack, "good": good}, {"foot": FIRST, "good": FIRST}
+    before = ground(limbs, support)
+    done = grounded(limbs, support)
+    assert before.slide["foot"] > 2.5
+    foot = done["foot"]
+    # Measured apart from `ground`: the heel, which is the last point, in the frames on the ground.
+    assert np.diff(foot[:9, -1, 0]) == pytest.approx(before.speed, abs=1e-9)
+    assert foot[:9, :, 1].max(axis=1) == pytest.approx(foot[0, :, 1].max())
+    assert foot[..., 1].max() <= foot[0, :, 1].max() + 1e-9
+    assert foot[:, :2] == pytest.approx(stack[:, :2], abs=1e-9)
+    assert np.ptp(foot[:, 2:, 0] - stack[:, 2:, 0], axis=1).max() < 0.7  # the boot keeps its shape
+
+
+def test_the_correction_fades_over_the_swing():
+    """One foot goes back by 2 a frame, one by 3: both end up wrong by 4, to either side."""
+    limbs = {"slow": planted(0, 0), "fast": planted(0, 0) * [1.5, 1]}
+    done = grounded(limbs, dict.fromkeys(limbs, FIRST))
+    moved = (done["slow"] - limbs["slow"])[:, -1, 0]
+    assert moved[[0, 8]] == pytest.approx([2, -2], rel=0.05)
+    swing = np.diff(moved[np.arange(8, 17) % 16])
+    assert (swing > 0).all() and swing.max() < 1
+
+
+def test_a_swing_does_not_dip_into_the_ground():
+    stack = planted(0, 0)
+    stack[10:14, :, 1] += 12
+    done = grounded({"foot": stack}, {"foot": FIRST})["foot"]
+    assert stack[..., 1].max() > 45 and done[..., 1].max() == pytest.approx(40)
+
+
+def test_the_second_pose_may_have_another_size():
+    one, two = poses("dog")
+    large = Drawing({n: Curve(3 * c.points, c.closed) for n, c in two.curves.items()}, 1620, 1140)
+    found, wanted = (transfer(one, key, WALK, 4, 32).morph.layers for key in (large, two))
+    assert found["tail"] == pytest.approx(wanted["tail"], abs=0.02)
+
+
+def test_limbs_without_a_support_stay_as_they_are():
+    stack = planted(3, 2)
+    assert grounded({"tail": stack}, {"foot": FIRST})["tail"] is stack
+    assert ground({"tail": stack}, {"foot": FIRST}) == (0.0, {})
+
+
+def test_a_gait_that_slides_is_mended_in_a_drawing():
+    gait = replace(WALK, gamma={"*": {"A": (-1.0,), "B": (1.0,)}})
+    done = transfer(*poses("dog"), gait, 16, 64)
+    assert max(done.before.slide.values()) > 0.03
+    assert max(done.after.slide.values()) < 1e-4
+
+
+# --- bad input
+
+
+def line(*points: tuple[float, float], closed: bool = False) -> Drawing:
+    return Drawing({"fore_left": Curve(np.array(points, float), closed)}, 100, 60)
+
+
+@pytest.mark.parametrize(
+    ("one", "two", "says"),
+    [
+        (legs(fore_left=(1, 1)), legs(hind_left=(1, 1)), "'fore_left' only in the first"),
+        (line((0, 0), (9, 9), (5, 0), closed=True), line((0, 0), (9, 9), (5, 0)), "closed in the first"),
+        (line((0, 5), (9, 5)), line((0, 5), (9, 5)), "'fore_left' has no height"),
+    ],
+)  # fmt: skip
+def test_poses_that_do_not_fit_are_named(one, two, says):
+    with pytest.raises(FinloopError, match=says):
+        transfer(one, two, WALK, 8, 32)
+
+
+def test_a_pair_must_be_of_one_kind():
+    open_one = Curve(np.array([[0, 0], [9, 9], [5, 20]], float), False)
+    pair = Drawing({"fore_left": Curve(BOOT, True), "fore_right": open_one}, 100, 60)
+    with pytest.raises(FinloopError, match="one is closed, the other open"):
+        transfer(pair, pair, WALK, 8, 32)
+
+
+@pytest.mark.parametrize(
+    ("frames", "points", "control", "says"),
+    [
+        (3, 64, None, "3 frames"),
+        (8, 4, None, "4 points"),
+        (8, 100, 4, "power of two|control"),
+        (8, 64, 5, "power of two|control|5"),
+    ],
+)
+def test_numbers_out_of_range_are_refused(frames, points, control, says):
+    with pytest.raises(FinloopError, match=says):
+        transfer(*poses("fish"), SWIM, frames, points, control)

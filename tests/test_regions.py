@@ -1,0 +1,108 @@
+"""Masks and traces on disk: round trips, and what is wrong with them in clear words."""
+
+import cv2
+import numpy as np
+import pytest
+
+from finloop.curve import Curve, Drawing, area
+from finloop.errors import FinloopError
+from finloop.files.regions import load_regions, save_masks, save_traces
+from finloop.gait_limbs import BORDER, EMPTY, MISSING, region_contour
+
+
+def square(x, size=12, shape=(40, 50)):
+    mask = np.zeros(shape, bool)
+    mask[10 : 10 + size, x : x + size] = True
+    return mask
+
+
+@pytest.fixture
+def masks(tmp_path):
+    save_masks(tmp_path / "r", [{"leg": square(5 + k), "body": square(8)} for k in range(3)])
+    return tmp_path / "r"
+
+
+def test_masks_come_back_as_their_contours(masks):
+    found = load_regions(masks)
+    assert len(found) == 3
+    for k, frame in enumerate(found):
+        assert frame["leg"].points == pytest.approx(region_contour(square(5 + k)).points)
+    assert not list(masks.parent.glob(".*"))
+
+
+def test_frames_are_numbered_by_their_names_and_what_lacks_is_said(masks):
+    (masks / "leg/0001.png").rename(masks / "leg/shot_2_0012.png")
+    cv2.imwrite(str(masks / "leg/0009.png"), np.zeros((40, 50), np.uint8))
+    cut = square(0).astype(np.uint8) * 255
+    cv2.imwrite(str(masks / "leg/0010.png"), cv2.merge([cut, cut, cut]))
+    found = load_regions(masks)
+    assert len(found) == 13
+    assert [found[k]["leg"] for k in (1, 9, 10)] == [MISSING, EMPTY, BORDER]
+    assert isinstance(found[12]["leg"], Curve)
+    assert found[12]["body"] == MISSING
+
+
+def test_the_first_number_there_is_frame_0(tmp_path):
+    for k in (7, 8):
+        for name in ("leg", "body"):
+            (tmp_path / name).mkdir(exist_ok=True)
+            cv2.imwrite(str(tmp_path / name / f"{k}.png"), square(k).astype(np.uint8) * 255)
+    found = load_regions(tmp_path)
+    assert [frame["leg"].points[:, 0].min() for frame in found] == pytest.approx([6.5, 7.5])
+
+
+def test_traces_come_back(tmp_path):
+    leg = region_contour(square(7))
+    body = Curve(leg.points * [1, 2], True)
+    over = Curve(leg.points - [20, 0], True)
+    save_traces(
+        tmp_path / "t",
+        [
+            Drawing({"leg": leg, "body": body}, 50, 80),
+            Drawing({"leg": over}, 50, 80),
+        ],
+    )
+    found = load_regions(tmp_path / "t")
+    assert found[0]["leg"].points == pytest.approx(leg.points, abs=1e-3)
+    assert area(found[0]["body"]) == pytest.approx(2 * area(leg), rel=1e-3)
+    assert found[1] == {"leg": BORDER, "body": MISSING}
+
+
+def test_masks_of_other_sizes_are_refused(masks):
+    cv2.imwrite(str(masks / "leg/0001.png"), np.full((40, 51), 255, np.uint8))
+    with pytest.raises(FinloopError, match="51×40"):
+        load_regions(masks)
+
+
+def test_traces_of_other_sizes_and_open_paths_are_refused(tmp_path):
+    leg = region_contour(square(7))
+    save_traces(tmp_path, [Drawing({"leg": leg}, 50, 80), Drawing({"leg": leg}, 50, 90)])
+    with pytest.raises(FinloopError, match="50×90"):
+        load_regions(tmp_path)
+    save_traces(tmp_path, [Drawing({"leg": Curve(leg.points, False)}, 50, 80)])
+    with pytest.raises(FinloopError, match="open"):
+        load_regions(tmp_path)
+
+
+def test_folders_that_hold_no_regions_are_refused(masks, tmp_path):
+    with pytest.raises(FinloopError, match="no folder"):
+        load_regions(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FinloopError, match="0 SVG files"):
+        load_regions(tmp_path / "empty")
+    (masks / "0000.svg").write_text("<svg/>", encoding="utf-8")
+    with pytest.raises(FinloopError, match="keep one kind"):
+        load_regions(masks)
+
+
+@pytest.mark.parametrize(("name", "word"), [("a.png", "no number"), ("x1.png", "another has")])
+def test_names_must_tell_the_frame(masks, name, word):
+    (masks / "leg/0002.png").rename(masks / "leg" / name)
+    with pytest.raises(FinloopError, match=word):
+        load_regions(masks)
+
+
+def test_a_picture_that_is_none_is_refused(masks):
+    (masks / "leg/0001.png").write_bytes(b"no picture")
+    with pytest.raises(FinloopError, match="cannot be read"):
+        load_regions(masks)
