@@ -13,15 +13,17 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup params repro sweep lint params-check bench clean
+.PHONY: help demo test setup params repro play sweep lint params-check bench clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
 
-demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to open
+demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say what to open
 	@dvc repro
 	@echo
 	@echo "Done. Open:"
+	@echo "  reports/index.html                   everything on one page"
+	@echo "  data/tank/tank.html                  the tank in three dimensions, to turn"
 	@echo "  data/render/hybrid_marked.mp4        the fish that swims to A, B and C"
 	@echo "  reports/render/trajectory.png        its way, film and sprites in two colours"
 	@echo "  reports/render/switches.png          where it goes from one to the other, tick by tick"
@@ -30,10 +32,16 @@ demo: setup ## fetch the zebrafish clip, run the pipeline on it, say what to ope
 	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
 	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"
 	@echo "  dvc_plots/index.html                 every chart and picture"
+	@echo "Then: make play                        send the fish by hand"
 	@dvc plots show >/dev/null
 
 test: setup ## run the tests
 	@python -m pytest -n 2 --dist loadfile
+
+.PHONY: display
+display:
+	@test "$$(uname)" != Linux || test -z "$(PYTHON)" || $(PYTHON) -c 'import ctypes.util, sys; sys.exit(not any(map(ctypes.util.find_library, ("EGL", "OSMesa"))))' \
+	|| { echo "finloop: neither libEGL nor libOSMesa is there, and the stage tank draws with one of them; install it (apt-get install libegl1)"; exit 1; }
 
 # The environment is made anew when the lock or the folder is not the one that it was made from.
 setup: ## create .venv from requirements.lock, once
@@ -45,7 +53,7 @@ $(VENV):
 	@command -v git >/dev/null || { echo "finloop: git is missing; install it (apt-get install git)"; exit 1; }
 	@test -n "$(PYTHON)" || { echo "finloop: Python 3.11 or newer is wanted; install one, or: make PYTHON=/path/to/python3 setup"; exit 1; }
 	@$(PYTHON) -c 'import ensurepip, venv' 2>/dev/null || { echo "finloop: $(PYTHON) lacks the venv module; install it (apt-get install python3-venv)"; exit 1; }
-	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 145 packages, PyTorch among them, some minutes ..."
+	@echo "Creating $(VENV) with $$($(PYTHON) --version); about 175 packages, PyTorch among them, some minutes ..."
 	@rm -f $(VENV)/origin
 	@$(PYTHON) -m venv --clear $(VENV)
 	@$(VENV)/bin/python -m pip install --quiet --disable-pip-version-check -r requirements.lock
@@ -60,11 +68,18 @@ params: setup ## compose conf/ into params.yaml, after editing conf/
 repro: setup ## run what has changed
 	@dvc repro
 
-sweep: setup ## run every combination:  make sweep S="features.bend_threshold=0.03,0.04,0.05"
-	@test -n "$(S)" || { echo 'finloop: nothing to sweep; wanted: make sweep S="group.key=1,2,3 other.key=4,5"'; exit 1; }
+play: setup ## send the fish by hand, on a local page:  make play S="--fish 4"
+	@python -m stages.play $(S)
+
+sweep: setup ## make sweep experiment=learning_rate (conf/experiment/), or S="bpn.hidden=10,20 bpn.momentum=0.3,0.5"
+	@test -n "$(experiment)$(S)" || { echo 'finloop: nothing to sweep; wanted: make sweep experiment=learning_rate, or S="group.key=1,2,3 other.key=4,5"'; exit 1; }
+ifdef experiment
+	@python -m stages.sweep $(experiment) $(S)
+else
 	@dvc exp run --queue $(foreach s,$(S),-S '$(s)')
 	@dvc exp run --run-all
 	@dvc exp show --only-changed --sort-by date
+endif
 
 lint: setup ## style and types
 	@ruff check

@@ -1,6 +1,6 @@
 """Goals → edit list: the fish is sent from goal to goal, then wanders (Figs. 16-19)."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -19,6 +19,7 @@ from finloop.features import ORIENTATIONS, orientation, wrap_deg
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
 
 Floats = NDArray[np.float64]
+How = Callable[[Fish, Floats, str, np.random.Generator], Stretch]
 
 
 class Mode(Protocol):
@@ -100,29 +101,51 @@ class Swim:
         return table.assign(value_s=value.where(np.isfinite(value)))
 
 
+class Swimmer:
+    """A fish on its way: to the goals one after the other, afterwards anywhere.
+
+    `number` of them it has touched; `left`: ticks that it goes on wandering to the present place.
+    """
+
+    def __init__(self, mode: Mode, goals: Sequence[Goal], rng: np.random.Generator) -> None:
+        self.mode, self.goals, self.rng = mode, list(goals), rng
+        self.fish = mode.begin(rng)
+        self.number, self.left = 0, 0
+        self._wander = np.zeros(2)
+
+    def swim_on(self, how: How | None = None) -> tuple[Stretch, str]:
+        """The next stretch, and the name of the goal it leads to, "" for none.
+
+        `how` it is swum: as the mode does, if nothing else is said.
+        """
+        fish, rng = self.fish, self.rng
+        seeks = self.number < len(self.goals)
+        if seeks:
+            name, at = self.goals[self.number].name, np.array(self.goals[self.number][1:3])
+        else:
+            if self.left <= 0:
+                self._wander, self.left = somewhere(self.mode, fish, rng)
+            name, at = "", self._wander
+        found = (how or self.mode.stretch)(fish, at, name, rng)
+        fish.tick += len(found.way)
+        self.left = 0 if found.touched else self.left - len(found.way) * (found.state != TURN)
+        self.number += seeks and found.touched
+        return found, name
+
+
 def swim(mode: Mode, goals: Sequence[Goal], ticks: int, rng: np.random.Generator) -> Swim:
     """Swim at least `ticks` ticks: to the goals one after the other, afterwards anywhere."""
-    fish = mode.begin(rng)
+    swimmer = Swimmer(mode, goals, rng)
     reached = np.full(len(goals), -1)
     stretches: list[Stretch] = []
     names = []
-    number, left = 0, 0
-    wander = np.zeros(2)
-    while fish.tick < ticks:
-        if number < len(goals):
-            name, at = goals[number].name, np.array(goals[number][1:3])
-        else:
-            if left <= 0:
-                wander, left = somewhere(mode, fish, rng)
-            name, at = "", wander
-        found = mode.stretch(fish, at, name, rng)
+    while swimmer.fish.tick < ticks:
+        number = swimmer.number
+        found, name = swimmer.swim_on()
         stretches.append(found)
         names.append(name)
-        fish.tick += len(found.way)
-        left = 0 if found.touched else left - len(found.way) * (found.state != TURN)
-        if found.touched and number < len(goals):
-            reached[number] = fish.tick - 1
-            number, left = number + 1, 0
+        if swimmer.number > number:
+            reached[number] = swimmer.fish.tick - 1
     reached[reached >= ticks] = -1
     return Swim(stretches, names, reached)
 
@@ -154,6 +177,16 @@ def somewhere(mode: Mode, fish: Fish, rng: np.random.Generator) -> tuple[NDArray
 
 def edit_list(found: Swim, ticks: int, player: Player) -> pd.DataFrame:
     """The first `ticks` ticks as an edit list with the columns of `EDIT`."""
+    table = pd.DataFrame(edit_columns(found, ticks, player))
+    faded = table["weight"] > 0
+    table["partner"] = pd.array(table["partner"], "Int32")
+    table.loc[~faded, ["partner_kind", "partner"]] = None
+    table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
+    return table[[column.name for column in EDIT.columns]]
+
+
+def edit_columns(found: Swim, ticks: int, player: Player) -> dict[str, NDArray[np.generic]]:
+    """The columns of an edit list, (ticks,) each; of the partner only where `weight` > 0."""
     stretches, motion, cast = found.stretches, player.mode.motion, player.cast
     lengths = np.array([len(s.way) for s in stretches])
     of = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
@@ -171,35 +204,29 @@ def edit_list(found: Swim, ticks: int, player: Player) -> pd.DataFrame:
     speed = step / motion.body_length_px * motion.rate_hz
     speed[:1] = speed[1:2]
     partner, weight = cross_fades(shown, [s.new for s in stretches], first, cast, player.fade)
-    faded = weight > 0
     decision = np.full(ticks, None, dtype=object)
     decision[first] = [stretches[i].why for i in range(len(first))]
     aims = np.array([s.target for s in stretches])
-    table = pd.DataFrame(
-        {
-            "tick": np.arange(ticks),
-            "time_s": np.arange(ticks) / motion.rate_hz,
-            **drawn(shown, heading, cast),
-            "x_px": way[:, 0],
-            "y_px": way[:, 1],
-            **{f"partner_{name}": column for name, column in drawn(partner, heading, cast).items()},
-            "weight": weight,
-            "heading_deg": heading,
-            "speed": speed,
-            "motion_area": np.array([s.area for s in stretches])[of],
-            "mode": np.where(shown.frame, LOOPS, NETWORK),
-            "state": np.array(STATES)[np.array([s.state for s in stretches])][of],
-            "goal": np.array(found.names)[of],
-            "aim_x_px": aims[of, 0],
-            "aim_y_px": aims[of, 1],
-            "decision": decision,
-        }
-    )
-    table = table.rename(columns={"partner_source": "partner"})
-    table["partner"] = pd.array(table["partner"], "Int32")
-    table.loc[~faded, ["partner_kind", "partner"]] = None
-    table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
-    return table[[column.name for column in EDIT.columns]]
+    other = {f"partner_{name}": column for name, column in drawn(partner, heading, cast).items()}
+    return {
+        "tick": np.arange(ticks),
+        "time_s": np.arange(ticks) / motion.rate_hz,
+        **drawn(shown, heading, cast),
+        "x_px": way[:, 0],
+        "y_px": way[:, 1],
+        "partner": other.pop("partner_source"),
+        **other,
+        "weight": weight,
+        "heading_deg": heading,
+        "speed": speed,
+        "motion_area": np.array([s.area for s in stretches])[of],
+        "mode": np.where(shown.frame, LOOPS, NETWORK),
+        "state": np.array(STATES)[np.array([s.state for s in stretches])][of],
+        "goal": np.array(found.names)[of],
+        "aim_x_px": aims[of, 0],
+        "aim_y_px": aims[of, 1],
+        "decision": decision,
+    }
 
 
 @dataclass(frozen=True)

@@ -73,14 +73,34 @@ class HybridMode:
             found, options = self._into_film(fish, at, name, rng)
             if found is not None:
                 return found
+        return self._by_sprites(fish, at, name, rng, options)
+
+    def enter(self, fish: Fish, at: Floats, name: str, rng: np.random.Generator) -> Stretch:
+        """For who must go on by the film: into it by any gateway; where there is none, stretch."""
+        found, options = self._into_film(fish, at, name, rng, any_way=True)
+        return found or self._by_sprites(fish, at, name, rng, options)
+
+    def leave(self, fish: Fish, at: Floats, name: str, rng: np.random.Generator) -> Stretch:
+        """For who must go on by sprites: out of the film, here and now."""
+        left, found, gate = self._out(fish, at, name, rng)
+        vars(fish).update(vars(left))
+        return replace(found, new=True, why=f"leave the film {_by(gate)}: as asked; {found.why}")
+
+    def _by_sprites(
+        self, fish: Fish, at: Floats, name: str, rng: np.random.Generator, options: Options | None
+    ) -> Stretch:
+        """On by the network; `options`: ways of the film that were refused."""
         found = self.network.stretch(fish, at, name, rng)
         fish.since += len(found.way)
-        return found if options is None else replace(found, considered=considered(options, None))
+        return found if options is None else _refused(found, options)
 
     def _into_film(
-        self, fish: Fish, at: Floats, name: str, rng: np.random.Generator
+        self, fish: Fish, at: Floats, name: str, rng: np.random.Generator, any_way: bool = False
     ) -> tuple[Stretch | None, Options | None]:
-        """By a gateway into the film, if a legal way leads on from one, and what was weighed."""
+        """By a gateway into the film, if a legal way leads on from one, and what was weighed.
+
+        `any_way`: else by one that only stays in the tank.
+        """
         film, target = self.loops.film, self.loops.aim(fish, at)
         sector = int(orientation(np.array(fish.heading)))
         gates = self._enter.get((fish.sprite, 0 if film.body else sector))
@@ -95,6 +115,8 @@ class HybridMode:
             np.zeros(len(rows)), target,
         )  # fmt: skip
         best = choose(options, self._worth(options, fish, target), self.motion.rate_hz, rng)
+        if best is None and any_way:
+            best = choose(options, np.isfinite(options.value), self.motion.rate_hz, rng)
         if best is None:
             return None, options
         fish.sprite = -1
@@ -116,9 +138,8 @@ class HybridMode:
                 fish.waits += len(played.way)
                 return played
         vars(fish).update(vars(left))
-        how = f"by a gateway, {gate:.2f} steps" if gate is not None else "without a gateway"
-        why = f"leave the film {how}: no legal way on ({options.counts()}); {found.why}"
-        return replace(found, new=True, why=why, considered=considered(options, None))
+        why = f"leave the film {_by(gate)}: no legal way on ({options.counts()}); {found.why}"
+        return _refused(replace(found, new=True, why=why), options)
 
     def _worth(self, options: Options, fish: Fish, target: Floats) -> NDArray[np.bool_]:
         """Which ways are legal and come nearer to the target by `_GAIN` seconds a second."""
@@ -146,3 +167,14 @@ class HybridMode:
         left.since = len(found.way)
         gate = ways.get(int(found.number[0]))
         return left, found, gate[0] if gate else None
+
+
+def _by(gate: float | None) -> str:
+    return f"by a gateway, {gate:.2f} steps" if gate is not None else "without a gateway"
+
+
+def _refused(found: Stretch, options: Options) -> Stretch:
+    """The stretch that was swum although these ways were weighed."""
+    return replace(
+        found, considered=considered(options, None), considered_rot=tuple(options.rots.tolist())
+    )

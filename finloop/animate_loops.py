@@ -69,7 +69,8 @@ class Options:
             )
             if n
         ]
-        return f"{len(self.rows)} ways" + (f", {', '.join(failed)}" if failed else "")
+        number = len(self.rows)
+        return f"{number} way{'s' * (number != 1)}" + (f", {', '.join(failed)}" if failed else "")
 
 
 class LoopMode:
@@ -85,6 +86,7 @@ class LoopMode:
         self.stay = max(1, round(stay_s * rate))
         self._horizon = max(2, round(_HORIZON_S * rate))
         self._stride = max(1, round(_STRIDE_S * rate))
+        self._weights = _SEAM_S * rate, _JERK_S * rate, _AGAIN_S * rate, _MEMORY_S * rate
         swims = film.speed[film.more]
         self.pace = float(np.quantile(swims, 0.75)) * motion.body_length_px / rate
         self.turning = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
@@ -157,10 +159,19 @@ class LoopMode:
 
     def jump_cost(self, fish: Fish, row: int, seam: float) -> float:
         """What it costs, in ticks, to show a row next that does not follow."""
-        rate = self.motion.rate_hz
         faster, ago = self.film.speed[row] - fish.speed, fish.tick - fish.shown[row]
-        weights = _SEAM_S * rate, _JERK_S * rate, _AGAIN_S * rate, _MEMORY_S * rate
-        return float(ahead.jump_cost(seam, faster, float(ago), *weights))
+        return float(ahead.jump_cost(seam, faster, float(ago), *self._weights))
+
+    def jump_terms(self, fish: Fish, row: int, seam: float) -> tuple[float, float, float]:
+        """The same in seconds: for the seam, the change of speed, what was on screen just now."""
+        w_seam, w_speed, w_again, memory = self._weights
+        faster, ago = self.film.speed[row] - fish.speed, float(fish.tick - fish.shown[row])
+        each = (w_seam, 0.0, 0.0), (0.0, w_speed, 0.0), (0.0, 0.0, w_again)
+        seam_s, speed_s, again_s = (
+            float(ahead.jump_cost(seam, faster, ago, *weights, memory)) / self.motion.rate_hz
+            for weights in each
+        )
+        return seam_s, speed_s, again_s
 
     def weigh(
         self, place: tuple[float, float], fish: Fish, rows: ArrayLike, rots: ArrayLike,
@@ -174,7 +185,7 @@ class LoopMode:
             film.seam, film.endless, film.body, fish.shown, self.tank.legal, *place, turned,
             numbers, np.array(costs, float), np.array(since, np.int64), fish.tick, target,
             self.touch_px, self.head_px, self.pace, self.turning, self._horizon, self._stride,
-            self.stay, _WIDTH, _SEAM_S * rate, _JERK_S * rate, _AGAIN_S * rate, _MEMORY_S * rate,
+            self.stay, _WIDTH, *self._weights,
         )  # fmt: skip
         now = float(np.hypot(target[0] - place[0], target[1] - place[1]))
         return Options(
@@ -214,7 +225,7 @@ class LoopMode:
         fish.shown[rows] = fish.tick + np.arange(len(rows))
         return Stretch(
             FILM, target, np.array(way), rows, jump, np.nan, touched, why, FRAME,
-            np.full(len(rows), rot), considered(options, best),
+            np.full(len(rows), rot), considered(options, best), tuple(options.rots.tolist()),
         )  # fmt: skip
 
     def _why(self, fish: Fish, options: Options, best: int, name: str) -> str:

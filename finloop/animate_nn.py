@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from finloop import animate_step as step
 from finloop.animate_edit import SPRITE
 from finloop.animate_motion import DECELERATE, SLIDE, STATES, TURN, Motion
-from finloop.animate_sprites import Sprites, plan_turn
+from finloop.animate_sprites import Sprites, from_bend, plan_turn
 from finloop.animate_tank import Tank
 from finloop.bpn import MotionModel
 from finloop.features_type import LEFT, RIGHT
@@ -29,6 +29,7 @@ _ARRIVED = 0.3  # of the goal's radius; so near to the place before it, the goal
 _EASE = (1.0, 0.5, 0.25, 0.0)  # a turn is tried with such shares of its displacement
 _HOLD = 3  # a bend is held for at most so many Δ
 _SLOWER = 0.85  # per tick, where a wall is ahead
+_UNBEND_DEG = 5.0  # who was stopped amid a turn goes on turning where the error is larger
 _PACE = (0.7, 1.4)  # tail beats are played at least and at most so much faster than filmed
 
 
@@ -58,6 +59,11 @@ class Fish:
     waits: int = 0
     shown: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, np.int64))
 
+    @property
+    def bent(self) -> bool:
+        """Whether it was stopped amid a turn; who has ended one is straight."""
+        return self.row < 0 and self.state == TURN and self.area > 0
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -66,7 +72,9 @@ class Stretch:
     target: x, y of the point it heads for; new: whether the first picture does not follow on the
     one before; area: asked of the network, NaN where it was not asked; touched: whether the last
     tick touches the goal; why: in words; kind: SPRITE or FRAME; rot (n,): by how much frames are
-    turned; considered: what was weighed, as `CONSIDERED` without the tick.
+    turned; considered: what was weighed, as `CONSIDERED` without the tick; considered_rot: by how
+    much each of it would have been turned; phase (n,): place in the cycle, in frames, where sprites
+    of one are played.
     """
 
     state: int
@@ -80,6 +88,8 @@ class Stretch:
     kind: str = SPRITE
     rot: NDArray[np.float64] | None = None
     considered: tuple[tuple[int, float, float, str, bool], ...] = ()
+    considered_rot: tuple[float, ...] = ()
+    phase: NDArray[np.float64] | None = None
 
 
 class NetworkMode:
@@ -125,7 +135,8 @@ class NetworkMode:
         error = step.wrap(step.bearing(fish.x, fish.y, *target) - fish.heading)
         far = float(np.hypot(target[0] - fish.x, target[1] - fish.y))
         missed = abs(error) > 90 or far * abs(np.sin(np.radians(error))) > _MISS * self.touch_px
-        if abs(error) > self._least_turn or (missed and far < _NEAR * self._px):
+        bent = fish.bent and abs(error) > _UNBEND_DEG
+        if bent or abs(error) > self._least_turn or (missed and far < _NEAR * self._px):
             found = self._turn(fish, start, error, target, at, name, rng)
         else:
             found = (
@@ -175,14 +186,14 @@ class NetworkMode:
             return None
         n = min(touched + 1, good)
         state = int(phases.state[chosen])
-        sprite, new = self._cycle(fish, state, speed[:n])
+        sprite, phase, new = self._cycle(fish, state, speed[:n])
         why = f"like a stretch of the film from {phases.first_speed[chosen]:.1f} body lengths/s on"
-        return Stretch(state, target, way[:n], sprite, new, np.nan, touched < n, why)
+        return Stretch(state, target, way[:n], sprite, new, np.nan, touched < n, why, phase=phase)
 
     def _cycle(
         self, fish: Fish, state: int, speed: NDArray[np.float64]
-    ) -> tuple[NDArray[np.int64], bool]:
-        """Frames of a state's cycle for ticks at such speeds; whether the cycle is a new one."""
+    ) -> tuple[NDArray[np.int64], NDArray[np.float64], bool]:
+        """Frames of a state's cycle for ticks at such speeds, places in it, whether it is new."""
         cycle = self.sprites.cycles[state]
         new = fish.state == TURN or self.sprites.cycles[fish.state] is not cycle
         if new:
@@ -194,7 +205,7 @@ class NetworkMode:
         if new:
             phase += 1.0 - (phase[0] - fish.phase)  # the first frame is the one chosen
         fish.phase, fish.area = float(phase[-1]) % len(cycle), 0.0
-        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], new
+        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
 
     def _turn(
         self, fish: Fish, start: NDArray[np.float64], error: float, target: NDArray[np.float64],
@@ -208,7 +219,10 @@ class NetworkMode:
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         asked = [[fish.area, 0.0, turns.displacement[chosen], side * included]]
         area = float(np.clip(self.model.predict(np.array(asked))[0, 0], 0.0, 1.0))
-        plan = self._plan(side, round(angle), round(100 * area))
+        plan, new = self._plan(side, round(angle), round(100 * area)), True
+        if fish.bent:
+            plan = from_bend(plan, self.sprites.turns, side, fish.sprite)
+            new = plan.frames[0] not in (fish.sprite, self.sprites.following[fish.sprite])
         n = len(plan.frames)
         film = slice(turns.start[chosen], turns.start[chosen] + turns.ticks[chosen])
         at_tick = np.linspace(0, turns.ticks[chosen] - 1, n)
@@ -238,7 +252,7 @@ class NetworkMode:
             f"the network asks for motion area {area:.2f}, the sprites have {plan.area:.2f}"
             + ("" if ease == 1 else ", little room" if ease else ", on the spot")
         )
-        return Stretch(TURN, target, way[:n], plan.frames[:n], True, area, touched < n, why)
+        return Stretch(TURN, target, way[:n], plan.frames[:n], new, area, touched < n, why)
 
     def _brake(
         self, fish: Fish, start: NDArray[np.float64], target: NDArray[np.float64],
@@ -255,9 +269,11 @@ class NetworkMode:
         n = min(touched + 1, good)
         if n == 0:  # at the wall: stay, and wait
             way, n, touched = np.tile(start, (ticks, 1)), ticks, ticks
-        sprite, new = self._cycle(fish, DECELERATE, speed[:n])
+        sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
         why = "a wall is ahead"
-        return Stretch(DECELERATE, target, way[:n], sprite, new, np.nan, touched < n, why)
+        return Stretch(
+            DECELERATE, target, way[:n], sprite, new, np.nan, touched < n, why, phase=phase
+        )
 
 
 def _window(place: int, count: int, rng: np.random.Generator) -> int:

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -94,6 +94,13 @@ class Pictures:
         return None
 
 
+def apart(row: Any, pictures: Pictures) -> float:
+    """Eq. 5 between the two pictures of a cross-fade, a row of an edit list."""
+    shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
+    partner = pictures(row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale)
+    return float(np.linalg.norm(shown - partner))
+
+
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
     """The edit list without what fades out while it is farther than `most` from what fades in.
 
@@ -101,12 +108,8 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
     """
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
-        shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
-        partner = pictures(
-            row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
-        )
         before = bool(ghosts) and ghosts[-1] == row.Index - 1  # once gone, it does not come back
-        if before or np.linalg.norm(shown - partner) > most:
+        if before or apart(row, pictures) > most:
             ghosts.append(row.Index)
     clean = edit.copy()
     clean.loc[ghosts, "weight"] = 0.0

@@ -37,6 +37,12 @@ class TurnFrames:
         after = np.flatnonzero(self.down_area <= self.up_area[depth])
         return int(after[0]) if after.size else len(self.down) - 1
 
+    def undone(self, sprite: int) -> Ints:
+        """The frames of `down` by which a fish that a sprite shows bent is straight again."""
+        if sprite in self.down:
+            return self.down[int(np.flatnonzero(self.down == sprite)[0]) + 1 :]
+        return self.down[self.back(int(np.flatnonzero(self.up == sprite)[0])) :]
+
     def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
         """Frames of a turn, and the change of heading with each as the film shows it.
 
@@ -109,6 +115,31 @@ def plan_turn(frames: TurnFrames, angle_deg: float, area: float, most: int) -> T
     film = float(degrees.sum())
     share = np.cumsum(degrees + _FLOOR * max(film, 1.0))
     return TurnPlan(numbers, share / share[-1], float(frames.up_area[depth]), film)
+
+
+def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int) -> TurnPlan:
+    """A turn to `side` by a fish that a sprite of some turn shows bent already.
+
+    A bend to the same side is gone on from; one too deep is undone, one to the other side, too, and
+    twice as fast as filmed, before the turn.
+    """
+    bent = next((s for s, t in turns.items() if sprite in t.up or sprite in t.down), 0)
+    if not bent:
+        return plan
+    step = np.diff(plan.share, prepend=0.0)
+    here = np.flatnonzero(plan.frames == sprite)
+    undone = turns[bent].undone(sprite)
+    if bent != side:
+        frames = np.concatenate([undone[::2], plan.frames])
+        step = np.concatenate([np.full(len(frames) - len(step), _FLOOR), step])
+    elif here.size and here[0] + 1 < len(plan.frames):
+        frames, step = plan.frames[here[0] + 1 :], step[here[0] + 1 :]
+    elif undone.size:
+        frames, step = undone, np.ones(len(undone))
+    else:
+        return plan
+    share = np.cumsum(step)
+    return TurnPlan(frames, share / share[-1], plan.area, plan.film_deg)
 
 
 def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:

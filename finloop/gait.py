@@ -30,11 +30,11 @@ def main(arguments: list[str] | None = None) -> int:
         writer(asked.output)  # a wrong ending is told before the work
         gait = load_gait(found(asked.gait, SHIPPED))
         frames, rate = timing(gait.frequency_hz, asked.frames, asked.rate)
-        if not 1 <= asked.cycles <= MOST_FRAMES // frames:
+        if asked.cycles < 1 or asked.cycles * frames > MOST_FRAMES:
             raise FinloopError(
                 f"{asked.cycles} cycles of {frames} frames",
                 f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
-                "ask for fewer; SVG and Lottie repeat by themselves",
+                "stay between; SVG and Lottie repeat by themselves",
             )
         poses = load_svg(asked.key1), load_svg(asked.key2)
         done = transfer(*poses, gait, frames, asked.points, asked.control)
@@ -100,6 +100,11 @@ def summary(done: Transfer, gait: Gait, seconds: float) -> str:
     elif gait.support:
         feet = ", ".join(gait.support)
         lines.append(f"no contour is a foot of {gait.name} ({feet}): the ground is not kept")
+    if done.lifted:
+        lines.append(
+            f"in key 2 {', '.join(done.lifted)} should stand, but their partners do:"
+            " are left and right, or the keys, exchanged?"
+        )
     if folded := {
         name: int((count > 0).sum()) for name, count in morph.folds.items() if any(count)
     }:
@@ -160,7 +165,7 @@ def _parser() -> argparse.ArgumentParser:
 def _rate(text: str) -> Fraction:
     try:
         rate = Fraction(text)
-    except ZeroDivisionError as error:
+    except (ValueError, ZeroDivisionError) as error:
         raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error
     if rate <= 0:
         raise argparse.ArgumentTypeError(f"{text} frames per second are not above 0")

@@ -122,13 +122,12 @@ def _turn(
     per_limb, per_scale = (gammas_of(moves, per, still) for per in (False, True))
     tests = samples_of(gone, split, wavelet, coarse)
     for (name, sub), one in moves.items():
-        test, closed = tests[name][sub], film.closed.get(name, True)
+        test = tests[name][sub]
         if not len(test.tau):
             continue
         size = len(one.to)
-        points = size if closed else size // 2
         letter = "AB"[sub]
-        spread = per_coefficient(per_scale[name][letter], size, coarse, closed)
+        spread = per_coefficient(per_scale[name][letter], size, coarse)
         errors = {
             "linear": test.coefficients - predicted(one, test.tau, np.zeros(1)),
             "gamma": test.coefficients - predicted(one, test.tau, np.array(per_limb[name][letter])),
@@ -138,8 +137,8 @@ def _turn(
         }
         row = {"contour": name, "subcycle": letter, "frames": len(test.tau)}
         for clock_name, error in errors.items():
-            off = contour(error, points, wavelet, coarse, closed)
-            row[clock_name] = float((off**2).sum()) / points
+            off = contour(error, size, wavelet, coarse)
+            row[clock_name] = float((off**2).sum()) / size
         yield (
             row,
             [

@@ -32,20 +32,25 @@ def of_swim(swim: Swim) -> Filmed:
 
 
 def of_regions(
-    frames: list[dict[str, Seen]], frame_rate_hz: float, n: int, split: float = 0.25
+    frames: list[dict[str, Seen]],
+    frame_rate_hz: float,
+    n: int,
+    split: float = 0.25,
+    first: int = 0,
 ) -> tuple[Filmed, Period, Limbs]:
     """The steady frames of an animal from the side, its limbs in the frame of the body, px.
 
-    Found twice: the course of the body can only be smoothed over a cycle when that is known.
+    `first` is the first frame's number. Found twice: the course of the body can only be smoothed
+    over a cycle when that is known.
 
     Raises
     ------
     FinloopError
         As `gait_limbs.limbs`; if the motion does not repeat.
     """
-    found = limbs(frames, n)
+    found = limbs(frames, n, None, first)
     beat = _beat(found, frame_rate_hz)
-    found = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz))
+    found = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
     beat = _beat(found, frame_rate_hz)
     shown = {name: points[beat.steady] for name, points in found.points.items()}
     film = Filmed(

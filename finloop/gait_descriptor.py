@@ -1,4 +1,4 @@
-"""Contours as wavelet descriptors for gaits: scales counted from a coarsest one (curve paper §4.2).
+"""Contours as wavelet descriptors for gaits, and the clock that moves them (curve paper §4.2).
 
 *coarse* is the number of coefficients in the approximation, whatever the number of points: scale m
 of contours of 64 and of 256 points then means the same, and γ per scale goes from one to another.
@@ -58,6 +58,34 @@ def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool 
     return out
 
 
+def clock(tau: Points, gamma: float | Points) -> Points:
+    """f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
+
+    Monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
+    """
+    return 1 - (1 + gamma) * tau + gamma * tau**2
+
+
+def between(
+    source: Points,
+    to: Points,
+    tau: Points,
+    gamma: tuple[float, ...],
+    wavelet: str,
+    coarse: int,
+    closed: bool = True,
+) -> Points:
+    """Frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
+
+    One γ moves every coefficient alike and so every point: no transform is needed then.
+    """
+    if len(gamma) == 1:
+        return to + clock(tau, gamma[0])[:, None, None] * (source - to)
+    step = descriptor(source - to, wavelet, coarse, closed)
+    weights = clock(tau[:, None], per_coefficient(gamma, len(step), coarse, closed))
+    return to + contour(weights[..., None] * step, len(to), wavelet, coarse, closed)
+
+
 def few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
     """Contours (…, n, 2) rebuilt from `control` of their n control points (Fig. 14).
 
@@ -66,6 +94,10 @@ def few_control(points: Points, control: int, wavelet: str, closed: bool = True)
     FinloopError
         If n or control is no power of two, or control is above n.
     """
+    if control < 1 or control & (control - 1):
+        raise FinloopError(
+            f"{control} control points", "a power of two", "ask for 4, 16 or 64 control points"
+        )
     level = most_levels(points.shape[-2]) - most_levels(2 * control) + 1
     if level < 0:
         raise FinloopError(

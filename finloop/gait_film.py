@@ -5,7 +5,7 @@ D count as A and B of the partner.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,29 +26,25 @@ class Filmed:
     Attributes
     ----------
     contours
-        (frames, n, 2) by id, n a power of two; NaN in frames where the contour is missing.
+        Closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those
+        of a mirror begin at the snout.
     phase
         (frames,) in cycles, rising: it counts the cycles too.
     body_length
         In the unit of the contours.
-    symmetry, middle, orders, offsets
+    symmetry, offsets
         As of `gait_model.four_keys`.
-    closed
-        By id; True if not named.
     """
 
     contours: Mapping[str, Points]
     phase: Points
     body_length: float
     symmetry: Symmetry
-    middle: float = 0.0
-    orders: Mapping[str, Ints] | None = None
     offsets: Mapping[str, Points] | None = None
-    closed: Mapping[str, bool] = field(default_factory=dict)
 
     def later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
         """Contours as they are half a cycle later."""
-        return half_later(contours, self.symmetry, self.middle, self.orders, self.offsets)
+        return half_later(contours, self.symmetry, offsets=self.offsets)
 
     def complete(self) -> "Filmed":
         """Of an animal from the side also the limbs that are never seen, all NaN.
@@ -195,6 +191,6 @@ def samples_of(film: Filmed, split: float, wavelet: str, coarse: int) -> dict[st
         out[name] = []
         for sub in range(2):
             frame = np.flatnonzero(seen & (which == sub))
-            found = descriptor(points[frame], wavelet, coarse, film.closed.get(name, True))
+            found = descriptor(points[frame], wavelet, coarse)
             out[name].append(Samples(tau[frame], found, frame))
     return out

@@ -15,9 +15,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.errors import FinloopError
-from finloop.gait_descriptor import contour, descriptor, scale_slices
+from finloop.gait_descriptor import clock, contour, descriptor, scale_slices
 from finloop.gait_film import Filmed, Keys, Samples, check, keys_of, samples_of
-from finloop.gait_model import POOLED, Gait, Points, clock, cycle, subcycle
+from finloop.gait_model import POOLED, Gait, Points, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2
@@ -64,19 +64,14 @@ class Moves:
 
 
 def moves_of(
-    film: Filmed,
-    keys: Keys,
-    samples: Mapping[str, list[Samples]],
-    wavelet: str,
-    coarse: int,
+    keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
 ) -> dict[tuple[str, int], Moves]:
     """Each contour in subcycles A (0) and B (1)."""
     out = {}
     for name, pair in samples.items():
-        closed = film.closed.get(name, True)
         for sub, found in enumerate(pair):
-            source, to = (descriptor(e, wavelet, coarse, closed) for e in keys.ends(name, sub))
-            out[name, sub] = Moves(found, source, to, scale_slices(len(source), coarse, closed))
+            source, to = (descriptor(e, wavelet, coarse) for e in keys.ends(name, sub))
+            out[name, sub] = Moves(found, source, to, scale_slices(len(source), coarse))
     return out
 
 
@@ -120,7 +115,7 @@ def settled(
     samples = samples_of(film, split, wavelet, coarse)
     _check_samples(samples)
     straight = keys = keys_of(film, split)
-    moves = moves_of(film, keys, samples, wavelet, coarse)
+    moves = moves_of(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
         cut = keys_of(replace(film, contours=_smooth(film, moves, split, wavelet, coarse)), split)
         one, two = (
@@ -131,7 +126,7 @@ def settled(
             )
         )
         keys = Keys(one, two, film.later(one))
-        moves = moves_of(film, keys, samples, wavelet, coarse)
+        moves = moves_of(keys, samples, wavelet, coarse)
     return keys, moves
 
 
@@ -151,9 +146,7 @@ def _smooth(
             )[0]
             bend = (_bends(now) @ size).reshape(-1, *one.to.shape)
             found = predicted(one, now, np.zeros(1)) + bend
-            out[name][which == sub] = contour(
-                found, points.shape[1], wavelet, coarse, film.closed.get(name, True)
-            )
+            out[name][which == sub] = contour(found, points.shape[1], wavelet, coarse)
     later, second = film.later(out), np.mod(film.phase, 1.0) >= 0.5
     return {
         name: np.where(
@@ -236,7 +229,7 @@ def support_of(film: Filmed, keys: Keys, gait: Gait) -> dict[str, tuple[tuple[fl
     """
     frames = 240
     out = dict[str, tuple[tuple[float, float], ...]]()
-    turning = cycle(keys.one, keys.two, gait, frames, offsets=film.offsets, closed=film.closed)
+    turning = cycle(keys.one, keys.two, gait, frames, offsets=film.offsets)
     for name, points in turning.items():
         if any(side in name for side in ("left", "right")):
             x = points[:, int(points[..., 1].mean(axis=0).argmax()), 0]

@@ -23,6 +23,7 @@ from finloop.errors import FinloopError
 
 FOOT = 0.25  # of a limb's height: the part that moves as one
 PAW = 0.15  # of a limb's height: the part whose motion is looked at
+FLAT = 0.01  # of its greatest height: a limb that is no higher is none
 SOLE = 0.03  # of a limb's height: what of it touches the ground
 
 Points = NDArray[np.float64]
@@ -126,7 +127,7 @@ def _ground(paths: Paths) -> Ground:
 def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: float) -> Points:
     frames = len(stack)
     top, low = stack[..., 1].min(axis=1), stack[..., 1].max(axis=1)
-    if not (low > top).all():
+    if not (low - top > FLAT * (low - top).max()).all():
         raise FinloopError(
             f"the limb {name!r} has no height", "a limb that stands on its foot", "draw it upright"
         )

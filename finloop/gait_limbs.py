@@ -83,7 +83,10 @@ def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> See
 
 
 def limbs(
-    frames: Sequence[Mapping[str, Seen]], n: int, smooth_frames: float | None = None
+    frames: Sequence[Mapping[str, Seen]],
+    n: int,
+    smooth_frames: float | None = None,
+    first: int = 0,
 ) -> Limbs:
     """Contours of every limb that the frames name, in the body frame.
 
@@ -96,6 +99,8 @@ def limbs(
         Points of a contour.
     smooth_frames
         A cycle: what the body sways in it is left to the limbs. None = it goes straight on.
+    first
+        Number of the first frame, for what is said about frames.
 
     Raises
     ------
@@ -110,7 +115,7 @@ def limbs(
             "trace the limbs, one id each",
         )
     seen = {name: [frame.get(name, MISSING) for frame in frames] for name in names}
-    notes = _checked(seen)
+    notes = _checked(seen, first)
     centres = {name: _centres(of) for name, of in seen.items()}
     where = [BODY] if BODY in seen else names
     course = smoothed(np.mean([_filled(centres[name]) for name in where], axis=0), smooth_frames)
@@ -217,7 +222,7 @@ def _length(seen: Sequence[Sequence[Seen]]) -> float:
     return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in drawn if len(f) == most]))
 
 
-def _checked(seen: Mapping[str, Sequence[Seen]]) -> tuple[str, ...]:
+def _checked(seen: Mapping[str, Sequence[Seen]], first: int) -> tuple[str, ...]:
     """Notes on frames that lack a limb; refuse a limb that too many frames lack."""
     notes, wrong, hints = [], [], []
     often = {
@@ -227,7 +232,7 @@ def _checked(seen: Mapping[str, Sequence[Seen]]) -> tuple[str, ...]:
     }
     for name, of in seen.items():
         lacking = {
-            why: [k for k, one in enumerate(of) if isinstance(one, str) and one == why]
+            why: [k for k, one in enumerate(of, first) if isinstance(one, str) and one == why]
             for why in (MISSING, EMPTY, BORDER)
         }
         told = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
@@ -235,20 +240,26 @@ def _checked(seen: Mapping[str, Sequence[Seen]]) -> tuple[str, ...]:
             wrong.append(f"{name!r} in frames {'; '.join(told)}")
             hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
             continue
+        if name != BODY and "left" not in name and "right" not in name:
+            notes.append(
+                f"{name} is of no side, left or right: it is taken to do the same in both halves of"
+                " the cycle"
+            )
         if told:
             notes.append(f"{name} is left out of frames {'; '.join(told)}")
         size = np.array([area(one) if isinstance(one, Curve) else np.nan for one in of])
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
             notes.append(
-                f"{name} is smaller than usual in frames {_numbers(small)}: if something hides a"
-                " part of it there, trace it whole or leave it out"
+                f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
+                " if something hides a part of it there, trace it whole or leave it out"
             )
     if wrong:
         alike = f" (is it {' or '.join(sorted(set(hints)))}?)" if hints else ""
         raise FinloopError(
             f"regions that most frames lack: {', '.join(wrong)}{alike}",
             "the same ids in all frames; each whole in at least half of them",
-            "name each limb alike in all frames, trace the rest, or leave the limb out of all",
+            "name each limb alike in all frames, white on black in masks; trace the rest, or leave"
+            " the limb out of all",
         )
     return tuple(notes)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.errors import FinloopError
-from finloop.gait_descriptor import contour, descriptor, few_control, per_coefficient
+from finloop.gait_descriptor import between, few_control
 
 Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -61,14 +61,6 @@ class Gait:
     cycles: float = 0.0
     frames: int = 0
     residuals: Mapping[str, float] = field(default_factory=dict)
-
-
-def clock(tau: Points, gamma: float | Points) -> Points:
-    """f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
-
-    Monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
-    """
-    return 1 - (1 + gamma) * tau + gamma * tau**2
 
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
@@ -221,16 +213,9 @@ def cycle(
         contours whose number of points is no power of two.
     """
     return at_phases(
-        one,
-        two,
-        gait,
-        np.arange(_checked_frames(frames)) / frames,
-        middle=middle,
-        orders=orders,
-        offsets=offsets,
-        closed=closed,
-        control=control,
-    )
+        one, two, gait, np.arange(_checked_frames(frames)) / frames, middle=middle, orders=orders,
+        offsets=offsets, closed=closed, control=control,
+    )  # fmt: skip
 
 
 def at_phases(
@@ -269,26 +254,6 @@ def at_phases(
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
         for name, frames in out.items()
     }
-
-
-def between(
-    source: Points,
-    to: Points,
-    tau: Points,
-    gamma: tuple[float, ...],
-    wavelet: str,
-    coarse: int,
-    closed: bool = True,
-) -> Points:
-    """Frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
-
-    One γ moves every coefficient alike and so every point: no transform is needed then.
-    """
-    if len(gamma) == 1:
-        return to + clock(tau, gamma[0])[:, None, None] * (source - to)
-    step = descriptor(source - to, wavelet, coarse, closed)
-    weights = clock(tau[:, None], per_coefficient(gamma, len(step), coarse, closed))
-    return to + contour(weights[..., None] * step, len(to), wavelet, coarse, closed)
 
 
 def _ends(split: float) -> Points:

@@ -9,9 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from finloop.gait_descriptor import clock
 from finloop.gait_film import Filmed, Keys
 from finloop.gait_fit import Moves
-from finloop.gait_model import Gait, Points, at_phases, clock, four_keys
+from finloop.gait_model import Gait, Points, at_phases, four_keys
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
@@ -59,7 +60,7 @@ def figure8_contours(film: Filmed, columns: int = 6, shown: int = 18) -> Figure:
     poses = [{name: points[k] for name, points in film.contours.items()} for k in picked]
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in picked]
     rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
-    return _sheet(rows, titles, film.closed, [""] * len(rows), "contours of the film")
+    return _sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
 def figure9(gait: Gait, keys: Keys, film: Filmed) -> Figure:
@@ -84,12 +85,9 @@ def figure9(gait: Gait, keys: Keys, film: Filmed) -> Figure:
     else:
         _reach(ax, gait, keys, film)
     ax.set(xlim=(0, 1), xlabel="phase of the cycle")
-    poses = four_keys(
-        keys.one, keys.two, film.symmetry, middle=film.middle, orders=film.orders,
-        offsets=film.offsets,
-    )  # fmt: skip
+    poses = four_keys(keys.one, keys.two, film.symmetry, offsets=film.offsets)
     titles = [f"key {name}" for name in KEY_NAMES]
-    _cells(below.subplots(), [list(poses)], titles, film.closed)
+    _cells(below.subplots(), [list(poses)], titles)
     return figure
 
 
@@ -110,12 +108,10 @@ def _support(ax: Axes, gait: Gait) -> None:
 
 def _reach(ax: Axes, gait: Gait, keys: Keys, film: Filmed) -> None:
     phases = np.linspace(0, 1, 121)
-    frames = at_phases(
-        keys.one, keys.two, gait, phases, middle=film.middle, orders=film.orders, closed=film.closed
-    )
+    frames = _frames(gait, keys, film, phases)
     for ink, (name, points) in zip(_inks(frames), frames.items(), strict=True):
         most = int(np.ptp(points[..., 1], axis=0).argmax())
-        side = (points[:, most, 1] - film.middle) / film.body_length
+        side = points[:, most, 1] / film.body_length
         ax.plot(phases, side, color=ink, label=f"{name.replace('_', ' ')}: its farthest point")
     ax.set_ylabel("sideways / body length")
     ax.invert_yaxis()
@@ -141,11 +137,10 @@ def figure10(film: Filmed, keys: Keys, split: float) -> Figure:
     ax.set_title("subcycle A: key 1 dashed, key 2 solid, frames dotted", fontsize=10)
     for k, (name, ink) in enumerate(zip(names, _inks(names), strict=True)):
         shift = np.array([k % columns * wide, k // columns * high]) - middles[name]
-        closed = film.closed.get(name, True)
         for points in frames[name]:
-            _line(ax, points + shift, closed, color=GREY, ls=":", lw=1.0)
-        _line(ax, keys.one[name] + shift, closed, color=ink, ls="--", lw=1.5)
-        _line(ax, keys.two[name] + shift, closed, color=ink, ls="-", lw=1.5)
+            _line(ax, points + shift, color=GREY, ls=":", lw=1.0)
+        _line(ax, keys.one[name] + shift, color=ink, ls="--", lw=1.5)
+        _line(ax, keys.two[name] + shift, color=ink, ls="-", lw=1.5)
         x, y = shift + middles[name] - [0, size[1] / 2]
         ax.text(x, y, name.replace("_", " "), ha="center", va="bottom", fontsize=9)
     ax.set(xlim=(-wide / 2, (columns - 0.5) * wide), ylim=((rows - 0.5) * high, -0.6 * high))
@@ -210,16 +205,13 @@ def figure14(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
         rows.append([{n: p[k] for n, p in frames.items()} for k in range(columns)])
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)
     names = [f"{control} points" for control in CONTROL]
-    return _sheet(rows, titles, film.closed, names, "the same at few control points")
+    return _sheet(rows, titles, names, "the same at few control points")
 
 
 def _frames(
     gait: Gait, keys: Keys, film: Filmed, phases: Points, control: int | None = None
 ) -> dict[str, Points]:
-    return at_phases(
-        keys.one, keys.two, gait, phases, middle=film.middle, orders=film.orders,
-        offsets=film.offsets, closed=film.closed, control=control,
-    )  # fmt: skip
+    return at_phases(keys.one, keys.two, gait, phases, offsets=film.offsets, control=control)
 
 
 def _synthesized(
@@ -235,22 +227,18 @@ def _synthesized(
     poses = [{n: p[k] for n, p in frames.items()} for k in range(len(phases))]
     rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
     titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(rows, titles, film.closed, names, title)
+    return _sheet(rows, titles, names, title)
 
 
 def _sheet(
-    rows: Sequence[Sequence[Pose]],
-    titles: Sequence[str],
-    closed: Mapping[str, bool],
-    names: Sequence[str],
-    title: str,
+    rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
 ) -> Figure:
     """Poses in rows, all on one scale; `names` of the rows on their left."""
     wide, high = _cell(rows)
     columns = max(map(len, rows))
     inches = 1.7 * columns + 0.4
     figure, ax = _canvas(inches, (inches / (columns + 0.3)) * len(rows) * high / wide + 0.4, title)
-    _cells(ax, rows, titles, closed, names)
+    _cells(ax, rows, titles, names)
     return figure
 
 
@@ -262,11 +250,7 @@ def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
 
 
 def _cells(
-    ax: Axes,
-    rows: Sequence[Sequence[Pose]],
-    titles: Sequence[str],
-    closed: Mapping[str, bool],
-    names: Sequence[str] = (),
+    ax: Axes, rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str] = ()
 ) -> None:
     """Poses side by side in one plot: a plot for each would take ten times as long."""
     box = _box([pose for row in rows for pose in row])
@@ -275,7 +259,7 @@ def _cells(
     for r, row in enumerate(rows):
         for c, pose in enumerate(row):
             corner = np.array([c * wide, r * high])
-            _draw(ax, {name: points - low + corner for name, points in pose.items()}, closed)
+            _draw(ax, {name: points - low + corner for name, points in pose.items()})
             x, y = corner + np.array([0.46 * wide, -0.02 * wide])
             ax.text(x, y, next(left), ha="center", va="bottom", fontsize=7)
         if names:
@@ -300,17 +284,14 @@ def _canvas(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
     return figure, ax
 
 
-def _draw(ax: Axes, pose: Pose, closed: Mapping[str, bool]) -> None:
-    for ink, (name, points) in zip(_inks(pose), pose.items(), strict=True):
-        loop = closed.get(name, True)
-        if loop:
-            ax.fill(*points.T, color=ink, alpha=0.25, lw=0)
-        _line(ax, points, loop, color=ink, lw=1.1)
+def _draw(ax: Axes, pose: Pose) -> None:
+    for ink, points in zip(_inks(pose), pose.values(), strict=True):
+        ax.fill(*points.T, color=ink, alpha=0.25, lw=0)
+        _line(ax, points, color=ink, lw=1.1)
 
 
-def _line(ax: Axes, points: Points, closed: bool, color: str, lw: float, ls: str = "-") -> None:
-    x, y = (np.concatenate([points, points[:1]]) if closed else points).T
-    ax.plot(x, y, color=color, lw=lw, ls=ls)
+def _line(ax: Axes, points: Points, color: str, lw: float, ls: str = "-") -> None:
+    ax.plot(*np.concatenate([points, points[:1]]).T, color=color, lw=lw, ls=ls)
 
 
 def _inks(names: Mapping[str, object] | Sequence[str]) -> list[str]:

@@ -20,6 +20,7 @@ from finloop.morph_folds import folds, stays_simple
 from finloop.morph_layers import MOST_FRAMES, MOST_POINTS, Morph, check_pairs, fitted
 
 LEAST_FRAMES, LEAST_POINTS = 4, 8
+LIFTED = 0.02  # of a limb's height
 DIGITS = 5  # of the larger side of the drawing: a hundredth of a pixel where that is 1000 px
 
 Points = NDArray[np.float64]
@@ -39,12 +40,15 @@ class Transfer:
         drawing (key 1, all contours); None where the gait or the drawing has no feet.
     outside
         By id: in how many frames the contour leaves the picture; those that do not are left out.
+    lifted
+        Feet that should stand in key 2 and are drawn higher than their partners, which should not.
     """
 
     morph: Morph
     before: Ground | None
     after: Ground | None
     outside: dict[str, int]
+    lifted: tuple[str, ...]
 
 
 def transfer(
@@ -118,7 +122,8 @@ def transfer(
         decimals=decimals,
     )
     after = _ground(layers, support, width)
-    return Transfer(morph, before, after, _outside(morph))
+    lifted = _lifted(keys[1], gait, offsets) if offsets is not None else ()
+    return Transfer(morph, before, after, _outside(morph), lifted)
 
 
 def repeated(morph: Morph, cycles: int) -> Morph:
@@ -153,6 +158,21 @@ def _offsets(one: dict[str, Points], gait: Gait) -> dict[str, Points]:
         for name in down
         if (other := partner(name, one)) in down and other != name
     }
+
+
+def _lifted(two: dict[str, Points], gait: Gait, offsets: dict[str, Points]) -> tuple[str, ...]:
+    down = {
+        name
+        for name, spans in gait.support.items()
+        if any(a <= gait.split + turn <= b for a, b in spans for turn in (0, 1))
+    }
+    out = []
+    for name in down & two.keys():
+        if (other := partner(name, two)) not in down and other in gait.support:
+            lower = two[other][:, 1].max() - two[name][:, 1].max()
+            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(two[other][:, 1]):
+                out.append(name)
+    return tuple(sorted(out))
 
 
 def _wrapped(gait: Gait, name: str) -> list[Ints]:

@@ -63,7 +63,7 @@ class Learnt(NamedTuple):
         """Figs. 8 to 14 into a folder."""
         gait = self.gait
         samples = samples_of(self.film, gait.split, gait.wavelet, gait.coarse)
-        moves = moves_of(self.film, self.keys, samples, gait.wavelet, gait.coarse)
+        moves = moves_of(self.keys, samples, gait.wavelet, gait.coarse)
         for name, figure in figures(self.film, gait, self.keys, moves, pictures):
             save_figure(folder / f"{name}.png", figure)
 
@@ -188,7 +188,8 @@ def limbs(p: Params, folder: Path) -> tuple[Learnt, Pictures | None]:
         assert p.regions is not None and p.regions_rate_hz is not None
         pictures, regions, rate = None, Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
-    cut, beat, found = of_regions(load_regions(regions), rate, p.points, p.split)
+    seen_in = load_regions(regions)
+    cut, beat, found = of_regions(seen_in.frames, rate, p.points, p.split, seen_in.first)
     for note in found.notes:
         print(f"gait: {note}")
     return learnt(cut, name, float(beat.frequency_hz), p, source, beat.confidence), pictures
@@ -229,18 +230,17 @@ def fish_gait(p: Params, swum: Learnt | None) -> Gait:
 def main() -> None:
     """Make data/gait/, reports/gait/."""
     p = load("gait", OPTIONS)
-    swum, tracks = outlines(p)
-    save_csv(REPORT / "tracks.csv", tracks, decimals=4)
-    fish = fish_gait(p, swum)
-    periodic = tracks["rms_gamma_pct"].notna()
-    numbers: dict[str, float] = {
-        "tracks": len(tracks),
-        "tracks_that_repeat": int(periodic.sum()),
-        "tracks_rms_gamma_median_pct": float(tracks["rms_gamma_pct"].median()),
-        "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
-    }
     with whole_folder(OUT) as folder:
-        walked, pictures = limbs(p, folder)
+        walked, pictures = limbs(p, folder)  # first: here most is given, and can be wrong
+        swum, tracks = outlines(p)
+        save_csv(REPORT / "tracks.csv", tracks, decimals=4)
+        fish = fish_gait(p, swum)
+        numbers: dict[str, float] = {
+            "tracks": len(tracks),
+            "tracks_that_repeat": int(tracks["rms_gamma_pct"].notna().sum()),
+            "tracks_rms_gamma_median_pct": float(tracks["rms_gamma_pct"].median()),
+            "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
+        }
         table = table_of("limbs", walked.gait)
         numbers |= walked.numbers("limbs")
         if p.limbs == "dog":

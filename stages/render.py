@@ -2,8 +2,8 @@
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -12,16 +12,15 @@ import pandas as pd
 from finloop.animate_edit import EDIT, FRAME, SPRITE, Goal
 from finloop.errors import FinloopError
 from finloop.extract_table import tracks_schema
-from finloop.features import ORIENTATIONS
 from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import open_cutouts
+from finloop.files.gallery import PLACE, open_gallery
 from finloop.files.goals import load_goals
 from finloop.files.movie import Movie, Mp4Writer, WebpWriter
 from finloop.files.picture import load_picture, save_figure, save_picture
 from finloop.files.scene import load_scene
 from finloop.files.table import load_table
 from finloop.files.video import FACTS_NAME, load_facts
-from finloop.render import Gallery, Painter, Shelf, Steps, film_steps, placed, step_numbers
+from finloop.render import Gallery, Painter, Steps, film_steps, placed, step_numbers
 from finloop.render_marks import Marks, parts
 from finloop.render_plots import Tile, contact_sheet, liveliest, switches, trajectory, window
 from finloop.sprites import SPRITES
@@ -34,31 +33,6 @@ OUT, REPORT = Path("data/render"), Path("reports/render")
 SHOWN = 40  # ticks on the contact sheet
 SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on the sheet of switches; ticks before, and from, each
 Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
-
-
-@contextmanager
-def opened(edit: pd.DataFrame, tracks: pd.DataFrame) -> Iterator[Gallery]:
-    """The pictures that an edit list draws from: the film's always, sprites if it asks for any."""
-    with ExitStack() as stack:
-        centres = {FRAME: tracks}
-        stores = {FRAME: stack.enter_context(open_cutouts(EXTRACT / "cutouts.arrow"))}
-        if SPRITE in {*edit["kind"], *edit["partner_kind"]}:
-            table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES, ["x_px", "y_px"])
-            centres[SPRITE] = table.loc[table.index.repeat(ORIENTATIONS)]
-            stores[SPRITE] = stack.enter_context(open_cutouts(SPRITES_FOLDER / "sprites.arrow"))
-        for kind, store in stores.items():
-            if len(store) != len(centres[kind]):
-                raise FinloopError(
-                    f"{len(store)} pictures of kind {kind}, but {len(centres[kind])} mass centres",
-                    "a mass centre for every picture",
-                    "make both again: `dvc repro --force extract sprites`",
-                )
-        yield Gallery(
-            {
-                kind: Shelf(stores[kind], t[["x_px", "y_px"]].to_numpy())
-                for kind, t in centres.items()
-            }
-        )
 
 
 def films(
@@ -141,7 +115,10 @@ def main() -> None:
             "render.mode=hybrid or nn; or let more frames join: loops.threshold",
         )
     edit, goals = load_table(path, EDIT), load_goals(ANIMATE / "goals.json")
-    with opened(edit, tracks) as gallery, progress("render", len(edit)) as advance:
+    drawn = SPRITE in {*edit["kind"], *edit["partner_kind"]}
+    table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES, PLACE) if drawn else None
+    stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
+    with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
         half_px = round(0.75 * scene.typical_length_px)
         change, sheets, sizes = films(p, edit, goals, tracks, gallery, background, half_px, advance)
         natural = film_steps(Painter(background), gallery, FRAME, tracks)

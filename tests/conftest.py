@@ -10,6 +10,7 @@ from pathlib import Path
 
 import psutil
 import pytest
+from matplotlib.figure import Figure
 
 ROOT = Path(__file__).parents[1]
 TINY_CARP = [
@@ -25,6 +26,10 @@ TINY_CARP = [
     "animate.seconds=2",
     "animate.trials=2",
     "render.webp_seconds=1",
+    "tank.seconds=0.3",
+    "tank.width_px=160",
+    "tank.height_px=96",
+    "export.webp_seconds=0.5",
     "morph.frames=6",
     "morph.points=64",
     "morph.size_px=64",
@@ -34,6 +39,7 @@ TINY_CARP = [
     "gait.points=64",
     "gait.frame_rate_hz=8.0",
     "gait.size_px=64",
+    "report.picture_width_px=200",
 ]
 
 
@@ -101,6 +107,12 @@ def alive(process: psutil.Process) -> bool:
         return False
 
 
+@pytest.fixture
+def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Figures are put together but not painted, where a test does not look at pictures."""
+    monkeypatch.setattr(Figure, "savefig", lambda _, path, **_options: Path(path).touch())
+
+
 @pytest.fixture(scope="session")
 def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
     """The repository, copied and run once on a drawn carp of two seconds, all committed."""
@@ -110,9 +122,9 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
         if name not in ("", "dvc.lock") and (ROOT / name).is_file():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, root / name)
-    for compiled in ROOT.glob("finloop/__pycache__/*.nb[ic]"):  # numba's, ten seconds of work
-        (root / "finloop/__pycache__").mkdir(exist_ok=True)
-        shutil.copy2(compiled, root / "finloop/__pycache__")
+    compiled = ROOT / "finloop/__pycache__"  # by numba, half a minute of work: done once for both
+    compiled.mkdir(exist_ok=True)
+    (root / "finloop/__pycache__").symlink_to(compiled)
     apart = tmp_path_factory.mktemp("apart")
     env = {key: value for key, value in os.environ.items() if not key.startswith(("GIT_", "DVC_"))}
     env |= {
@@ -124,6 +136,8 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
     }
     copy = Copy(root, env)
     copy.git("init", "--quiet", ".")
+    (root / ".git/info").mkdir(exist_ok=True)
+    (root / ".git/info/exclude").write_text("/finloop/__pycache__\n")  # a link is no folder to git
     copy.git("config", "user.name", "test")
     copy.git("config", "user.email", "test@example.org")
     copy.compose()

@@ -110,7 +110,7 @@ def test_near_the_double_root_nothing_jumps_and_stiff_ones_do_not_overflow():
 def test_a_driven_oscillator_follows_a_force_of_time_and_place(density):
     of = Oscillators(density, np.array([0.7, 3.0]), np.array([3000.0, 0.0]))
     a, v = np.array([[1.0], [0.2]]), np.array([[0.0], [1.0]])
-    times = np.array([0.0, 0.4, 0.6, 2.0])
+    times = np.array([0.0, 0.2, 0.3, 1.0])
 
     def push(time, places):
         return np.sin(5 * time) - 0.5 * places**2
@@ -126,7 +126,7 @@ def test_a_driven_oscillator_follows_a_force_of_time_and_place(density):
         return np.concatenate([w, rate]).ravel()
 
     start = a.ravel() if density == 0 else np.concatenate([a, v]).ravel()
-    found = solve_ivp(slope, (0, 2), start, "DOP853", times, rtol=1e-11, atol=1e-12)
+    found = solve_ivp(slope, (0, 1), start, "DOP853", times, rtol=1e-11, atol=1e-12)
     assert np.allclose(places[:, :, 0], found.y[:2].T, atol=1e-8)
     rates = slope if density == 0 else (lambda t, y: y[2:])
     assert np.allclose(

@@ -8,12 +8,10 @@ import pytest
 
 from finloop.errors import FinloopError
 from finloop.files.gait import load_gait, save_gait
-from finloop.gait_descriptor import descriptor, scale_slices
+from finloop.gait_descriptor import between, clock, descriptor, scale_slices
 from finloop.gait_model import (
     Gait,
     at_phases,
-    between,
-    clock,
     cycle,
     four_keys,
     mirrored,
@@ -194,6 +192,12 @@ def test_the_least_that_a_person_must_write(tmp_path):
         ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, "no list of numbers"),
         ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "no list of numbers"),
         ({"support": {"fore_left": [[0.5, 0.2]]}}, "support of 'fore_left'"),
+        ({"gamma": {"*": {"A": [0], "B": [1e300]}}}, "from -1000 to 1000"),
+        ({"gamma": {"*": {"A": [0], "B": [10**400]}}}, "from -1000 to 1000"),
+        ({"frequency_hz": 10**400}, "'frequency_hz' is 1000"),
+        ({"confidence": 1.1}, "'confidence' is 1.1, not from 0 to 1"),
+        ({"support": {"fore_left": [[0, 0.5], [0.4, 0.8]]}}, "overlap"),
+        ({"support": {"fore_left": [[0.6, 0.8], [0.9, 1.7]]}}, "overlap"),
         ({"residuals": {"gamma": "small"}}, "'residuals'"),
     ],
 )
@@ -212,6 +216,13 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, text):
         path.write_text(text)
     with pytest.raises(FinloopError, match=r"walk\.json"):
         load_gait(path)
+
+
+def test_a_foot_may_stand_twice_in_a_cycle(tmp_path):
+    path = tmp_path / "walk.json"
+    for spans in (((0.0, 0.25), (0.5, 1.0)), ((0.5, 1.0), (0.0, 0.5)), ((0.3, 1.3),)):
+        save_gait(path, replace(WALK, support={"fore_left": spans}))
+        assert load_gait(path).support["fore_left"] == spans
 
 
 def test_all_that_is_wrong_is_said_at_once(tmp_path):

@@ -87,7 +87,7 @@ def folder(tmp_path, monkeypatch) -> Path:
     return tmp_path
 
 
-def test_stage_makes_what_dvc_expects_the_same_each_time(folder):
+def test_stage_makes_what_dvc_expects_the_same_each_time(folder, monkeypatch):
     prepare(folder, *SMALL)
     put_fish(folder, True, False)
     stages.gait.main()
@@ -114,8 +114,10 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(folder):
     tracks = pd.read_csv(folder / "reports/gait/tracks.csv")
     assert tracks["why_not"].notna().tolist() == [False, True]
     assert load_gait(folder / "data/gait/outline.json").symmetry == "mirror"
+    monkeypatch.setattr(stages.gait, "figures", lambda *_: iter(()))  # a fifth of the time
     stages.gait.main()
-    assert content(folder / "data/gait") | content(folder / "reports/gait") == first
+    again = content(folder / "data/gait") | content(folder / "reports/gait")
+    assert again == {name: of for name, of in first.items() if "/fig" not in name}
 
 
 @pytest.fixture
@@ -129,11 +131,13 @@ def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     masks = [seen(picture) for picture in film(dog)]
     masks[5]["fore_right"][:] = False
     save_masks(folder / "own", masks)
+    for path in sorted((folder / "own").glob("*/*.png"), reverse=True):
+        path.rename(path.with_stem(f"{int(path.stem) + 1:04}"))
     prepare(folder, *SMALL, "gait.limbs=regions", "gait.regions=own", "gait.regions_rate_hz=24")
     put_fish(folder, False, frames=20)
     stages.gait.main()
     said = capsys.readouterr().out
-    assert "fore_right is left out of frames 5: empty" in said
+    assert "fore_right is left out of frames 6: empty" in said  # as its file is called
     assert "no track of the clip has an outline that repeats" in said
     assert [path.name for path in (folder / "reports/gait/outline").iterdir()] == ["none.txt"]
     assert not (folder / "data/gait/outline.json").exists()

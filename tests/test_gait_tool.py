@@ -72,6 +72,12 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
     assert (
         "leaves the picture: fore_left in 1, fore_right in 1 of 4 frames" in capsys.readouterr().out
     )
+    assert main([key2, key1, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
+    assert "should stand" not in capsys.readouterr().out
+    lame = leg("fore_left", 20) + '<path id="fore_right" d="M20 9H29V50H20z"/>'
+    key2 = svg(tmp_path / "2.svg", lame)
+    assert main([key1, key2, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
+    assert "in key 2 fore_right should stand" in capsys.readouterr().out
     other = svg(tmp_path / "3.svg", leg("arm"))
     assert main([other, other, "--gait", "dog_walk", "-o", str(tmp_path / "o.svg"), *SMALL]) == 0
     assert "no contour is a foot of dog_walk" in capsys.readouterr().out
@@ -132,10 +138,12 @@ def test_tempo(hz, frames, rate, wanted):
         (leg("a"), "", [], "no contour"),
         (leg("a"), leg("a"), ["--gait", "cat"], "one of dog_walk"),
         (leg("a"), leg("a"), ["--frames", "3"], "3 frames"),
+        (leg("a"), leg("a"), ["--frames", "0"], "0 frames"),
+        (leg("a"), leg("a"), ["--frames", "99999"], "99999 frames"),
         (leg("a"), leg("a"), ["--points", "4"], "4 points"),
         (leg("a"), leg("a"), ["--cycles", "0"], "0 cycles"),
         (leg("a"), leg("a"), ["--cycles", "9999"], "9999 cycles"),
-        (leg("a"), leg("a"), ["--control", "5"], "5"),
+        (leg("a"), leg("a"), ["--control", "5"], "5 control points"),
         (leg("a"), leg("a"), ["--rate", "2000"], "2000 frames per second"),
     ],
 )  # fmt: skip
@@ -167,4 +175,5 @@ def test_the_command_refuses_what_it_does_not_know(wrong, capsys):
     with pytest.raises(SystemExit) as stop:
         main([*DOG, "--gait", "dog_walk", "-o", "out.svg", *wrong])
     assert stop.value.code == 2
-    assert wrong[0] in capsys.readouterr().err
+    said = capsys.readouterr().err
+    assert wrong[0] in said and "frames per second" in said

@@ -130,6 +130,20 @@ def test_what_leaves_the_picture_is_counted():
     assert done.outside["fore_left"] == done.outside["fore_right"]  # each is there in its turn
 
 
+def test_exchanged_sides_are_told():
+    one = legs(fore_left=(10, 5), fore_right=(50, 5))
+    well = legs(fore_left=(30, 1), fore_right=(30, 5))
+    assert transfer(one, well, WALK, 8, 32).lifted == ()
+    wrong = legs(fore_left=(30, 5), fore_right=(30, 1))
+    assert transfer(one, wrong, WALK, 8, 32).lifted == ("fore_right",)
+    assert transfer(*poses("dog"), WALK, 8, 32).lifted == ()
+
+
+def test_a_far_limb_is_not_lifted():
+    one = legs(fore_left=(10, 5), fore_right=(50, 1))
+    assert transfer(one, legs(fore_left=(30, 4), fore_right=(30, 1)), WALK, 8, 32).lifted == ()
+
+
 def test_cycles_in_a_row():
     done = transfer(*poses("fish"), SWIM, 6, 32).morph
     three = repeated(done, 3)
@@ -296,6 +310,7 @@ def line(*points: tuple[float, float], closed: bool = False) -> Drawing:
         (legs(fore_left=(1, 1)), legs(hind_left=(1, 1)), "'fore_left' only in the first"),
         (line((0, 0), (9, 9), (5, 0), closed=True), line((0, 0), (9, 9), (5, 0)), "closed in the first"),
         (line((0, 5), (9, 5)), line((0, 5), (9, 5)), "'fore_left' has no height"),
+        (line((0, 5), (3, 9)), line((0, 5), (9, 5.01)), "'fore_left' has no height"),
     ],
 )  # fmt: skip
 def test_poses_that_do_not_fit_are_named(one, two, says):
@@ -315,8 +330,9 @@ def test_a_pair_must_be_of_one_kind():
     [
         (3, 64, None, "3 frames"),
         (8, 4, None, "4 points"),
-        (8, 100, 4, "power of two|control"),
-        (8, 64, 5, "power of two|control|5"),
+        (8, 100, 4, "curve of 100 points"),
+        (8, 64, 5, "5 control points"),
+        (8, 64, 0, "0 control points"),
     ],
 )
 def test_numbers_out_of_range_are_refused(frames, points, control, says):

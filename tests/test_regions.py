@@ -6,7 +6,7 @@ import pytest
 
 from finloop.curve import Curve, Drawing, area
 from finloop.errors import FinloopError
-from finloop.files.regions import load_regions, save_masks, save_traces
+from finloop.files.regions import load_regions, save_masks
 from finloop.gait_limbs import BORDER, EMPTY, MISSING, region_contour
 
 
@@ -16,6 +16,20 @@ def square(x, size=12, shape=(40, 50)):
     return mask
 
 
+def save_traces(folder, drawings):
+    """As a drawing program does: an SVG a frame, a path a limb."""
+    folder.mkdir(exist_ok=True)
+    for k, drawing in enumerate(drawings):
+        paths = "".join(
+            f'<path id="{name}" d="M{" L".join(f"{x},{y}" for x, y in curve.points)}'
+            f'{"Z" if curve.closed else ""}"/>'
+            for name, curve in drawing.curves.items()
+        )
+        box = f'viewBox="0 0 {drawing.width} {drawing.height}"'
+        text = f'<svg xmlns="http://www.w3.org/2000/svg" {box}>{paths}</svg>'
+        (folder / f"{k:04}.svg").write_text(text, encoding="utf-8")
+
+
 @pytest.fixture
 def masks(tmp_path):
     save_masks(tmp_path / "r", [{"leg": square(5 + k), "body": square(8)} for k in range(3)])
@@ -23,7 +37,7 @@ def masks(tmp_path):
 
 
 def test_masks_come_back_as_their_contours(masks):
-    found = load_regions(masks)
+    found = load_regions(masks).frames
     assert len(found) == 3
     for k, frame in enumerate(found):
         assert frame["leg"].points == pytest.approx(region_contour(square(5 + k)).points)
@@ -35,7 +49,7 @@ def test_frames_are_numbered_by_their_names_and_what_lacks_is_said(masks):
     cv2.imwrite(str(masks / "leg/0009.png"), np.zeros((40, 50), np.uint8))
     cut = square(0).astype(np.uint8) * 255
     cv2.imwrite(str(masks / "leg/0010.png"), cv2.merge([cut, cut, cut]))
-    found = load_regions(masks)
+    found = load_regions(masks).frames
     assert len(found) == 13
     assert [found[k]["leg"] for k in (1, 9, 10)] == [MISSING, EMPTY, BORDER]
     assert isinstance(found[12]["leg"], Curve)
@@ -47,7 +61,8 @@ def test_the_first_number_there_is_frame_0(tmp_path):
         for name in ("leg", "body"):
             (tmp_path / name).mkdir(exist_ok=True)
             cv2.imwrite(str(tmp_path / name / f"{k}.png"), square(k).astype(np.uint8) * 255)
-    found = load_regions(tmp_path)
+    found, first = load_regions(tmp_path)
+    assert first == 7
     assert [frame["leg"].points[:, 0].min() for frame in found] == pytest.approx([6.5, 7.5])
 
 
@@ -62,7 +77,7 @@ def test_traces_come_back(tmp_path):
             Drawing({"leg": over}, 50, 80),
         ],
     )
-    found = load_regions(tmp_path / "t")
+    found = load_regions(tmp_path / "t").frames
     assert found[0]["leg"].points == pytest.approx(leg.points, abs=1e-3)
     assert area(found[0]["body"]) == pytest.approx(2 * area(leg), rel=1e-3)
     assert found[1] == {"leg": BORDER, "body": MISSING}
@@ -92,6 +107,13 @@ def test_folders_that_hold_no_regions_are_refused(masks, tmp_path):
         load_regions(tmp_path / "empty")
     (masks / "0000.svg").write_text("<svg/>", encoding="utf-8")
     with pytest.raises(FinloopError, match="keep one kind"):
+        load_regions(masks)
+
+
+def test_masks_of_ones_are_told(masks):
+    for path in masks.glob("leg/*.png"):
+        cv2.imwrite(str(path), cv2.imread(str(path), cv2.IMREAD_UNCHANGED) // 255)
+    with pytest.raises(FinloopError, match="no mask of leg has a pixel brighter than 1 of 255"):
         load_regions(masks)
 
 

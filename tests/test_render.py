@@ -727,6 +727,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
         assert load_picture(Path("reports/render") / name).std() > 10
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_the_same_edit_list_gives_the_same_bytes(folder):
     stages.render.main()
     first = content(Path("data/render")) | content(Path("reports/render"))
@@ -734,6 +735,7 @@ def test_the_same_edit_list_gives_the_same_bytes(folder):
     assert content(Path("data/render")) | content(Path("reports/render")) == first
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_without_marks_and_webp_there_is_only_the_film(folder):
     Path("data/render").mkdir(parents=True)
     Path("data/render/old.mp4").write_text("of another run")
@@ -742,6 +744,7 @@ def test_without_marks_and_webp_there_is_only_the_film(folder):
     assert set(content(Path("data/render"))) == {"nn.mp4"}
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_a_webp_is_as_short_as_asked(folder):
     prepare(folder, *NN, "render.webp_seconds=0.4", "render.webp_width_px=100")
     stages.render.main()
@@ -781,6 +784,7 @@ def _spoil(path):
     path.write_bytes(data.replace(b"\x28\xb5\x2f\xfd", b"spoi"))  # zstd's mark
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     """The second of two sprites, which lies elsewhere in its picture."""
     pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
@@ -887,6 +891,7 @@ def test_around_a_switch_are_ticks_of_the_animation(count, tick):
     assert found[0] >= 0 and found[-1] < count and min(tick, count - 1) in found
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_the_sheet_of_switches_has_a_row_for_each(folder):
     table = pd.read_parquet(folder / "data/animate/nn.parquet")
     weight = np.zeros(len(table), np.float32)
@@ -908,6 +913,7 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
     assert sheet.shape[0] == 3 * one
 
 
+@pytest.mark.usefixtures("no_drawing")
 def test_an_animation_without_a_switch_is_rendered_all_the_same(folder):
     prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()

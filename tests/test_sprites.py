@@ -719,8 +719,9 @@ def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
 
 @pytest.fixture(scope="module")
 def few(sprites):
-    """Two short sequences are an atlas too."""
-    rows = sprites[sprites["sequence"].isin(["straight", "left"])].reset_index(drop=True)
+    """The first steps of two sequences are an atlas too."""
+    rows = sprites[sprites["sequence"].isin(["straight", "left"]) & (sprites["step"] < 8)]
+    rows = rows.reset_index(drop=True)
     return rows.assign(sprite=np.arange(len(rows)))
 
 

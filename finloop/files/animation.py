@@ -19,6 +19,7 @@ from finloop.morph_layers import Morph
 from finloop.morph_paint import painted, shapes
 
 CRF, QUALITY = 18, 85
+SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room
 LARGEST_PX = 2048
 
 
@@ -28,13 +29,15 @@ def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 5
     Raises
     ------
     FinloopError
-        If the ending is not one of `ENDINGS`, the frame rate is not above 0 or above 1000, or the
-        size not 16 … LARGEST_PX.
+        If the ending is not one of `ENDINGS`, the frame rate not SLOWEST … FASTEST, or the size not
+        16 … LARGEST_PX.
     """
     write = writer(path)
-    if not 0 < frame_rate <= 1000:
+    if not SLOWEST <= frame_rate <= FASTEST:
         raise FinloopError(
-            f"{float(frame_rate):g} frames per second", "above 0, at most 1000", "set --fps 30"
+            f"{float(frame_rate):g} frames per second",
+            f"{SLOWEST:g} … {FASTEST} frames per second",
+            "set --fps 30",
         )
     if not 16 <= size <= LARGEST_PX:
         raise FinloopError(f"a film {size} px large", f"16 … {LARGEST_PX} px", "set --size 512")

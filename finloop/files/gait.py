@@ -2,7 +2,6 @@
 
 import json
 from dataclasses import asdict, fields
-from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +10,7 @@ from finloop.files.atomic import whole_file
 from finloop.gait_model import SYMMETRIES, Gait
 
 DECIMALS = 6
+MOST = 1000.0  # of γ and the like: beyond ±1 a limb turns back, so more is a slip
 MOST_BYTES = 1_000_000
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "name": str, "symmetry": str, "frequency_hz": (int, float), "gamma": dict,
@@ -85,20 +85,24 @@ def problems(content: Any) -> list[str]:
     coarse = content.get("coarse", 4)
     if not 1 <= coarse <= 2**16 or coarse & (coarse - 1):
         found.append(f"'coarse' is {coarse}, no power of two")
-    for key, low, high in (
-        ("frequency_hz", 0.0, 1e6), ("split", 0.0, 0.5), ("confidence", -1e-9, 1 + 1e-9),
-        ("cycles", -1e-9, 1e12), ("frames", -1, 2**53),
-    ):  # fmt: skip
-        if key in content and not low < content[key] < high:
-            found.append(f"'{key}' is {content[key]}, not between {low:g} and {high:g}")
+    for key, high in (("frequency_hz", 1000.0), ("split", 0.5)):
+        if key in content and not 0 < content[key] < high:
+            found.append(f"'{key}' is {content[key]!s:.20}, not between 0 and {high:g}")
+    for key, most in (("confidence", 1.0), ("cycles", 1e12), ("frames", 2.0**53)):
+        if key in content and not 0 <= content[key] <= most:
+            found.append(f"'{key}' is {content[key]!s:.20}, not from 0 to {most:g}")
     for name, of in content["gamma"].items():
         if not isinstance(of, dict) or set(of) != {"A", "B"}:
             found.append(f"γ of {name!r} has not the two subcycles A and B")
         elif not all(isinstance(v, list) and v and all(map(_number, v)) for v in of.values()):
-            found.append(f"γ of {name!r} is no list of numbers in each subcycle")
+            found.append(
+                f"γ of {name!r} is no list of numbers from {-MOST:g} to {MOST:g} in each subcycle"
+            )
     for name, spans in content.get("support", {}).items():
         if not isinstance(spans, list) or not all(map(_span, spans)):
             found.append(f"the support of {name!r} is no list of [from, to], 0 ≤ from < to ≤ 2")
+        elif _overlap(spans):
+            found.append(f"the support of {name!r} has spans that overlap")
     if not content["gamma"]:
         found.append("'gamma' names no contour, nor '*' for all")
     if not all(map(_number, content.get("residuals", {}).values())):
@@ -107,13 +111,20 @@ def problems(content: Any) -> list[str]:
 
 
 def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST
 
 
 def _span(span: Any) -> bool:
     if not (isinstance(span, list) and len(span) == 2 and all(map(_number, span))):
         return False
     return 0 <= span[0] < span[1] <= min(2, span[0] + 1)
+
+
+def _overlap(spans: list[list[float]]) -> bool:
+    """Whether a foot comes to the ground while it is there, the cycle after the last too."""
+    ends = sorted(spans)
+    following = [*ends[1:], *([a + 1, b + 1] for a, b in ends[:1])]
+    return any(here[1] > there[0] for here, there in zip(ends, following, strict=True))
 
 
 def _rounded(value: Any) -> Any:

@@ -1,14 +1,17 @@
 """Pictures, whole or not at all."""
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.errors import FinloopError
 from finloop.files.atomic import whole_file
+
+if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
+    from matplotlib.figure import Figure
 
 
 def save_picture(path: Path, picture: NDArray[np.uint8]) -> None:
@@ -40,7 +43,7 @@ def _unreadable(path: Path, why: str) -> FinloopError:
     )
 
 
-def save_figure(path: Path, figure: Figure) -> None:
+def save_figure(path: Path, figure: "Figure") -> None:
     """Write a figure; the same figure gives the same bytes."""
     with whole_file(path) as part:
         figure.savefig(part, dpi=110, metadata={"Software": None})

@@ -9,12 +9,12 @@ not to be seen, its mask is black or not there, its path not there.
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.curve import Curve, Drawing
 from finloop.errors import FinloopError
 from finloop.files.atomic import whole_folder
 from finloop.files.picture import load_picture
@@ -24,6 +24,13 @@ from finloop.gait_limbs import BORDER, MISSING, Seen, region_contour
 DIGITS = 4
 BRIGHT = 128  # of 255: from here on a pixel belongs to the mask
 _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each frame"
+
+
+class Regions(NamedTuple):
+    """By frame: contours by id, px of the picture, or why there is none; the first's number."""
+
+    frames: list[dict[str, Seen]]
+    first: int
 
 
 def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) -> None:
@@ -36,21 +43,14 @@ def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) 
                 path.write_bytes(cv2.imencode(".png", mask * np.uint8(255))[1].tobytes())
 
 
-def save_traces(folder: Path, frames: Iterable[Drawing]) -> None:
-    """Write contours by id, an SVG a frame."""
-    with whole_folder(folder) as part:
-        for k, drawing in enumerate(frames):
-            (part / f"{k:0{DIGITS}}.svg").write_text(_svg(drawing), encoding="utf-8")
-
-
-def load_regions(folder: Path) -> list[dict[str, Seen]]:
-    """By frame: contours by id, px of the picture, or why there is none.
+def load_regions(folder: Path) -> Regions:
+    """Regions of masks or traces.
 
     Raises
     ------
     FinloopError
         If there is no folder or nothing in it, masks and traces are mixed, a file's name has no
-        number, two have the same, a picture cannot be read, or sizes differ.
+        number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
@@ -71,23 +71,31 @@ def load_regions(folder: Path) -> list[dict[str, Seen]]:
     return _load_traces(traces) if traces else _load_masks(masks)
 
 
-def _load_masks(paths: Mapping[str, list[Path]]) -> list[dict[str, Seen]]:
+def _load_masks(paths: Mapping[str, list[Path]]) -> Regions:
     numbered = {name: _numbered(of) for name, of in paths.items()}
     first = min(min(of) for of in numbered.values())
     last = max(max(of) for of in numbered.values())
-    frames = [dict.fromkeys(paths, _none()) for _ in range(first, last + 1)]
+    frames: list[dict[str, Seen]] = [dict.fromkeys(paths, MISSING) for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for name, of in numbered.items():
+        brightest = 0
         for k, path in of.items():
             mask = load_picture(path)
             mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
             sizes.setdefault(mask.shape, path)
             _check_sizes(sizes)
+            brightest = max(brightest, int(mask.max()))
             frames[k - first][name] = region_contour(mask >= BRIGHT)
-    return frames
+        if 0 < brightest < BRIGHT:
+            raise FinloopError(
+                f"no mask of {name} has a pixel brighter than {brightest} of 255",
+                "the limb white, 255, and all else black, 0",
+                f"multiply the masks by {255 // brightest}",
+            )
+    return Regions(frames, first)
 
 
-def _load_traces(paths: list[Path]) -> list[dict[str, Seen]]:
+def _load_traces(paths: list[Path]) -> Regions:
     numbered = _numbered(paths)
     first, last = min(numbered), max(numbered)
     frames: list[dict[str, Seen]] = [{} for _ in range(first, last + 1)]
@@ -108,11 +116,8 @@ def _load_traces(paths: list[Path]) -> list[dict[str, Seen]]:
             ).all()
             frames[k - first][name] = curve if inside else BORDER
     names = dict.fromkeys(name for frame in frames for name in frame)
-    return [{name: frame.get(name, MISSING) for name in names} for frame in frames]
-
-
-def _none() -> Seen:
-    return MISSING
+    whole = [{name: frame.get(name, MISSING) for name in names} for frame in frames]
+    return Regions(whole, first)
 
 
 def _numbered(paths: list[Path]) -> dict[int, Path]:
@@ -138,18 +143,3 @@ def _check_sizes(sizes: Mapping[tuple[int, ...], Path]) -> None:
             "the size of the film's picture in all of them",
             "save them all at that size",
         )
-
-
-def _svg(drawing: Drawing) -> str:
-    size = f'width="{drawing.width:g}" height="{drawing.height:g}"'
-    box = f'viewBox="0 0 {drawing.width:g} {drawing.height:g}"'
-    paths = "".join(
-        f'  <path id="{name}" d="{_path(curve)}" fill="none" stroke="black"/>\n'
-        for name, curve in drawing.curves.items()
-    )
-    return f'<svg xmlns="http://www.w3.org/2000/svg" {size} {box}>\n{paths}</svg>\n'
-
-
-def _path(curve: Curve) -> str:
-    nodes = " L".join(f"{x:.3f},{y:.3f}" for x, y in curve.points)
-    return f"M{nodes}{'Z' if curve.closed else ''}"

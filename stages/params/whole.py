@@ -10,6 +10,7 @@ from stages.params import (
     check,
     clip,
     distance,
+    export,
     extract,
     features,
     gait,
@@ -17,7 +18,9 @@ from stages.params import (
     loops,
     morph,
     render,
+    report,
     sprites,
+    tank,
 )
 
 GROUPS: dict[str, Mapping[str, type]] = {
@@ -31,8 +34,11 @@ GROUPS: dict[str, Mapping[str, type]] = {
     "gateways": gateways.OPTIONS,
     "animate": animate.OPTIONS,
     "render": render.OPTIONS,
+    "tank": tank.OPTIONS,
+    "export": export.OPTIONS,
     "morph": morph.OPTIONS,
     "gait": gait.OPTIONS,
+    "report": report.OPTIONS,
 }
 """conf/<word>/<option>.yaml holds the values of GROUPS[word][option]."""
 

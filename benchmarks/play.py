@@ -1,0 +1,162 @@
+"""The live tank: what a frame takes, how soon a goal counts, what hostile messages do.
+
+`python -m benchmarks.play` prints the table and writes benchmarks/play.csv. Four fish in hybrid
+mode are sent to a new place every second: on a drawn carp in colour at 1280×720, and on what lies
+in data/. A frame is a tick of every fish, drawn, coded as JPEG, with its text.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import json
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import chdir, contextmanager
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import psutil
+from websockets.sync.client import ClientConnection, connect
+
+from benchmarks.animate import STAGES
+from benchmarks.pipeline import ROOT, prepare, stage
+from finloop.animate_edit import HYBRID
+from finloop.play_message import SetGoal
+from finloop.play_server import Host, Server, bound
+from finloop.play_view import View
+from stages.play import PAGE, opened
+
+FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000
+SIZE = ["clip=carp", "clip.width_px=1280", "clip.height_px=720", "clip.frames=750"]
+Row = tuple[str, str, str, float]
+
+
+@contextmanager
+def serving(view: View) -> Iterator[ClientConnection]:
+    """The server in a thread, and a page that looks on."""
+    with bound(0) as listens:
+        up, address = threading.Event(), f"127.0.0.1:{listens.getsockname()[1]}"
+        server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        runs = threading.Thread(target=server.serve_on)
+        runs.start()
+        up.wait()
+        try:
+            where, origin = f"ws://{address}/tank", f"http://{address}"
+            with connect(where, origin=origin, compression=None) as page:
+                yield page
+        finally:
+            server.should_exit = True
+            runs.join()
+
+
+def frames(view: View) -> np.ndarray:
+    """Milliseconds of every frame (n, 2): on the wall, and of the processors."""
+    host, rng, took = Host(view), np.random.default_rng(0), []
+    height, width = view.painter.canvas.shape[:2]
+    for number in range(FRAMES):
+        wishes = []
+        if number % 25 == 0:
+            which, x, y = int(rng.integers(FISH)), rng.uniform(0, width), rng.uniform(0, height)
+            wishes.append(SetGoal(do="goal", fish=which, x=float(x), y=float(y), drag=False))
+        start = time.perf_counter(), time.process_time()
+        host.frame(list(wishes), 0, 1)
+        took.append((time.perf_counter() - start[0], time.process_time() - start[1]))
+    return 1e3 * np.array(took)
+
+
+def state_of(page: ClientConnection) -> dict:
+    """The next state, acknowledged."""
+    frame = page.recv(timeout=10)
+    state = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
+    page.send(json.dumps({"do": "seen", "frame": state["frame"]}))
+    return state
+
+
+def reactions(page: ClientConnection) -> np.ndarray:
+    """Milliseconds from a click to the first frame in which the fish swims by a new decision."""
+    rng, took = np.random.default_rng(1), []
+    state = state_of(page)
+    for _ in range(CLICKS):
+        for _ in range(int(rng.integers(1, 12))):
+            state = state_of(page)
+        x, y = rng.uniform(0.2, 0.8) * state["width"], rng.uniform(0.2, 0.8) * state["height"]
+        start, tick = time.perf_counter(), state["tick"]
+        page.send(json.dumps({"do": "goal", "fish": 0, "x": x, "y": y, "drag": False}))
+        while True:
+            state = state_of(page)
+            goal, decision = state["fish"][0]["goal"], state["decision"]
+            if goal and abs(goal[0] - x) < 40 and decision and decision["tick"] > tick:
+                break
+        took.append(1e3 * (time.perf_counter() - start))
+    return np.array(took)
+
+
+def flood(page: ClientConnection) -> tuple[float, float, int]:
+    """Messages per second, growth of memory in MiB, bad ones counted, of random messages."""
+    rng, good = np.random.default_rng(2), b'{"do":"goal","fish":0,"x":10,"y":20,"drag":true}'
+    messages: list[bytes | str] = []
+    for _ in range(MESSAGES):
+        text = bytearray(good)
+        for _ in range(int(rng.integers(0, 4))):
+            text[rng.integers(len(text))] = rng.integers(32, 127)
+        messages.append(rng.bytes(300) if rng.integers(3) == 0 else text.decode())
+    process, before, start = psutil.Process(), 0.0, 0.0
+    for _ in range(2):  # the first time warms up
+        before, start = process.memory_info().rss / 2**20, time.perf_counter()
+        bad = state_of(page)["bad"]
+        for number, message in enumerate(messages):
+            page.send(message)
+            if number % 50 == 0:
+                state_of(page)
+    took = time.perf_counter() - start
+    return MESSAGES / took, process.memory_info().rss / 2**20 - before, state_of(page)["bad"] - bad
+
+
+def measured(what: str) -> Iterator[Row]:
+    """The rows of the results in the present folder."""
+    with opened(HYBRID, FISH, 0) as view:
+        frames(view)  # compiles, and fills the caches
+        took = frames(view)
+        size = "×".join(map(str, view.painter.canvas.shape[1::-1]))
+        what = f"{what}, {size}, {FISH} fish"
+        yield what, "ticks that could be shown", "1/s", 1e3 / took[:, 0].mean()
+        for share in (50, 99, 100):
+            wall, work = np.percentile(took, share, axis=0)
+            yield what, f"a frame, percentile {share}", "ms", float(wall)
+            yield what, f"its processor time, percentile {share}", "ms", float(work)
+        yield what, "text and picture of a frame", "kB", len(view.show()) / 1000
+        with serving(view) as page:
+            reaction = reactions(page)
+            yield what, "click to reaction, median", "ms", float(np.median(reaction))
+            yield what, "click to reaction, longest", "ms", float(reaction.max())
+            rate, growth, bad = flood(page)
+            yield what, f"{MESSAGES} hostile messages", "1/s", rate
+            yield what, "of them refused", "1", bad
+            yield what, "memory that they took", "MiB", growth
+
+
+def main() -> None:
+    """Print and write the table."""
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        prepare(scratch, SIZE)
+        for word in STAGES:
+            stage(scratch, word)
+        with chdir(scratch):
+            rows = list(measured("drawn carp, colour"))
+    if (ROOT / "data/gateways").exists():
+        with tempfile.TemporaryDirectory() as name, chdir(name):
+            prepare(Path(name), [])
+            Path("data").symlink_to(ROOT / "data")
+            rows += measured("results in data/")
+    table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
+    print(table.to_string(index=False))
+    table.to_csv(Path(__file__).with_name("play.csv"), index=False, float_format="%.4g")
+    print(f"wanted: 60 ticks/s; percentile 99 ≤ 16 ms; reaction ≤ 100 ms; {os.cpu_count()} cores")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,80 @@
+"""Speed of the tank in three dimensions, drawn in software at 1280×720, frame by frame.
+
+`python -m benchmarks.tank`, in a folder with the results of the pipeline, prints the table and
+writes benchmarks/tank.csv: frames per second of each camera, everything included that a frame
+takes (shape, skin, light, drawing, reading the picture back), and of the film with its coder.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.files.movie import Mp4Writer
+from finloop.files.picture import load_picture
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.tank_camera import PRESETS, TOUR, Room, views
+from finloop.tank_display import choose_window
+from finloop.tank_scene import Scene
+from stages.params import load
+from stages.params.tank import OPTIONS
+from stages.tank import DATA, EXTRACT, opened
+
+SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
+
+
+def main() -> None:
+    """Print and write the table."""
+    choose_window()
+    p, facts = load("tank", OPTIONS), load_facts(DATA / "clip" / FACTS_NAME)
+    background = load_picture(EXTRACT / "background.png")
+    rows = []
+    with opened(p) as (fish, edit):
+        times = edit["time_s"].to_numpy(float)
+        depth, aspect = p.depth * fish.length_px, SIZE[0] / SIZE[1]
+        room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
+        count = min(TICKS, len(fish))
+        with Scene(background, room, SIZE) as scene:
+
+            def show(camera: str, writer: Mp4Writer | None = None) -> np.ndarray:
+                view = views(camera, room, fish.place, fish.poses.heading, facts.frame_rate_hz)
+                took = []
+                for tick in range(count):
+                    start, worked = time.perf_counter(), time.process_time()
+                    frame = scene.frame(*fish.at(tick), view, tick, times[tick])
+                    if writer is not None:
+                        writer.write(frame)
+                    took.append((time.perf_counter() - start, time.process_time() - worked))
+                return np.array(took)
+
+            for camera in (*PRESETS, TOUR):
+                show(camera)
+                took = np.concatenate([show(camera) for _ in range(ROUNDS)])
+                rows.append((camera, *rates(took)))
+            with tempfile.TemporaryDirectory() as name:
+                path = Path(name) / "tank.mp4"
+                with Mp4Writer(path, (*SIZE[::-1], 3), facts.frame_rate, p.crf) as writer:
+                    rows.append((f"{TOUR}, written as H.264", *rates(show(TOUR, writer))))
+    columns = ["camera", "frames_per_s", "quarter_fastest_frames_per_s", "p99_ms", "cpu_ms"]
+    table = pd.DataFrame(rows, columns=columns).round(1)
+    print(table.to_string(index=False))
+    print(f"wanted: {LEAST_HZ} frames/s; {fish.skins.skin.cache_info().misses} skins made")
+    table.to_csv(Path(__file__).with_name("tank.csv"), index=False)
+
+
+def rates(took: np.ndarray) -> tuple[float, ...]:
+    """Frames per second by the median and by the first quartile of the times; ms at p99.
+
+    Last, ms of work a frame on all cores together, which does not depend on what else is running.
+    """
+    wall, work = took.T
+    middle, quick, slow = np.quantile(wall, (0.5, 0.25, 0.99))
+    return 1 / middle, 1 / quick, 1000 * slow, 1000 * np.median(work)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,105 @@
+"""What a page may ask of the live tank: JSON, strictly parsed; anything else is no message."""
+
+from typing import Annotated, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+
+MOST_FISH = 8
+LONGEST = 500  # bytes of a message
+SLOWEST, FASTEST = 0.1, 8.0  # times as fast as filmed
+
+Number = Annotated[int, Field(ge=0, lt=2**53)]
+Place = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
+
+
+class Message(BaseModel):
+    """Of the types and with the fields that are named, and no others."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class SetGoal(Message):
+    """Swim to a place, px of the tank's picture. drag: the next of a goal that is being moved."""
+
+    do: Literal["goal"]
+    fish: Which
+    x: Place
+    y: Place
+    drag: bool
+
+
+class Drop(Message):
+    """Forget the goal, and wander."""
+
+    do: Literal["drop"]
+    fish: Which
+
+
+class SetMode(Message):
+    """Go on in another mode."""
+
+    do: Literal["mode"]
+    mode: Literal["nn", "loops", "hybrid"]
+
+
+class Pause(Message):
+    """Stop, or swim on."""
+
+    do: Literal["pause"]
+    on: bool
+
+
+class Step(Message):
+    """One tick on, and stay there."""
+
+    do: Literal["step"]
+
+
+class Speed(Message):
+    """So many times as fast as filmed."""
+
+    do: Literal["speed"]
+    times: Annotated[float, Field(ge=SLOWEST, le=FASTEST)]
+
+
+class Look(Message):
+    """Show a tick that has been, and stay there; None: go back to the present."""
+
+    do: Literal["look"]
+    tick: Number | None
+
+
+class Explain(Message):
+    """The fish whose decisions are shown."""
+
+    do: Literal["explain"]
+    fish: Annotated[int, Field(ge=0, lt=MOST_FISH)]
+
+
+class Count(Message):
+    """So many fish."""
+
+    do: Literal["count"]
+    fish: Annotated[int, Field(ge=1, le=MOST_FISH)]
+
+
+class Seen(Message):
+    """The page has drawn this frame."""
+
+    do: Literal["seen"]
+    frame: Number
+
+
+Wish = SetGoal | Drop | SetMode | Pause | Step | Speed | Look | Explain | Count | Seen
+_WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")])
+
+
+def parsed(text: str | bytes | None) -> Wish | None:
+    """The wish that a message holds; None where it is too long, no JSON, or not what is wanted."""
+    if text is None or len(text) > LONGEST:
+        return None
+    try:
+        return _WISH.validate_json(text)
+    except (ValidationError, UnicodeError):
+        return None

@@ -1,0 +1,111 @@
+"""Tables of the page: the measures of an animation in words, and numbers as people read them."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import pandas as pd
+
+MODES = {"nn": "learned", "loops": "filmed", "hybrid": "hybrid", "film": "film"}
+
+
+class Measure(NamedTuple):
+    """A row of `reports/animate/measures.csv` in words; `good` says which values are."""
+
+    key: str
+    words: str
+    unit: str
+    good: str = ""
+
+
+MEASURES = (
+    Measure("goals_reached_pct", "goals reached", "%", "100"),
+    Measure("time_to_goal_median_s", "time from goal to goal, median", "s"),
+    Measure("path_error_rms_body_lengths", "off the straight way, RMS", "body lengths"),
+    Measure("straightness", "straightness of the way", "", "1 = straight"),
+    Measure("frames_outside", "frames with any part outside the tank", "", "0"),
+    Measure("film_pct", "share of film frames", "%"),
+    Measure("step_ratio_median", "step between drawn pictures, median", "× film", "≤ 1.5"),
+    Measure("seam_ratio_median", "seam ratio, median: 1 = as smooth as the film", "", "≤ 1.5"),
+    Measure("seam_ratio_p95", "seam ratio, 95th percentile", ""),
+    Measure("jumps_above_film_p95_pct", "jumps above the film's 95th percentile", "%", "≤ 10"),
+    Measure("speed_kinematic_distance_sd", "speed: distance to the film", "SD", "≤ 0.5"),
+    Measure("turn_rate_kinematic_distance_sd", "turn rate: distance to the film", "SD", "≤ 0.5"),
+    Measure("longest_exact_repeat_s", "longest exact repeat", "s"),
+    Measure("longest_still_s", "longest time that one picture stays", "s"),
+    Measure("trials_goals_reached_pct", "random goals: reached", "%", "≥ 95"),
+    Measure("trials_time_to_goal_median_s", "random goals: time from goal to goal", "s"),
+    Measure("trials_frames_outside", "random goals: frames outside the tank", "", "0"),
+)
+
+
+class Table(NamedTuple):
+    """Columns, and rows of as many cells; the first cell of a row is its heading."""
+
+    caption: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[str]]
+
+
+def number(value: Any, digits: int = 3) -> str:
+    """A number of so many significant digits, thousands apart; empty where there is none."""
+    if value is None or isinstance(value, str):
+        return value or ""
+    if pd.isna(value):
+        return ""
+    if float(value).is_integer() and abs(value) < 1e15:
+        return f"{int(value):,}"
+    if 0 < abs(value) < 1e-3:
+        return f"{value:.{digits - 1}e}"
+    decimals = max(0, digits - len(str(int(abs(value)))))
+    return f"{value:,.{decimals}f}"
+
+
+def measures(found: pd.DataFrame) -> Table:
+    """MEASURES that were found; `found` as in measures.csv: a row a measure, a column a mode."""
+    found = found.set_index("measure")
+    for key in ("speed", "turn_rate"):  # what the film's own halves differ by is the yardstick
+        halves, of = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
+        if halves in found.index and of in found.index:
+            found.loc[of, "film"] = found.loc[halves, "film"]
+    modes = [name for name in MODES if name in found]
+    rows = [
+        [
+            f"{one.words} ({one.unit})" if one.unit else one.words,
+            *(number(found.at[one.key, mode]) for mode in modes),
+            one.good,
+        ]
+        for one in MEASURES
+        if one.key in found.index
+    ]
+    return Table(
+        "Animation beside film",
+        ["measure", *(MODES[mode] for mode in modes), "wanted"],
+        rows,
+    )
+
+
+def of_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
+    """Any table as it is."""
+    rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
+    return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
+
+
+def of_numbers(numbers: Mapping[str, float], caption: str) -> Table:
+    """A stage's metrics."""
+    rows = [[name.replace("_", " "), number(value, 4)] for name, value in numbers.items()]
+    return Table(caption, ["number", "value"], rows)
+
+
+def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
+    """The few numbers to see first: value and words, of `reports/animate/metrics.json`."""
+    wanted = (
+        ("goals_reached_pct", " %", "of its goals reached"),
+        ("seam_ratio_median", "", "seam ratio: 1 is as smooth as the film"),
+        ("film_pct", " %", "of its frames filmed, the rest learned"),
+        ("frames_outside", "", "frames outside the tank"),
+    )
+    return [
+        (number(numbers[f"{mode}_{key}"]) + unit, words)
+        for key, unit, words in wanted
+        if f"{mode}_{key}" in numbers
+    ]

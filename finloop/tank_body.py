@@ -1,0 +1,170 @@
+"""The body of a fish, lofted from its backbone and half widths: a closed surface of rings.
+
+The film, taken from above, shows how wide the body is; how high it is the film does not show. The
+height is a plausible one: that of a slender fish, with a dorsal, an anal and a forked tail fin, as
+a share of the greatest width, the same for every tick.
+
+Points of the surface are a grid (RINGS, AROUND) from head to tail and once around, from below over
+the left, above and the right to below again; its first and last column are the same line, so that
+a skin can be sewn there. A point's place along the backbone is a cubic spline through the film's
+points, linear in them: one matrix product makes any number of fish.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline, PchipInterpolator
+
+Floats = NDArray[np.floating]
+
+RINGS = 56
+_HALF_DEG = (0, 7, 22, 42, 62, 80, 100, 118, 138, 158, 173, 180)  # from the back down to the belly
+AROUND = 2 * len(_HALF_DEG) - 1
+_HEIGHT = {  # along the body: half the height, as a share of the greatest
+    0.0: 0.0, 0.03: 0.3, 0.1: 0.62, 0.2: 0.9, 0.33: 1.0, 0.48: 0.94, 0.62: 0.68, 0.74: 0.42,
+    0.82: 0.32, 0.87: 0.36, 0.93: 0.72, 0.98: 0.98, 1.0: 1.0,
+}  # fmt: skip
+_DORSAL = {0.0: 0.0, 0.42: 0.0, 0.46: 0.55, 0.52: 0.6, 0.6: 0.35, 0.66: 0.0, 1.0: 0.0}
+_ANAL = {0.0: 0.0, 0.6: 0.0, 0.63: 0.45, 0.68: 0.4, 0.76: 0.0, 1.0: 0.0}
+_FORK = 0.085  # how deep the tail is forked, in body lengths
+_CLOSES = 0.05  # the last part of the skin, over which the tail fin closes to an edge
+_TAIL = 0.86  # where the tail fin begins
+_HIGHER, _LEAST, _MOST = 1.45, 0.07, 0.13  # half height: per half width; body lengths
+_NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (fins, noise)
+
+
+@dataclass(frozen=True)
+class Loft:
+    """How a grid of points hangs on a backbone of p points.
+
+    place, along (RINGS · AROUND, p): a point's place and direction on the backbone; s, angle
+    (RINGS, AROUND): where along it (0 head, 1 tail) and where around (rad, 0 = back, left > 0);
+    closes (RINGS, 1): what is left of the width where the tail fin ends.
+    """
+
+    place: Floats
+    along: Floats
+    s: Floats
+    angle: Floats
+    closes: Floats
+
+
+@lru_cache
+def loft(points: int) -> Loft:
+    """The loft of backbones of so many points, equally spaced from head to tail."""
+    half = np.radians(_HALF_DEG)
+    return hang(_rings(), np.concatenate([half[::-1], -half[1:]]), points)
+
+
+def _rings() -> Floats:
+    """Where on the skin the rings are, 0-1 from head to tail: close together at either end."""
+    return (1 - np.cos(np.pi * np.linspace(0, 1, RINGS))) / 2
+
+
+def hang(ring: Floats, angle: Floats, points: int) -> Loft:
+    """A grid of rings and angles hung on a backbone of so many points."""
+    s, angle = np.meshgrid(ring, angle, indexing="ij")
+    back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
+    s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
+    spline = CubicSpline(np.linspace(0, 1, points), np.eye(points))
+    closes = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
+    return Loft(spline(s.ravel()), spline(s.ravel(), 1), s, angle, closes)
+
+
+def typical_width(half_width: Floats, backbone: Floats) -> Floats:
+    """The animal's half width (p,) in body lengths: the median over its pictures."""
+    return np.median(half_width / lengths(backbone)[:, None], axis=0)
+
+
+def lengths(backbone: Floats) -> Floats:
+    """Arc lengths (n,) of backbones (n, p, 2)."""
+    return np.linalg.norm(np.diff(backbone, axis=1), axis=-1).sum(-1)
+
+
+def surface(
+    backbone: Floats, half_width: Floats, typical: Floats, length_px: float
+) -> tuple[Floats, Floats]:
+    """Points and normals (n, RINGS, AROUND, 3) of n fish, z from the height of the backbone.
+
+    Parameters
+    ----------
+    backbone, half_width
+        (n, p, 2) and (n, p), px; y up.
+    typical
+        (p,) half widths in body lengths, see `typical_width`.
+    length_px
+        The animal's body length, for its height.
+    """
+    count, p = half_width.shape
+    how = loft(p)
+    high, fin = _heights(how, float(typical.max()), length_px)
+    points = np.empty((count, RINGS, AROUND, 3))
+    points[..., :2] = plan(how, backbone, limited(half_width, backbone, typical))
+    points[..., 2] = high * np.cos(how.angle) + fin
+    return points, normals(points)
+
+
+def limited(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
+    """Half widths (n, p) as near to the typical ones as a body's are: without fins."""
+    wanted = typical * lengths(backbone)[:, None]
+    return np.clip(half_width, (1 - _NEAR) * wanted, (1 + _NEAR) * wanted)
+
+
+def plan(how: Loft, backbone: Floats, width: Floats) -> Floats:
+    """The points of a loft as seen from above, (n, *how.s.shape, 2) px."""
+    shape = (len(backbone), *how.s.shape, 2)
+    line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (how.place, how.along))
+    ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
+    left = ahead[..., ::-1] * (1, -1)  # the backbone runs to the tail: its right is the fish's left
+    across = _round_ends(width, how.s) * how.closes * np.sin(how.angle)
+    return line + across[..., None] * left
+
+
+def _round_ends(width: Floats, s: Floats) -> Floats:
+    """Half widths (n, RINGS, AROUND): their squares are interpolated, so that ends are round."""
+    at = np.linspace(0, 1, width.shape[1])
+    squares = PchipInterpolator(at, width**2, axis=1)(s.ravel())
+    return np.sqrt(np.maximum(squares, 0)).reshape(-1, *s.shape)
+
+
+def _heights(how: Loft, widest: float, length_px: float) -> tuple[Floats, Floats]:
+    """Half heights of the rings, and what the fins add above and below, (RINGS, AROUND) px."""
+    most = length_px * np.clip(_HIGHER * widest, _LEAST, _MOST)
+
+    def curve(shape: dict[float, float]) -> Floats:
+        return PchipInterpolator(list(shape), list(shape.values()))(how.s)
+
+    top, bottom = how.angle == 0, np.isclose(np.abs(how.angle), np.pi)
+    return most * curve(_HEIGHT), most * (top * curve(_DORSAL) - bottom * curve(_ANAL))
+
+
+def normals(points: Floats) -> Floats:
+    """Unit normals out of the surface; at the head, where a ring is a point, straight ahead."""
+    down = np.gradient(points, axis=1)
+    ring = np.concatenate([points[:, :, -2:-1], points, points[:, :, 1:2]], axis=2)
+    around = ring[:, :, 2:] - ring[:, :, :-2]
+    out = np.cross(down, around)
+    size = np.linalg.norm(out, axis=-1, keepdims=True)
+    middle = points[:, :2, [0, AROUND // 2]].mean(2, keepdims=True)  # between belly and back
+    nose = middle[:, :1] - middle[:, 1:]
+    nose = nose / np.maximum(np.linalg.norm(nose, axis=-1, keepdims=True), 1e-9)
+    return np.where(size > 1e-9, out / np.maximum(size, 1e-9), nose)
+
+
+@lru_cache
+def triangles() -> NDArray[np.int32]:
+    """The surface's triangles (m, 3), anticlockwise as seen from outside."""
+    ring, at = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
+    a = ring * AROUND + at
+    b, c, d = a + 1, a + AROUND, a + AROUND + 1
+    return np.stack([a, c, b, b, c, d], -1).reshape(-1, 3).astype(np.int32)
+
+
+@lru_cache
+def texture_places() -> NDArray[np.float32]:
+    """Where on the skin every point is, (RINGS · AROUND, 2) in 0-1: from head to tail, around."""
+    angle = loft(4).angle[0]
+    u, v = np.meshgrid(_rings(), (np.pi - angle) / (2 * np.pi), indexing="ij")
+    return np.stack([u, v], -1).reshape(-1, 2).astype(np.float32)

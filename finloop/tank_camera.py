@@ -1,0 +1,146 @@
+"""Where the camera is: presets, an orbit, one that follows the fish, and a tour of these.
+
+Coordinates of the tank: px, x right, y up (−y of the film), z above the floor.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import gaussian_filter1d
+
+Floats = NDArray[np.floating]
+
+TOP, SIDE, CORNER, FOLLOW, ORBIT, TOUR = "top", "side", "corner", "follow", "orbit", "tour"
+PRESETS = (TOP, SIDE, CORNER, FOLLOW)
+CAMERAS = (*PRESETS, ORBIT, TOUR)
+VIEW_DEG = 32.0  # height of what the camera sees
+_TURN_S = 40.0  # an orbit
+_FILLS = 0.94  # how much of the picture the tank fills at most
+_LAZY_S = 0.8  # the camera that follows smooths the way of the fish by this much
+_SCENES = ((ORBIT, 6.0), (FOLLOW, 8.0), (SIDE, 5.0), (FOLLOW, 6.0))
+_BLEND_S = 2.0
+
+
+class Views(NamedTuple):
+    """A camera at every tick: place and what it looks at, (ticks, 3) px.
+
+    `height_px` is half of what is seen where the view is parallel, None where it is perspective.
+    """
+
+    place: Floats
+    aim: Floats
+    height_px: float | None = None
+
+
+class Room(NamedTuple):
+    """The tank: width and height of the film, depth of the water; the fish's length. All px."""
+
+    width: float
+    height: float
+    depth: float
+    length: float
+    aspect: float = 16 / 9
+
+    @property
+    def middle(self) -> Floats:
+        """The middle of the water."""
+        return np.array([(self.width - 1) / 2, -(self.height - 1) / 2, self.depth / 2])
+
+
+def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
+    """The camera at every tick of a way.
+
+    Parameters
+    ----------
+    camera
+        One of CAMERAS.
+    room
+        The tank.
+    head, heading
+        (ticks, 3) px and (ticks,) rad, where the fish is and where it looks, without jumps of 2π.
+    rate_hz
+        Ticks per second.
+    """
+    ticks = len(head)
+    if camera == TOP:
+        half = max(room.height, room.width / room.aspect) / 2 * 1.04
+        aim = np.tile(room.middle * (1, 1, 0), (ticks, 1))
+        return Views(aim + np.array([0, 0, 4 * room.width]), aim, half)
+    if camera == SIDE:
+        return _beside(room, head, rate_hz)
+    if camera == CORNER:
+        return _around(room, np.full(ticks, -58.0), 24.0)
+    if camera == ORBIT:
+        azimuth = -70 + 360 / _TURN_S / rate_hz * np.arange(ticks, dtype=float)
+        return _around(room, azimuth, 22.0)
+    if camera == FOLLOW:
+        return _follow(room, head, heading, rate_hz)
+    return _tour(room, head, heading, rate_hz)
+
+
+def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
+    """From outside, as near as the whole tank can be seen from that height in any direction."""
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
+    ahead = -np.stack(
+        [
+            np.cos(azimuth) * np.cos(elevation),
+            np.sin(azimuth) * np.cos(elevation),
+            np.full(len(azimuth), np.sin(elevation)),
+        ],
+        -1,
+    )
+    right = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(len(azimuth))], -1)
+    tall = np.tan(np.radians(VIEW_DEG / 2)) * _FILLS
+    sides = np.stack(np.meshgrid([-0.5, 0.5], [-0.5, 0.5], [-0.5, 0.5]), -1).reshape(-1, 3)
+    corners = sides * (room.width, room.height, room.depth)
+    up = np.cross(right, ahead)
+    across, high, deep = (part @ corners.T for part in (right, up, ahead))
+    lift = np.zeros((len(azimuth), 1))
+    for _ in range(4):  # as much room above the tank as below, then as near as that allows
+        wide = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / tall
+        far = (wide - deep).max(1, keepdims=True)
+        seen = (high - lift) / (far + deep)
+        lift = lift + far * (seen.max(1, keepdims=True) + seen.min(1, keepdims=True)) / 2
+    aim = room.middle + lift * up
+    return Views(aim - far * ahead, aim)
+
+
+def _follow(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
+    """Behind the fish, a little above and to its side, smoother than it swims."""
+    lazy = _LAZY_S * rate_hz
+    way = gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
+    turn = gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
+    back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
+    return Views(way + 2.5 * room.length * back, way - (0, 0, 0.33 * room.length))
+
+
+def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
+    """From the film's lower edge, going along with the fish."""
+    way = gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
+    away = np.array([0.7, -5.2, 0.0]) * room.length
+    place = way + away
+    place[:, 2] = 0.7 * room.depth
+    return Views(place, way - (0, 0, 0.1 * room.depth))
+
+
+def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
+    """One scene after the other, over and over, gliding from each to the next."""
+    time = np.arange(len(head)) / rate_hz
+    made = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
+    ends = np.cumsum([length for _, length in _SCENES])
+    at = time % ends[-1]
+    number = np.searchsorted(ends, at, side="right")
+    into = at - np.r_[0.0, ends][number]
+    share = np.clip(into / _BLEND_S, 0, 1)
+    share = np.where(time < ends[0], 1.0, share * share * (3 - 2 * share))[:, None]
+
+    def mixed(every: list[Floats]) -> Floats:
+        stack, ticks = np.stack(every), np.arange(len(head))
+        now, before = stack[number, ticks], stack[number - 1, ticks]
+        return before + share * (now - before)
+
+    return Views(
+        mixed([made[name].place for name, _ in _SCENES]),
+        mixed([made[name].aim for name, _ in _SCENES]),
+    )

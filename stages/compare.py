@@ -1,0 +1,123 @@
+"""Compare experiments: `python -m stages.compare [name …]` writes reports/compare.html.
+
+Without names, all experiments on the present commit, and itself. What is compared lies in git, the
+numbers and parameters of each, so nothing is run and nothing brought back.
+"""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+import argparse
+import json
+import re
+import subprocess
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+import yaml
+
+from finloop.compare import OBJECTIVES, Comparison, comparison, html
+from finloop.errors import FinloopError
+from finloop.files.atomic import whole_file
+from stages.params import PARAMS, STAMP
+
+OUT = Path("reports/compare.html")
+BASE = "present commit"
+
+
+def git(*arguments: str, at: Path | None = None) -> str:
+    """What git prints; FinloopError with what it complains of."""
+    done = subprocess.run(["git", *arguments], cwd=at, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise FinloopError(
+            f"git {arguments[0]} failed: {done.stderr.strip()}",
+            "a repository of git with a commit, and room",
+            "git add --all; git commit",
+        )
+    return done.stdout
+
+
+def head() -> str:
+    """The present commit."""
+    return git("rev-parse", "HEAD").strip()
+
+
+def experiments() -> dict[str, str]:
+    """The experiments on the present commit: name → its own commit."""
+    here = head()
+    listed = git(
+        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{here[:2]}/{here[2:]}"
+    )
+    lines = (line.split() for line in listed.splitlines())
+    return {ref.rpartition("/")[2]: commit for ref, commit in lines}
+
+
+def parameters(commit: str) -> dict[str, Any]:
+    """`group.key` → value."""
+    values = yaml.safe_load(git("show", f"{commit}:{PARAMS}"))
+    return {
+        f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
+        for word, group in values.items()
+        if word != STAMP
+        for key, value in group.items()
+    }
+
+
+def numbers(commit: str, stages: Iterable[str]) -> dict[str, float]:
+    """`stage.number` → value, of those stages that left any."""
+    paths = [f"reports/{stage}/metrics.json" for stage in stages]
+    there = git("ls-tree", "--name-only", commit, *paths).split()
+    return {
+        f"{Path(path).parent.name}.{key}": value
+        for path in there
+        for key, value in json.loads(git("show", f"{commit}:{path}")).items()
+    }
+
+
+def found(names: list[str], measures: list[str]) -> Comparison:
+    """The experiments of these names, or all and the present commit, side by side."""
+    there = experiments()
+    if missing := [name for name in names if name not in there]:
+        raise FinloopError(
+            f"no experiment {', '.join(missing)} on the present commit",
+            f"names out of: {', '.join(there) or 'none yet'}",
+            "make sweep experiment=…, or dvc exp list",
+        )
+    commits = {name: there[name] for name in names} if names else there | {BASE: "HEAD"}
+    stages = {one.partition(".")[0] for one in (*measures, *(each.key for each in OBJECTIVES))}
+    rows = {name: parameters(commit) for name, commit in commits.items()}
+    values = {name: numbers(commit, sorted(stages)) for name, commit in commits.items()}
+    return comparison(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
+
+
+def compare(names: list[str], measures: list[str], title: str, why: str) -> Path:
+    """Write the page; where."""
+    with whole_file(OUT) as part:
+        part.write_text(html(found(names, measures), title, why), encoding="utf-8")
+    return OUT
+
+
+def table(swept: Mapping[str, Any], measures: Iterable[str]) -> list[str]:
+    """The `dvc exp show` that prints these parameters and numbers, and no others."""
+    wanted = [*swept, *(one.partition(".")[2] for one in measures)]
+    wanted += [one.key.partition(".")[2] for one in OBJECTIVES]
+    ending = "|".join(re.escape(one) for one in wanted)
+    return ["dvc", "exp", "show", "--no-pager", "--hide-workspace", "--drop", "^(?!Experiment$).*",
+            "--keep", f"(^|[.:])({ending})$"]  # fmt: skip
+
+
+def main() -> None:
+    """Write the page."""
+    parser = argparse.ArgumentParser(prog="python -m stages.compare", description=__doc__)
+    parser.add_argument("names", nargs="*", metavar="name", help="of experiments")
+    parser.add_argument(
+        "--measure", action="append", default=[], metavar="stage.number", help="one more"
+    )
+    given = parser.parse_args()
+    path = compare(given.names, given.measure, "Experiments on one commit", "")
+    print(f"{path} compares them.")
+
+
+if __name__ == "__main__":
+    run(main)

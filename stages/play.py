@@ -1,0 +1,116 @@
+"""The live tank: `python -m stages.play` opens a local page on which the fish are sent by hand.
+
+No stage of the pipeline, but a program on what the stages have made; it writes nothing.
+"""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+import argparse
+import os
+import sys
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import finloop
+from finloop.animate_edit import FRAME, HYBRID, MODES, SPRITE
+from finloop.animate_pictures import apart
+from finloop.extract_table import tracks_schema
+from finloop.features import ORIENTATIONS
+from finloop.files.picture import load_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table
+from finloop.play import LiveTank
+from finloop.play_message import MOST_FISH
+from finloop.play_server import HOST, Server, bound
+from finloop.play_view import View
+from finloop.render import Gallery, Painter, Shelf
+from stages.animate import ALIKE, DATA, bring
+from stages.params import load
+from stages.params.animate import OPTIONS
+
+PAGE = Path(finloop.__file__).with_name("play.html")
+PORT = 8750
+PICTURES = 2048  # are held, for the film comes round again and again
+
+
+@contextmanager
+def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
+    """The live tank, from what the stages have made."""
+    p = load("animate", OPTIONS)
+    points = load_scene(DATA / "extract/scene.json").points
+    places = ["x_px", "y_px"]
+    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), places)
+    painter = Painter(load_picture(DATA / "extract/background.png"))
+    with bring(p) as brought:
+        pictures, most = brought.pictures, ALIKE * float(np.median(brought.natural))
+        sprites = pictures.sprites
+        centres = sprites.loc[sprites.index.repeat(ORIENTATIONS), places]
+        gallery = Gallery(
+            {
+                FRAME: Shelf(pictures.film, tracks[places].to_numpy()),
+                SPRITE: Shelf(pictures.store, centres.to_numpy()),
+            },
+            keep=PICTURES,
+        )
+
+        def ghost(row: Any) -> bool:
+            return apart(row, pictures) > most
+
+        yield View(LiveTank(brought.players, mode, fish, seed, ghost), painter, gallery)
+
+
+def main() -> None:
+    """Serve the live tank until Ctrl-C."""
+    asked = _parser().parse_args()
+    with bound(asked.port) as listens:
+        url = f"http://{HOST}:{listens.getsockname()[1]}/"
+        print("play: reading what the stages have made ...", file=sys.stderr)
+
+        def started() -> None:
+            print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
+            if asked.open and _has_screen():
+                webbrowser.open(url)
+
+        try:
+            with opened(asked.mode, asked.fish, asked.seed) as view:
+                Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
+        except KeyboardInterrupt:
+            print("\nplay: the tank is closed", file=sys.stderr)
+
+
+def _has_screen() -> bool:
+    """Whether a browser could show itself; else a text browser would take the terminal."""
+    screens = ("DISPLAY", "WAYLAND_DISPLAY")
+    return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m stages.play", description="A live tank on a local page."
+    )
+    parser.add_argument("--mode", choices=MODES, default=HYBRID, help=f"default {HYBRID}")
+    parser.add_argument(
+        "--fish", type=int, choices=range(1, MOST_FISH + 1), default=1, help="default 1"
+    )
+    parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
+    parser.add_argument("--seed", type=_natural, default=0, help="default 0")
+    parser.add_argument(
+        "--no-open", dest="open", action="store_false", help="do not open a browser"
+    )
+    return parser
+
+
+def _natural(text: str) -> int:
+    number = int(text)
+    if number < 0:
+        raise argparse.ArgumentTypeError(f"{text} is less than 0")
+    return number
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,154 @@
+"""Stage `report`: everything that was found as one page, reports/index.html."""
+
+from stages.run import run, save_metrics  # isort: skip  (before numpy)
+
+import json
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+from finloop.errors import FinloopError
+from finloop.files.atomic import whole_file
+from finloop.files.film_small import small_film
+from finloop.files.picture import load_picture
+from finloop.files.video import FACTS_NAME, VideoFacts, load_facts
+from finloop.report import Page, Section, data_uri, html, shown
+from finloop.report_figures import CHAPTERS
+from finloop.report_tables import Table, headline, measures, of_frame, of_numbers
+from stages.params import STAMP, load, read
+from stages.params.changed import changed
+from stages.params.report import OPTIONS, Report
+
+REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
+TIMES = Path("benchmarks/table2.csv")
+OUT, METRICS = REPORTS / "index.html", REPORTS / "report/metrics.json"
+SOURCES = {
+    "zebrafish": (
+        "Real zebrafish",
+        "The zebrafish footage comes from the package idtrackerai (GPL-3.0-or-later) and stays its "
+        "authors': who hands this page on hands on their footage. The program's licence is MIT.",
+    ),
+    "carp": ("A drawn carp", "The program draws the carp; both are under the MIT licence."),
+    "file": ("Own footage", "The footage stays its authors'. The program's licence is MIT."),
+}
+TANK = Path("data/tank/tank.html")
+TABLES = {  # by chapter
+    "filmed": (
+        ("features/table1.csv", "Table 1: the film's fish in 24 orientations"),
+        ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
+    ),
+    "curves": (
+        ("morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
+        ("morph/folds.csv", "Frames in which a contour meets itself"),
+    ),
+    "gait": (("gait/gamma.csv", "γ, and what it leaves unexplained"),),
+}
+
+
+def tables(chapter: str) -> Iterator[Table]:
+    """Those of a chapter's tables that there are."""
+    for name, caption in TABLES.get(chapter, ()):
+        if (REPORTS / name).is_file():
+            yield of_frame(pd.read_csv(REPORTS / name), caption)
+
+
+def sections(p: Report) -> Iterator[Section]:
+    """The chapters with the pictures that there are."""
+    for one in CHAPTERS:
+        pictures = [
+            (
+                figure,
+                shown(load_picture(REPORTS / figure.path), p.picture_width_px, p.picture_quality),
+            )
+            for figure in one.figures
+            if (REPORTS / figure.path).is_file()
+        ]
+        if pictures:
+            yield Section(one.id, one.title, one.paper, one.text, pictures, list(tables(one.id)))
+
+
+def metrics(word: str) -> dict[str, float]:
+    """The numbers of a stage; none where it has not run."""
+    path = REPORTS / word / "metrics.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+
+
+def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
+    """Every group's keys and values, and whether they were overridden."""
+    differ = {one.partition("=")[0] for one in changed(values)}
+    return {
+        word: [
+            (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
+            for key, value in group.items()
+        ]
+        for word, group in values.items()
+        if word != STAMP
+    }
+
+
+def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
+    """The film in a sentence."""
+    seen = f", {features['fish_frames']:,} pictures of fish" if features else ""
+    size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
+    return (
+        f"{SOURCES[source][0]}: {facts.frames:,} frames of {size}{seen}. "
+        "From them, an animation that swims where it is sent."
+    )
+
+
+def main() -> None:
+    """Make reports/index.html, reports/report/."""
+    p, values = load("report", OPTIONS), read()
+    mode, source = values["render"]["mode"], values["clip"]["source"]
+    marked = RENDER / f"{mode}_marked.mp4"
+    film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
+    film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
+    found = {word: metrics(word) for word in values if word not in (STAMP, "report")}
+    made = list(sections(p))
+    overrides = [f"-S '{one}'" for one in changed(values)]
+    page = Page(
+        title="A fish, filmed once and steered for ever",
+        facts=facts_in_words(load_facts(CLIP / FACTS_NAME), source, found["features"]),
+        film=data_uri("video/mp4", film),
+        poster=shown(poster, p.picture_width_px, p.picture_quality),
+        film_text=(
+            f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
+            + (" Rings are goals, the line is its way." if film_path == marked else "")
+        ),
+        headline=headline(found["animate"], mode),
+        measures=measures(pd.read_csv(REPORTS / "animate/measures.csv")),
+        sections=made,
+        table_2=of_frame(pd.read_csv(TIMES), "Table 2: computing times", 3),
+        tank=f"../{TANK.as_posix()}" if TANK.is_file() else "",
+        parameters=parameters(values),
+        commands=[
+            "make setup",
+            " ".join([".venv/bin/dvc exp run", *overrides]),
+            "xdg-open reports/index.html",
+        ],
+        numbers=[of_numbers(one, word) for word, one in found.items() if one],
+        licence=SOURCES[source][1],
+    )
+    text = html(page).encode()
+    if len(text) > p.most_mb * 1e6:
+        raise FinloopError(
+            f"the page would be {len(text) / 1e6:.1f} MB",
+            f"at most {p.most_mb:.1f} MB (report.most_mb)",
+            "smaller report.picture_width_px, report.picture_quality or report.film_most_mb",
+        )
+    with whole_file(OUT) as part:
+        part.write_bytes(text)
+    save_metrics(
+        METRICS,
+        {
+            "page_mb": len(text) / 1e6,
+            "film_mb": len(film) / 1e6,
+            "figures": sum(len(one.figures) for one in made),
+        },
+    )
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,145 @@
+"""Stage `tank`: an edit list in three dimensions: film, pictures, glTF scene, page."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.animate_edit import EDIT, SPRITE
+from finloop.errors import FinloopError
+from finloop.extract_table import tracks_schema
+from finloop.features import FEATURES
+from finloop.files.atomic import whole_folder
+from finloop.files.cutouts import open_cutouts
+from finloop.files.gltf import save_glb
+from finloop.files.movie import Mp4Writer
+from finloop.files.picture import load_picture, save_picture
+from finloop.files.scene import load_scene
+from finloop.files.table import load_table
+from finloop.files.video import FACTS_NAME, load_facts
+from finloop.files.viewer import save_viewer
+from finloop.sprites import SPRITES
+from finloop.tank import film_bodies, heights, poses
+from finloop.tank_body import lengths, typical_width
+from finloop.tank_camera import FOLLOW, PRESETS, Room, views
+from finloop.tank_display import choose_window
+from finloop.tank_fish import Fish
+from finloop.tank_gltf import shapes, tank_glb, upright
+from finloop.tank_scene import Scene
+from finloop.tank_skin import Skins
+from stages.params import load
+from stages.params.tank import OPTIONS, Tank
+
+DATA, EXTRACT = Path("data"), Path("data/extract")
+OUT, REPORT = Path("data/tank"), Path("reports/tank")
+ALT = (
+    "A tank with a glass wall on every side; a fish swims in it, as bent and as coloured as it was "
+    "filmed from above, over its shadow on the floor of the film."
+)
+MOMENTS = 3  # on the contact sheet, spread over the film
+_SHEET_PX = 480  # a picture on the contact sheet is so wide
+
+
+@contextmanager
+def opened(p: Tank) -> Iterator[tuple[Fish, pd.DataFrame]]:
+    """The fish of the edit list, as long as its film lasts, and that part of the list."""
+    path = DATA / "animate" / f"{p.mode}.parquet"
+    if not path.exists():
+        raise FinloopError(
+            f"there is no {path}: the film has no loops, or `animate` has not run",
+            "an edit list of the mode that is to be drawn",
+            "tank.mode=hybrid or nn; or let more frames join: loops.threshold",
+        )
+    edit = load_table(path, EDIT)
+    edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
+    tracks = load_table(
+        EXTRACT / "tracks.parquet", tracks_schema(load_scene(EXTRACT / "scene.json").points)
+    )
+    columns = ["track_id", "frame", "head_x_px", "head_y_px"]
+    film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
+    sprites = pd.DataFrame()
+    if SPRITE in {*edit["kind"], *edit["partner_kind"]}:
+        sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
+    pose = poses(edit, film, tracks, sprites)
+    typical = typical_width(film.half_width, film.backbone)
+    length = float(np.median(lengths(pose.backbone)))
+    place = np.c_[pose.centre, heights(edit["time_s"].to_numpy(float), p.depth * length)]
+    with open_cutouts(EXTRACT / "cutouts.arrow") as store:
+        centres = tracks[["x_px", "y_px"]].to_numpy(float)
+        skins = Skins(film, typical, centres, store.__getitem__)
+        yield Fish(pose, place, skins, typical, length), edit
+
+
+def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
+    """Rows of pictures, made smaller."""
+    height, width = pictures[0][0].shape[:2]
+    size = _SHEET_PX, round(_SHEET_PX * height / width)
+    return np.vstack([
+        np.hstack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in row])
+        for row in pictures
+    ])  # fmt: skip
+
+
+def main() -> None:
+    """Make data/tank/, reports/tank/."""
+    p = load("tank", OPTIONS)
+    choose_window()
+    facts, background = (
+        load_facts(DATA / "clip" / FACTS_NAME),
+        load_picture(EXTRACT / "background.png"),
+    )
+    rate = facts.frame_rate_hz
+    with opened(p) as (fish, edit), whole_folder(OUT) as folder:
+        depth, size = p.depth * fish.length_px, (p.width_px, p.height_px)
+        room = Room(facts.width_px, facts.height_px, depth, fish.length_px, size[0] / size[1])
+        time = edit["time_s"].to_numpy(float)
+        cameras = {
+            name: views(name, room, fish.place, fish.poses.heading, rate)
+            for name in (*PRESETS, p.camera)
+        }
+        with Scene(background, room, size) as scene:
+
+            def seen(camera: str, tick: int) -> np.ndarray:
+                return scene.frame(*fish.at(tick), cameras[camera], tick, time[tick])
+
+            save_picture(folder / "still.png", seen(FOLLOW, fish.bent()))
+            moments = np.linspace(0, len(fish) - 1, 2 * MOMENTS + 1).astype(int)[1::2]
+            rows = [[seen(name, int(tick)) for tick in moments] for name in PRESETS]
+            with (
+                progress("tank", len(fish)) as advance,
+                Mp4Writer(folder / "tank.mp4", (*size[::-1], 3), facts.frame_rate, p.crf) as film,
+            ):
+                for tick in range(len(fish)):
+                    film.write(seen(p.camera, tick))
+                    advance()
+        shape = shapes(fish.points(), fish.poses.heading)
+        glb = tank_glb(
+            room, background, fish.typical_skin(), shape, fish.place, fish.poses.heading, rate
+        )
+        save_glb(folder / "tank.glb", glb)
+        way = [upright((place - room.middle) / room.length) for place in fish.place]
+        save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
+        sizes = {
+            f"{path.name.replace('.', '_')}_bytes": path.stat().st_size for path in folder.iterdir()
+        }
+    save_picture(REPORT / "contact_sheet.png", sheet(rows))
+    save_metrics(
+        REPORT / "metrics.json",
+        sizes
+        | {
+            "frames": len(fish),
+            "duration_s": len(fish) / rate,
+            "gltf_shapes": len(shape.modes),
+            "gltf_error_px": shape.error_px,
+            "gltf_error_pct_of_length": 100 * shape.error_px / fish.length_px,
+        },
+    )
+
+
+if __name__ == "__main__":
+    run(main)

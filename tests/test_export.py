@@ -1,0 +1,476 @@
+"""Exports, each re-read by a program that is not ours: PyAV with libvpx, Pillow, pandas, pyarrow.
+
+A toy fish is a soft drop of known mass centre, drawn here.
+"""
+
+import json
+from fractions import Fraction
+
+import av
+import cv2
+import numpy as np
+import pandas as pd
+import pyarrow.parquet as pq
+import pytest
+from conftest import TINY_CARP
+from PIL import Image
+from scratch import content, prepare
+
+import finloop.files.poses
+import stages.export
+import stages.sprites
+from finloop.animate_edit import EDIT
+from finloop.errors import FinloopError
+from finloop.export import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export_tracks import Poses, poses
+from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features import FEATURES, ORIENTATIONS
+from finloop.files.cutouts import Cutout, CutoutWriter
+from finloop.files.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.files.poses import save_poses
+from finloop.files.scene import save_scene
+from finloop.files.table import save_table
+from finloop.files.video import VideoFacts, save_facts
+from finloop.render import Box, Gallery, Painter, Placed, Shelf, Turned, picture
+from finloop.sprites import SPRITES
+
+RATE = Fraction(2807, 100)
+HEIGHT, WIDTH = 90, 121
+
+
+def drop(size=31, channels=2, turn=0):
+    """A soft drop, larger at its head: premultiplied (size, size, channels)."""
+    y, x = np.mgrid[:size, :size] - (size - 1) / 2
+    alpha = 255 * np.exp(-((x / 4) ** 2) - (y / (3.5 + 0.1 * x)) ** 2)
+    colours = [alpha * share for share in (0.8, 0.5, 0.3)[: channels - 1]]
+    return np.rot90(np.round(np.dstack([*colours, alpha])).astype(np.uint8), turn)
+
+
+def centre(alpha):
+    """The mass centre (x, y) of a grey picture."""
+    y, x = np.mgrid[: alpha.shape[0], : alpha.shape[1]]
+    return np.array([(alpha * x).sum(), (alpha * y).sum()]) / alpha.sum()
+
+
+def noise(rng, height, width, channels):
+    """A premultiplied picture that is as rough as can be."""
+    alpha = rng.choice([0, 0, 60, 255, 255], (height, width, 1))
+    colour = np.rint(rng.random((height, width, channels - 1)) * alpha)
+    return np.concatenate([colour, alpha], axis=2).astype(np.uint8)
+
+
+def journey(channels, count=9):
+    """Fish that turn, grow, fade into one another and leave the picture."""
+    rng = np.random.default_rng(1)
+    pictures = [picture(noise(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
+    for k in range(count):
+        a, b = (Turned(one, 31.0 * k, 0.8 + 0.05 * k) for one in pictures)
+        yield Placed(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0)
+
+
+# --- the fish alone ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_a_cutout_in_its_own_place_comes_back_bit_for_bit(channels):
+    rng = np.random.default_rng(0)
+    for _ in range(10):
+        pixels = noise(rng, *rng.integers(5, 30, 2), channels)
+        alone = Alone(60, 80, channels - 1)
+        box = alone.show(Placed(30.0, 20.0, Turned(picture(pixels, 10.0, 8.0)), None, 0.0))
+        where = np.s_[12 - box.top :, 20 - box.left :]
+        found = alone.cut(box)[where][: pixels.shape[0], : pixels.shape[1]]
+        colours = pixels[..., :-1].repeat(3 if channels == 2 else 1, axis=2)
+        assert np.array_equal(found, np.concatenate([colours, pixels[..., -1:]], axis=2))
+
+
+@pytest.mark.parametrize("channels", [2, 4])
+def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
+    tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
+    alone, painter = Alone(HEIGHT, WIDTH, channels - 1), Painter(tank)
+    crop = way(journey(channels), alone)
+    for one, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
+        painter.show(one)
+        alpha = frame[..., 3:] / 255
+        faint = np.where(
+            frame[..., 3:] < 16, frame[..., 3:], 0
+        )  # their colour is their neighbours'
+        shown = tank.repeat(4 - len(tank.shape) + (channels == 2) * 2, axis=2).astype(float)
+        shown[crop.of] = alpha * frame[..., :3] + (1 - alpha) * shown[crop.of]
+        error = np.abs(shown - painter.canvas)
+        error[crop.of] -= faint
+        assert error.max() <= 2
+
+
+def test_the_crop_holds_all_there_is_and_little_more():
+    alone = Alone(HEIGHT, WIDTH, 1)
+    crop = way(journey(2), alone)
+    seen = np.zeros((HEIGHT, WIDTH), bool)
+    for frame in cut_out(journey(2), alone, Box(0, 0, HEIGHT, WIDTH)):
+        seen |= frame[..., 3] > 0
+    rows, columns = (np.flatnonzero(seen.any(axis)) for axis in (1, 0))
+    assert crop.top <= rows[0] and crop.bottom > rows[-1]
+    assert crop.left <= columns[0] and crop.right > columns[-1]
+    assert rows[0] - crop.top < 12 and crop.bottom - rows[-1] < 12 and columns[0] - crop.left < 12
+
+
+def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
+    one = Turned(picture(drop(), 15.0, 15.0))
+    places = [(20, 20), (60, 50), (-500, 20), (20, 20)]
+    rows = [Placed(x, y, one, None, 0.0) for x, y in places]
+    alone = Alone(HEIGHT, WIDTH, 1)
+    frames = [frame.copy() for frame in cut_out(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
+    assert np.array_equal(frames[0], frames[3]) and not frames[2].any()
+    assert centre(frames[1][..., 3].astype(float)) == pytest.approx([60, 50], abs=0.3)
+    assert frames[1][..., 3].sum() == frames[0][..., 3].sum()
+    away = [rows[2]]
+    assert next(cut_out(away, alone, way(away, alone))).shape == (1, 1, 4)
+
+
+def test_colour_reaches_out_under_the_edge():
+    """Else a filter of the engine, or 4:2:0, would mix black into it."""
+    pixels = np.full((8, 8, 2), 255, np.uint8)
+    pixels[..., 0] = 200
+    row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
+    frame = next(cut_out([row], alone := Alone(HEIGHT, WIDTH, 1), way([row], alone)))
+    solid = (frame[..., 3] >= 16).astype(np.uint8)
+    beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
+    assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
+    assert np.abs(frame[beside][:, :3].astype(int) - 200).max() <= 3
+
+
+# --- the edit list -------------------------------------------------------------------------------
+
+
+def sprite_table(steps=3):
+    count = 4 * steps
+    words = np.repeat(["straight", "slide", "left", "right"], steps)
+    numbers = {column.name: 0.0 for column in SPRITES.columns} | {
+        "sprite": np.arange(count), "sequence": words, "step": np.tile(np.arange(steps), 4),
+        "phase": "cycle", "track_id": 5, "frame": 70 + np.arange(count), "mirrored": False,
+        "scale": 1.2, "x_px": 50.0, "y_px": 40.0,
+    }  # fmt: skip
+    return pd.DataFrame(numbers, index=range(count))
+
+
+def edit_list(n, **columns):
+    empty = {column.name: None for column in EDIT.columns if column.nullable}
+    numbers = {column.name: 0.0 for column in EDIT.columns if not column.nullable}
+    given = {
+        "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
+        "source": np.arange(n), "scale": 1.0, "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0,
+        "mode": "nn", "state": "straight", "goal": "A",
+    }  # fmt: skip
+    edit = pd.DataFrame(empty | numbers | given | columns, index=range(n))
+    return edit[[column.name for column in EDIT.columns]]
+
+
+def test_an_edit_list_says_what_it_shows():
+    tracks = pd.DataFrame({"track_id": [7, 7, 9], "frame": [3, 4, 0]})
+    edit = edit_list(
+        3, kind=["frame", "sprite", "sprite"], source=[2, 0, 7 * ORIENTATIONS + 23],
+        partner_kind=[None, "frame", "sprite"], partner=pd.array([None, 1, 24], dtype="Int32"),
+    )  # fmt: skip
+    found = readable(edit, tracks, sprite_table())
+    assert found["track_id"].tolist() == [9, 5, 5] and found["frame"].tolist() == [0, 70, 77]
+    assert found["atlas"].tolist() == [None, "straight/01/00", "left/24/01"]
+    assert found["partner_track_id"].fillna(-1).tolist() == [-1, 7, 5]
+    assert found["partner_frame"].fillna(-1).tolist() == [-1, 4, 71]
+    assert found["partner_atlas"].tolist() == [None, None, "straight/01/01"]
+    assert list(found) == [column.name for column in READABLE.columns]
+
+
+# --- films with alpha ----------------------------------------------------------------------------
+
+
+def clip(shape=(45, 71), count=6, colour=(120, 60, 200)):
+    """A soft blot that moves, straight alpha."""
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    for k in range(count):
+        alpha = 255 * np.exp(-(((x - 20 - 4 * k) / 9) ** 2) - ((y - 22) / 6) ** 2)
+        frame = np.dstack([np.full_like(alpha, level) for level in colour] + [alpha])
+        yield (np.round(frame) * (alpha >= 1)[..., None]).astype(np.uint8)
+
+
+def write(writer, frames):
+    with writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def decoded(path):
+    """The frames of a WebM by libvpx, which alone knows of alpha: time, RGB, alpha."""
+    with av.open(str(path)) as film:
+        assert film.format.name == "matroska,webm"
+        stream = film.streams.video[0]
+        assert stream.codec_context.name == "vp9" and stream.metadata["alpha_mode"] == "1"
+        reader = av.CodecContext.create("libvpx-vp9", "r")
+        packets = [packet for packet in film.demux(stream) if packet.size]
+        for frame in [frame for packet in [*packets, None] for frame in reader.decode(packet)]:
+            assert frame.format.name == "yuva420p"
+            plane = frame.planes[3]
+            alpha = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
+            rgb = frame.reformat(format="rgb24", src_colorspace=5).to_ndarray()
+            yield frame.time, rgb, alpha[: plane.height, : plane.width]
+
+
+@pytest.mark.parametrize("shape", [(46, 72), (45, 71)])
+def test_a_webm_comes_back_with_its_alpha(tmp_path, shape):
+    given = list(clip(shape))
+    write(WebmWriter(tmp_path / "a.webm", given[0].shape, RATE, 8), given)
+    found = list(decoded(tmp_path / "a.webm"))
+    assert len(found) == len(given)
+    for k, ((time, rgb, alpha), frame) in enumerate(zip(found, given, strict=True)):
+        assert time == pytest.approx(k / RATE, abs=0.001)  # WebM's clock
+        assert alpha.shape == (46, 72)
+        difference = np.abs(alpha[: shape[0], : shape[1]].astype(int) - frame[..., 3])
+        assert (
+            difference.max() <= 6 and not alpha[shape[0] :].any() and not alpha[:, shape[1] :].any()
+        )
+        fish = frame[..., 3] > 200
+        assert np.abs(rgb[: shape[0], : shape[1]][fish].astype(int) - (120, 60, 200)).max() <= 6
+
+
+def test_grey_stays_grey_in_a_webm(tmp_path):
+    write(WebmWriter(tmp_path / "a.webm", (46, 72, 4), RATE, 8), clip((46, 72), 2, (90, 90, 90)))
+    for _, rgb, alpha in decoded(tmp_path / "a.webm"):
+        assert np.ptp(rgb[alpha > 100], axis=1).max() == 0
+
+
+def test_an_animated_webp_comes_back_with_its_alpha(tmp_path):
+    given = list(clip())
+    write(AlphaWebpWriter(tmp_path / "a.webp", given[0].shape, RATE, 90), given)
+    with Image.open(tmp_path / "a.webp") as film:
+        assert (film.n_frames, film.mode, film.size, film.info["loop"]) == (6, "RGBA", (71, 45), 0)
+        for k, frame in enumerate(given):
+            film.seek(k)
+            film.load()
+            found = np.array(film.convert("RGBA"))
+            assert np.array_equal(found[..., 3], frame[..., 3])  # without loss
+            fish = frame[..., 3] > 200
+            assert np.abs(found[fish][:, :3].astype(int) - (120, 60, 200)).max() <= 8
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda path: WebmWriter(path, (45, 71, 4), RATE, 20),
+        lambda path: AlphaWebpWriter(path, (45, 71, 4), RATE, 80),
+    ],
+)
+def test_same_frames_same_bytes_and_whole_or_not_at_all(tmp_path, make):
+    path, kind = tmp_path / "a.film", (lambda path: path.read_bytes())
+    write(make(path), clip())
+    first = kind(path)
+    write(make(path), clip())
+    assert kind(path) == first
+    with pytest.raises(ValueError, match="wanted"):
+        write(make(path), [*clip(count=2), np.zeros((45, 71, 3), np.uint8)])
+    assert kind(path) == first and len(list(tmp_path.iterdir())) == 1
+
+
+# --- tracks as poses -----------------------------------------------------------------------------
+
+
+def tracked(lengths, points=5):
+    """Straight fish 40 px long, headed right; every second row of the backbone begins at the tail."""
+    rows, features = [], []
+    for track, length in lengths.items():
+        for frame in range(2, 2 + length):
+            head = np.array([100.0 + 3 * frame, 10.0 * track])
+            line = head - np.linspace(0, 40, points)[:, None] * [1, 0]
+            given = line[::-1] if frame % 2 else line
+            rows.append((track, frame, *(head - (18, 0)), given[:, 0], given[:, 1]))
+            features.append((track, frame, *head, 0.75))
+    names = ["track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px"]
+    tracks = pd.DataFrame(rows, columns=names).sort_values(
+        "frame", kind="stable", ignore_index=True
+    )
+    names = ["track_id", "frame", "head_x_px", "head_y_px", "head_confidence"]
+    return tracks, pd.DataFrame(features, columns=names)
+
+
+@pytest.mark.parametrize("body_points", [0, 1, 2, 3])
+def test_points_lie_from_head_to_tail_at_equal_distances(body_points):
+    found = poses(*tracked({4: 6, 8: 9}), 20, body_points, 1, 10)
+    body = [f"body_{n + 1}" for n in range(body_points)]
+    assert found.individuals == ("track_4", "track_8") and found.frames == 20
+    assert found.keypoints == ("head", *body, "tail", "centre")
+    assert found.frame.tolist() == sorted([*range(2, 8), *range(2, 11)])
+    x = 100.0 + 3 * found.frame
+    along = np.linspace(0, 40, body_points + 2)
+    assert np.allclose(found.places[:, :-1, 0], x[:, None] - along)
+    assert np.allclose(found.places[:, -1, 0], x - 18)
+    assert np.array_equal(found.places[:, 0, 1], np.array([40.0, 80.0])[found.individual])
+    assert (found.confidence[:, :-1] == 0.75).all() and (found.confidence[:, -1] == 1).all()
+
+
+def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
+    tables = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    assert poses(*tables, 20, 1, 4, 9).individuals == ("track_2", "track_3", "track_4")
+    few = poses(*tables, 20, 1, 4, 2)
+    assert few.individuals == ("track_2", "track_4") and len(few.frame) == 16
+    with pytest.raises(
+        FinloopError, match=r"no track has 10 frames; the longest has 9(.|\n)*tracks_least_s"
+    ):
+        poses(*tables, 20, 1, 10, 9)
+
+
+@pytest.mark.parametrize("block", [3, 1024])
+def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, monkeypatch, block):
+    monkeypatch.setattr(finloop.files.poses, "_BLOCK", block)
+    rng = np.random.default_rng(0)
+    individual, frame = np.array([0, 1, 0, 1]), np.array([0, 0, 4, 6])
+    given = Poses(
+        ("track_4", "track_8"), ("head", "tail", "centre"), 8, individual, frame,
+        rng.uniform(-5, 900, (4, 3, 2)), rng.random((4, 3)),
+    )  # fmt: skip
+    save_poses(tmp_path / "tracks.csv", given)
+    found = pd.read_csv(tmp_path / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
+    assert list(found.columns.names) == ["scorer", "individuals", "bodyparts", "coords"]
+    assert found.index.tolist() == list(range(8)) and found.shape == (8, 18)
+    assert found.columns[0] == ("finloop", "track_4", "head", "x")
+    for row in range(4):
+        fish = found["finloop"][given.individuals[individual[row]]].loc[frame[row]]
+        for k, name in enumerate(given.keypoints):
+            wanted = [*given.places[row, k], given.confidence[row, k]]
+            assert fish[name].tolist() == pytest.approx(wanted, abs=0.0006)
+    assert found.notna().to_numpy().sum() == 4 * 9  # no fish anywhere else
+
+
+# --- the stage -----------------------------------------------------------------------------------
+
+TICKS, FRAMES = 12, 30
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """What the stage reads: one fish of 30 frames, twelve sprites, an edit list of both."""
+    monkeypatch.chdir(tmp_path)
+    prepare(tmp_path, *TINY_CARP, "export.mode=nn", "export.webp_seconds=0.2")
+    data = tmp_path / "data"
+    save_facts(
+        data / "clip/facts.json",
+        VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),)),
+    )
+    save_scene(data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, 5))
+    frame = np.arange(FRAMES)
+    x, lines = 30.0 + frame, {"length_px": 20.0, "area_px": 90.0, "contrast": 50.0}
+    ring = [np.zeros(OUTLINE_POINTS)] * FRAMES
+    tracks = pd.DataFrame(
+        {"track_id": 5, "frame": frame, "x_px": x, "y_px": 40.0, **lines}
+        | {f"{name}_px": [np.full(5, 1.0)] * FRAMES for name in ("half_width", "backbone_y")}
+        | {"backbone_x_px": [place + np.linspace(10, -10, 5) for place in x]}
+        | {"outline_x_px": ring, "outline_y_px": ring}
+    )
+    tracks["backbone_y_px"] = [np.full(5, 40.0)] * FRAMES
+    save_table(data / "extract/tracks.parquet", tracks, tracks_schema(5))
+    features = pd.DataFrame({column.name: 0.0 for column in FEATURES.columns}, index=frame)
+    features = features.assign(
+        track_id=5, frame=frame, head_x_px=x + 10, head_y_px=40.0, head_confidence=0.9,
+        orientation=1, swimming_type=0,
+    )  # fmt: skip
+    save_table(data / "features/features.parquet", features, FEATURES)
+    sprites = sprite_table()
+    save_table(data / "sprites/sprites.parquet", sprites, SPRITES)
+    with CutoutWriter(data / "extract/cutouts.arrow") as writer:
+        for k in frame:
+            writer.write(Cutout(5, int(k), 15 + int(k), 25, drop(channels=4)))
+    with CutoutWriter(data / "sprites/sprites.arrow") as writer:
+        for sprite in range(len(sprites)):
+            for number in range(ORIENTATIONS):
+                pixels = drop(channels=4, turn=number // 6) // [*[1 + sprite % 3] * 3, 1]
+                writer.write(Cutout(sprite, number, 35, 25, pixels.astype(np.uint8)))
+    stages.sprites.write_atlas(data / "sprites", sprites, 2048, float(RATE))
+    kinds = np.array(["frame", "sprite"])[np.arange(TICKS) // 6]
+    save_table(data / "animate/nn.parquet", edit_list(TICKS, kind=kinds), EDIT)
+    return tmp_path
+
+
+def test_the_stage_hands_everything_on(folder):
+    stages.export.main()
+    out = folder / "data/export"
+    films = json.loads((out / "films.json").read_text())
+    words = ("straight", "slide", "left", "right")
+    assert set(films["films"]) == {"nn", *words} and films["frame_rate_hz"] == 28.07
+    for name, film in films["films"].items():
+        shown = [alpha for _, _, alpha in decoded(out / f"{name}.webm")]
+        assert len(shown) == film["frames"] == (TICKS if name == "nn" else 3)
+        odd = film["height_px"] % 2, film["width_px"] % 2
+        assert shown[0].shape == (film["height_px"] + odd[0], film["width_px"] + odd[1])
+        with Image.open(out / f"{name}.webp") as webp:
+            assert webp.size == (film["width_px"], film["height_px"])
+            assert webp.n_frames == (6 if name == "nn" else 3)  # 0.2 s
+        for k, alpha in enumerate(shown):
+            x, y = centre(alpha.astype(float))
+            if name == "nn":  # the fish is where the edit list says; a drop's centre is not amid it
+                assert (x + film["left_px"], y + film["top_px"]) == pytest.approx(
+                    (30 + 3 * k, 40), abs=1.5
+                )
+            else:
+                assert (x, y) == pytest.approx((film["pivot_x_px"], film["pivot_y_px"]), abs=1.5)
+
+    table = pq.read_table(out / "nn.parquet")
+    assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == {
+        column.name: column.unit for column in READABLE.columns
+    }
+    rows, listed = table.to_pandas(), pd.read_csv(out / "nn.csv")
+    assert list(listed) == list(rows) and len(listed) == TICKS
+    assert np.allclose(listed["x_px"], rows["x_px"], atol=1e-4)
+    assert listed["frame"].tolist() == [*range(6), *[70] * 6]
+
+    atlas = json.loads((out / "atlas-0.json").read_text())
+    assert set(listed["atlas"].dropna()) <= set(atlas["frames"])
+    with Image.open(out / atlas["meta"]["image"]) as page:
+        box = atlas["frames"]["left/07/02"]["frame"]
+        part = np.array(page)[box["y"] :, box["x"] :][: box["h"], : box["w"]]
+    assert np.array_equal(part[..., 3], drop(turn=1)[..., 1])
+
+    tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)["finloop"]["track_5"]
+    assert np.allclose(tracks["head"]["x"], 40 + np.arange(FRAMES))
+    assert np.allclose(tracks["body_2"]["x"], 30 + np.arange(FRAMES))
+    metrics = json.loads((folder / "reports/export/metrics.json").read_text())
+    assert (
+        metrics["track_rows_share"] == 1 and metrics["tracks"] == 1 and metrics["frames"] == TICKS
+    )
+    assert metrics["nn_webm_bytes"] == (out / "nn.webm").stat().st_size
+
+
+def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
+    prepare(folder, *TINY_CARP, "export.mode=nn", "export.webp_seconds=0.0")
+    (folder / "data/export").mkdir()
+    (folder / "data/export/loops.webm").write_text("of another mode")
+    stages.export.main()
+    first = content(folder / "data/export")
+    assert "loops.webm" not in first and "nn.webp" not in first and "left.webp" in first
+    stages.export.main()
+    assert content(folder / "data/export") == first
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        (lambda f: (f / "data/animate/nn.parquet").unlink(), "there is no data.animate.nn.parquet(.|\n)*export.mode"),
+        (lambda f: save_table(f / "data/animate/nn.parquet", edit_list(3, source=99), EDIT), "wanted a frame"),
+        (lambda f: save_table(f / "data/sprites/sprites.parquet", sprite_table(2), SPRITES), "mass centre for every"),
+        (lambda f: prepare(f, *TINY_CARP, "export.mode=nn", "export.tracks_least_s=60.0"), "tracks_least_s"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said):
+    harm(folder)
+    with pytest.raises(FinloopError, match=said):
+        stages.export.main()
+    assert not content(folder / "data/export")
+
+
+def test_a_cycle_keeps_the_mass_centre_in_the_middle():
+    store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
+    own = np.array([35, 25]) + centre(drop()[..., -1].astype(float))
+    gallery = Gallery({"sprite": Shelf(store, own[None].repeat(len(store), 0))})
+    steps, half = cycle(sprite_table(), "left", gallery)
+    alone = Alone(2 * half + 1, 2 * half + 1, 1)
+    crop = way(steps, alone)
+    assert len(steps) == 3 and {one.fish.scale for one in steps} == {1.2}
+    for frame in cut_out(steps, alone, crop):
+        at = centre(frame[..., 3].astype(float)) + (crop.left, crop.top)
+        assert at == pytest.approx([half, half], abs=0.02)

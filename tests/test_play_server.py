@@ -1,0 +1,468 @@
+"""The server of the live tank, and its page: strangers, hostile messages, slow pages, a browser."""
+
+import asyncio
+import gc
+import json
+import shutil
+import socket
+import threading
+import time
+from contextlib import contextmanager
+from http.client import HTTPConnection
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from playwright.sync_api import sync_playwright
+from pydantic import BaseModel
+from test_play import PLAYERS, read, view_of
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+import finloop.play_server as served
+from finloop import play_fish
+from finloop.animate_edit import NETWORK
+from finloop.errors import FinloopError
+from finloop.play_message import LONGEST, parsed
+from finloop.play_server import BEHIND, Host, Page, Server, bound
+from finloop.render import Gallery
+from stages.play import PAGE, _parser
+
+CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
+GOOD = [
+    {"do": "goal", "fish": 0, "x": 10.5, "y": 20, "drag": True},
+    {"do": "goal", "fish": None, "x": 0, "y": 0, "drag": False},
+    {"do": "drop", "fish": 7},
+    {"do": "mode", "mode": "loops"},
+    {"do": "pause", "on": True},
+    {"do": "step"},
+    {"do": "speed", "times": 8},
+    {"do": "look", "tick": 3},
+    {"do": "look", "tick": None},
+    {"do": "explain", "fish": 2},
+    {"do": "count", "fish": 8},
+    {"do": "seen", "frame": 12},
+]
+BAD = [
+    "", "null", "[]", "{}", "1", '"goal"', "[" * 400, "{" * 400, "\x00", "NaN", '{"do":"quit"}', '{"do":["goal"]}',
+    '{"do":"goal","fish":0,"x":NaN,"y":1,"drag":true}', '{"do":"goal","fish":0,"x":1e999,"y":1,"drag":true}',
+    '{"do":"goal","fish":0,"x":1e9,"y":1,"drag":true}', '{"do":"goal","fish":0,"x":"1","y":1,"drag":true}',
+    '{"do":"goal","fish":8,"x":1,"y":1,"drag":true}', '{"do":"goal","fish":-1,"x":1,"y":1,"drag":true}',
+    '{"do":"goal","fish":0.0,"x":1,"y":1,"drag":true}', '{"do":"goal","fish":true,"x":1,"y":1,"drag":true}',
+    '{"do":"goal","fish":0,"x":1,"y":1}', '{"do":"goal","fish":0,"x":1,"y":1,"drag":1}',
+    '{"do":"goal","fish":0,"x":1,"y":1,"drag":true,"more":1}', '{"do":"mode","mode":"HYBRID"}',
+    '{"do":"mode","mode":"__class__"}', '{"do":"pause","on":"true"}', '{"do":"speed","times":0}',
+    '{"do":"speed","times":-1}', '{"do":"speed","times":1e300}', '{"do":"look","tick":-1}',
+    '{"do":"look","tick":1.5}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
+    '{"do":"count","fish":9}', '{"do":"seen","frame":"1"}', '{"do":"step"' + " " * LONGEST + "}",
+]  # fmt: skip
+
+
+@contextmanager
+def tank(view=None, **how):
+    """The server of a tank, running beside; yields its address, and the view."""
+    view = view or view_of(**how)
+    with bound(0) as listens:
+        up = threading.Event()
+        server = Server(view, PAGE.read_text(encoding="utf-8"), listens, up.set)
+        runs = threading.Thread(target=server.serve_on)
+        runs.start()
+        assert up.wait(10)
+        try:
+            yield f"127.0.0.1:{listens.getsockname()[1]}", view
+        finally:
+            server.should_exit = True
+            runs.join(10)
+            assert not runs.is_alive()
+
+
+def look_in(address, origin=True, **how):
+    origin = f"http://{address}" if origin is True else origin
+    return connect(f"ws://{address}/tank", origin=origin, compression=None, max_queue=2, **how)
+
+
+def say(page, **wish):
+    page.send(json.dumps(wish))
+
+
+def until(page, wanted, seconds=8.0):
+    """The first state that is as wanted, of a page that looks on."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        state, _ = read(page.recv(timeout=seconds))
+        say(page, do="seen", frame=state["frame"])
+        if wanted(state):
+            return state
+    raise AssertionError(f"not within {seconds} s; at last {state}")
+
+
+# --- messages
+
+
+def test_what_is_meant_is_understood_and_nothing_else():
+    for wish in GOOD:
+        assert parsed(json.dumps(wish)).do == wish["do"]
+    for text in BAD:
+        assert parsed(text) is None, text
+        assert parsed(text.encode()) is None, text
+    assert parsed(None) is None and parsed(b"\xff\xfe{") is None
+    for wish in GOOD:  # a field is missing, of another type, or one too many
+        for name in wish:
+            less = {key: value for key, value in wish.items() if key != name}
+            assert parsed(json.dumps(less)) is None
+            assert parsed(json.dumps(wish | {name: {"a": [1]}})) is None
+        assert parsed(json.dumps(wish | {"more": 1})) is None
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=6), inner, max_size=3),
+    max_leaves=8,
+)  # fmt: skip
+NEARLY = st.sampled_from(GOOD).flatmap(
+    lambda wish: st.fixed_dictionaries({key: st.just(value) | JSON for key, value in wish.items()})
+)
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text() | st.binary() | (JSON | NEARLY).map(json.dumps))
+def test_no_message_breaks_the_parser(text):
+    wish = parsed(text)
+    assert wish is None or isinstance(wish, BaseModel)
+
+
+def hostile(count, seed=0):
+    """Messages at random: bad ones, good ones, good ones with bytes changed."""
+    rng = np.random.default_rng(seed)
+    for _ in range(count):
+        kind = rng.integers(4)
+        if kind == 0:
+            yield BAD[rng.integers(len(BAD))]
+        elif kind == 1:
+            yield json.dumps(GOOD[rng.integers(len(GOOD))])
+        elif kind == 2:
+            yield rng.bytes(int(rng.integers(1, 700)))
+        else:
+            text = bytearray(json.dumps(GOOD[rng.integers(len(GOOD))]).encode())
+            for _ in range(int(rng.integers(1, 4))):
+                text[rng.integers(len(text))] = rng.integers(32, 127)
+            yield text.decode()
+
+
+def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
+    monkeypatch.setattr(play_fish, "HISTORY", 50)
+
+    async def flood():
+        view = view_of(fish=2)
+        view.gallery = Gallery(view.gallery.shelves, keep=4)
+        host, pages, counts = Host(view), [Page() for _ in range(3)], []
+        for part in range(5):
+            for number, text in enumerate(hostile(2000, part)):
+                host.hear(pages[number % 3], text)
+                if number % 200 == 0:
+                    assert len(host.wishes) <= 25
+                    frame = host.frame(*host.take(), ticks=4)
+                    for page in pages:
+                        page.offer(frame)
+            for text in ('{"do":"count","fish":2}', '{"do":"pause","on":false}'):
+                host.hear(pages[0], text)
+            host.frame(*host.take(), ticks=40)
+            PLAYERS[NETWORK].mode._plan.cache_clear()
+            gc.collect()
+            counts.append(len(gc.get_objects()))
+        return host, counts
+
+    gc.collect()
+    gc.freeze()  # what is there already is not looked through again
+    try:
+        host, counts = asyncio.run(flood())
+    finally:
+        gc.unfreeze()
+    assert host.view.counts.bad > 5000
+    assert counts[4] - counts[1] < 400, counts  # things that are held
+
+
+def test_they_do_no_harm_over_the_wire_either():
+    with tank() as (address, view):
+        with look_in(address) as page:
+            for text in hostile(10_000, 9):
+                try:
+                    page.send(text)
+                except ConnectionClosed as error:
+                    raise AssertionError("it was thrown out") from error
+            say(page, do="seen", frame=view.frame)
+            say(page, do="count", fish=1)
+            say(page, do="pause", on=False)
+            bad = until(page, lambda s: s["bad"] > 4000 and len(s["fish"]) == 1)["bad"]
+        with look_in(address) as page:  # one too large ends the connection, not the tank
+            page.send("x" * 100_000)
+            with pytest.raises(ConnectionClosed):
+                for _ in range(100):
+                    page.recv(timeout=5)
+        with look_in(address) as page:
+            assert until(page, lambda s: s["bad"] > bad)["frame"]
+
+
+# --- pages
+
+
+def test_of_each_kind_of_wish_only_the_last_is_kept_in_their_order():
+    host, page = Host(view_of(fish=2)), Page()
+    for x in range(50):
+        host.hear(page, json.dumps({"do": "goal", "fish": 0, "x": x, "y": 0, "drag": x > 0}))
+        host.hear(page, json.dumps({"do": "goal", "fish": 1, "x": x, "y": 1, "drag": True}))
+    host.hear(page, '{"do":"drop","fish":0}')
+    wishes, steps = host.take()
+    assert [(wish.do, wish.fish) for wish in wishes] == [("goal", 0), ("goal", 1), ("drop", 0)]
+    assert wishes[0].x == 49 and not wishes[0].drag and wishes[1].drag and steps == 0
+    for _ in range(1000):
+        host.hear(page, '{"do":"step"}')
+    wishes, steps = host.take()
+    assert 1 < steps < 100 and wishes == [] and host.take() == ([], 0)
+
+
+def test_a_page_that_is_behind_gets_the_newest_frame_later():
+    async def story():
+        page = Page()
+        for number in range(1, 6):
+            assert page.offer(b"%d" % number) == (number == 1)
+        assert await page.next() == b"5"
+        for number in range(6, 6 + BEHIND - 1):
+            page.offer(b"%d" % number)
+            await page.next()
+        page.offer(b"9")
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(page.next(), 0.05)
+        page.saw(99, 9)  # a frame that has not been: no
+        page.saw(0, 9)
+        with pytest.raises(TimeoutError):
+            await asyncio.wait_for(page.next(), 0.05)
+        page.saw(9, 9)
+        assert await asyncio.wait_for(page.next(), 0.5) == b"9"
+
+    asyncio.run(story())
+
+
+def test_a_slow_page_drops_frames_and_holds_up_no_other():
+    with tank() as (address, view):
+        with look_in(address) as slow, look_in(address) as quick:
+            first, _ = read(slow.recv(timeout=5))
+            say(quick, do="speed", times=4)
+            last = until(quick, lambda s: s["tick"] > first["tick"] + 60)
+            assert last["dropped"] > 10
+            assert read(slow.recv(timeout=5))[0]["frame"] < last["frame"] - 10  # was on its way
+            say(slow, do="seen", frame=view.frame)
+            assert read(slow.recv(timeout=5))[0]["frame"] > last["frame"] - 10
+
+
+def test_nothing_is_reckoned_while_nobody_looks_on():
+    with tank() as (address, view):
+        with look_in(address) as page:
+            until(page, lambda s: s["tick"] > 3)
+        time.sleep(0.1)
+        tick = view.tank.tick
+        time.sleep(0.2)
+        assert view.tank.tick == tick
+        with look_in(address) as page:
+            until(page, lambda s: s["tick"] > tick)
+
+
+def test_time_passes_as_fast_as_asked_and_a_wish_is_granted_at_once():
+    with tank() as (address, _):
+        with look_in(address) as page:
+            for times in (1.0, 4.0):
+                say(page, do="speed", times=times)
+                begin = until(page, lambda s, times=times: s["speed"] == times)
+                start = time.monotonic()
+                last = begin["tick"] + 10 * times
+                end = until(page, lambda s, last=last: s["tick"] >= last)
+                assert time.monotonic() - start == pytest.approx(0.4, abs=0.15)
+                assert end["tick"] - begin["tick"] == pytest.approx(10 * times, abs=2 + 2 * times)
+            say(page, do="speed", times=0.1)
+            until(page, lambda s: s["speed"] == 0.1)
+            start = time.monotonic()
+            say(page, do="goal", fish=0, x=100, y=100, drag=False)
+            until(page, lambda s: s["fish"][0]["goal"])
+            assert time.monotonic() - start < 0.2  # not at the next tick, 0.4 s later
+
+
+# --- strangers
+
+
+def got(address, path="/", host=None, method="GET"):
+    connection = HTTPConnection(*address.split(":"), timeout=5)
+    connection.putrequest(method, path, skip_host=host is not None)
+    if host:
+        connection.putheader("Host", host)
+    connection.endheaders()
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer, body
+
+
+def test_only_its_own_page_is_let_in():
+    with tank() as (address, _):
+        port = address.split(":")[1]
+        answer, body = got(address)
+        assert answer.status == 200 and body == PAGE.read_bytes()
+        assert "default-src 'none'" in answer.getheader("content-security-policy")
+        assert got(address, host=f"localhost:{port}")[0].status == 200
+        for host in (
+            "evil.example",
+            f"evil.example:{port}",
+            "127.0.0.1",
+            "127.0.0.1:1",
+            f"127.0.0.1:{port}.evil",
+        ):
+            assert got(address, host=host)[0].status == 421
+        for path in ("/x", "/../stages/play.py", "//", "/tank", "/%2e%2e/etc/passwd"):
+            assert got(address, path)[0].status == 404
+        assert got(address, method="POST")[0].status == 405
+        for origin in (
+            None,
+            "null",
+            "http://evil.example",
+            f"https://{address}",
+            "http://127.0.0.1:1",
+            f"http://{address}.evil",
+        ):
+            with pytest.raises(InvalidStatus, match="403"):
+                look_in(address, origin=origin)
+        evil = f"evil.example:{port}"
+        for origin in (evil, address):
+            rebound = socket.create_connection(address.split(":"))  # a name that leads here
+            with pytest.raises(InvalidStatus, match="403"):
+                connect(f"ws://{evil}/tank", sock=rebound, origin=f"http://{origin}")
+        with look_in(address, origin=f"http://localhost:{port}") as page:
+            assert read(page.recv(timeout=5))
+
+
+def test_too_many_pages_are_sent_away(monkeypatch):
+    monkeypatch.setattr(served, "MOST_PAGES", 1)
+    with tank() as (address, _):
+        with look_in(address) as page, look_in(address) as another:
+            with pytest.raises(ConnectionClosed, match="1013"):
+                another.recv(timeout=5)
+            assert read(page.recv(timeout=5))
+
+
+def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
+    with bound(0) as one:
+        assert one.getsockname()[0] == "127.0.0.1"
+        one.listen()
+        with pytest.raises(FinloopError, match=f"port {one.getsockname()[1]} cannot be had"):
+            bound(one.getsockname()[1])
+    for port in (70_000, -1):
+        with pytest.raises(FinloopError):
+            bound(port)
+    assert _parser().parse_args([]).fish == 1
+    with pytest.raises(SystemExit):
+        _parser().parse_args(["--fish", "9"])
+
+
+def test_an_error_of_the_tank_ends_the_server_and_is_told():
+    view = view_of()
+    view.show = lambda took_ms=0.0: 1 / 0
+    with bound(0) as listens:
+        up = threading.Event()
+        server = Server(view, "", listens, up.set)
+        found = []
+
+        def serve():
+            try:
+                server.serve_on()
+            except ZeroDivisionError as error:
+                found.append(error)
+
+        runs = threading.Thread(target=serve)
+        runs.start()
+        assert up.wait(10)
+        with (
+            look_in(f"127.0.0.1:{listens.getsockname()[1]}") as page,
+            pytest.raises(ConnectionClosed),
+        ):
+            page.recv(timeout=8)
+        runs.join(10)
+        assert found
+
+
+# --- a browser
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium to look on with")
+def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
+    with tank(mode="nn") as (address, view), sync_playwright() as play_:
+        browser = play_.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": 390, "height": 800})
+        wrong, other = [], []
+        page.on("console", lambda one: wrong.append(one.text) if one.type != "log" else None)
+        page.on("pageerror", lambda one: wrong.append(str(one)))
+        page.on(
+            "request",
+            lambda one: other.append(one.url) if one.resource_type != "document" else None,
+        )
+
+        def wait(what, seconds=10):
+            end = time.monotonic() + seconds
+            while not page.evaluate(what):
+                assert time.monotonic() < end, (
+                    what,
+                    page.evaluate("JSON.stringify(state)")[:300],
+                    wrong,
+                )
+                page.wait_for_timeout(20)
+
+        page.goto(f"http://{address}/")
+        wait("!!state")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 390  # fits a phone
+        page.select_option("#speed", "8")
+        box = page.locator("#tank").bounding_box()
+        x = 0.25 if page.evaluate("state.fish[0].x") > 400 else 0.75
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + 0.5 * box["height"])
+        wait("state.fish[0].goal !== null")
+        goal = page.evaluate("state.fish[0].goal")
+        assert goal[:2] == pytest.approx([x * 800, 300], abs=4)
+        wait("state.fish[0].goal[2]")  # the fish gets there
+        assert "reached its goal" in page.locator("#told").text_content()
+        page.keyboard.press("Space")
+        wait("state.paused")
+        now = page.evaluate("state.now")
+        page.locator("#scrub").fill(str(now - 30))
+        wait(f"state.past && state.tick === {now - 30}")
+        assert "rewound" in page.locator("#badge").text_content()
+        assert page.locator("#why").text_content() != "–"
+        page.locator("#scrub").focus()
+        for _ in range(9):  # as fast as it goes
+            page.keyboard.press("ArrowLeft")
+        wait(f"state.tick === {now - 39}")
+        page.keyboard.press(".")
+        wait(f"state.tick === {now - 38}")
+        page.keyboard.press("l")
+        wait("!state.past")
+        page.locator("#scrub").fill(str(now - 5))
+        wait("state.past")
+        page.keyboard.press("End")  # the end of the past is now
+        wait("!state.past && state.paused")
+        before = page.evaluate("[state.fish[0].x, state.fish[0].y]")
+        page.locator("#tank").focus()
+        page.keyboard.press("ArrowRight")
+        wait("state.fish[0].goal && !state.fish[0].goal[2]")
+        goal = page.evaluate("state.fish[0].goal")
+        assert goal[0] > before[0] + 20 or goal[0] > 700
+        page.keyboard.press("Space")
+        page.mouse.move(box["x"] + 30, box["y"] + 60)  # drag
+        page.mouse.down()
+        page.mouse.move(box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"], steps=5)
+        page.mouse.up()
+        wait(
+            "state.fish[0].goal && Math.hypot(state.fish[0].goal[0] - 400, state.fish[0].goal[1] - 300) < 5"
+        )
+        page.click('[data-mode="hybrid"]')
+        wait("state.mode === 'hybrid' && state.decision && state.decision.ways.length > 1")
+        cells = page.evaluate("[...document.querySelectorAll('#ways tr')].map(r => r.cells.length)")
+        assert cells and set(cells) == {8}
+        assert wrong == [] and other == []
+        assert view.counts.bad == 0
+        browser.close()

@@ -1,0 +1,221 @@
+"""The page: what it holds, that it needs nothing else, and that everybody can read it."""
+
+import json
+import re
+import shutil
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from browser import chromium, visit
+from conftest import ROOT
+from scratch import content, prepare, put_clip
+
+import stages.report
+from finloop.errors import FinloopError
+from finloop.files.film_small import small_film
+from finloop.files.movie import Mp4Writer
+from finloop.files.picture import save_picture
+from finloop.report import rendered, shown
+from finloop.report_figures import CHAPTERS
+from finloop.report_tables import MEASURES, headline, measures, number
+
+FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
+GREY = np.full((48, 64), 128, np.uint8)
+PHONE = {"viewport": {"width": 360, "height": 740}}
+
+
+def write_film(path: Path, frames: list[np.ndarray]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with Mp4Writer(path, frames[0].shape, Fraction(25), 20) as writer:
+        for frame in frames:
+            writer.write(frame)
+
+
+def fill(folder: Path) -> None:
+    """What the stages before would have left: a film, some numbers, every picture but two."""
+    rng = np.random.default_rng(1)
+    put_clip(folder, [GREY] * 3)
+    frames = [
+        np.roll(np.tile(np.arange(320, dtype=np.uint8), (240, 1)), 3 * k, 1) for k in range(50)
+    ]
+    write_film(folder / "data/render/hybrid_marked.mp4", frames)
+    for figure in FIGURES[2:]:
+        save_picture(folder / "reports" / figure.path, rng.integers(0, 255, (90, 120, 3), np.uint8))
+    for name in ("animate/measures.csv", "animate/metrics.json", "features/metrics.json"):
+        (folder / "reports" / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
+    for name in ("features/table1.csv", "morph/connection.csv"):
+        shutil.copy(ROOT / "reports" / name, folder / "reports" / name)
+    (folder / "benchmarks").mkdir()
+    shutil.copy(ROOT / "benchmarks/table2.csv", folder / "benchmarks/table2.csv")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    prepare(tmp_path, "clip=carp", "bpn.hidden=7")
+    fill(tmp_path)
+    return tmp_path
+
+
+# --- what is shown
+
+
+def test_every_picture_of_the_pipeline_is_declared_once():
+    paths = [figure.path for figure in FIGURES]
+    assert len(set(paths)) == len(paths) and len({figure.id for figure in FIGURES}) == len(paths)
+    pipeline = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    made = {
+        out.removeprefix("reports/")
+        for stage in pipeline.values()
+        for out in stage.get("outs", [])
+        if isinstance(out, str) and out.startswith("reports/") and out.endswith(".png")
+    }
+    assert made - set(paths) == set()
+
+
+def test_figures_say_what_they_show():
+    for figure in FIGURES:
+        assert len(figure.alt) > 20 and figure.caption.endswith("."), figure.path
+        assert figure.alt != figure.caption
+    numbers = {figure.number for figure in FIGURES}
+    for wanted in ("7", "9", "11", "12", "14", "15", "16", "17"):
+        assert any(re.search(rf"\b{wanted}\b", one) for one in numbers), wanted
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0, "0"), (1.0, "1"), (7312, "7,312"), (0.12345, "0.12"), (12.345, "12.3"), (1.5e-6, "1.50e-06"),
+     (-3.14159, "-3.14"), (float("nan"), ""), (None, ""), ("several hours", "several hours")],
+)  # fmt: skip
+def test_numbers_are_short(value, text):
+    assert number(value) == text
+
+
+def test_measures_name_what_there_is_and_give_the_film_its_own_halves():
+    found = pd.read_csv(ROOT / "reports/animate/measures.csv")
+    table = measures(found)
+    assert len(table.rows) == len(MEASURES)
+    assert {len(row) for row in table.rows} == {len(table.columns)} == {6}
+    (speed,) = [row for row in table.rows if row[0].startswith("speed")]
+    halves = found.set_index("measure").loc["speed_halves_kinematic_distance_sd", "film"]
+    assert speed[4] == number(halves) != ""
+    assert measures(found.drop(columns="loops")).columns[1:3] == ["learned", "hybrid"]
+
+
+def test_the_headline_leaves_out_what_was_not_measured():
+    assert headline({"nn_goals_reached_pct": 50.0}, "nn") == [("50 %", "of its goals reached")]
+
+
+def test_values_are_escaped(tmp_path: Path):
+    table = {"caption": "<script>", "columns": ["<b>"], "rows": [["<i>", "&"]]}
+    text = rendered(
+        "compare.html.j2",
+        {"title": "</title>", "why": "", "table": table, "charts": [("</script>", '{"a":"</script>"}')],
+         "plotly": ""},
+    )  # fmt: skip
+    for raw in ("<b>", "<i>", "</title>:"):
+        assert raw not in text
+    assert text.count("</script>") == 2  # the page's own
+
+
+def test_a_picture_becomes_small_and_keeps_its_shape():
+    wide = shown(np.zeros((300, 900, 3), np.uint8), 300, 80)
+    assert (wide.width, wide.height) == (300, 100)
+    assert shown(GREY, 300, 80)[1:] == (64, 48)
+
+
+def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):
+    rng = np.random.default_rng(0)
+    path = tmp_path / "film.mp4"
+    noise = [rng.integers(0, 255, (540, 1200), np.uint8) for _ in range(4)]
+    write_film(path, noise)
+    size = path.stat().st_size
+    film, poster = small_film(path, size)
+    assert film == path.read_bytes() and poster.shape == (540, 1200, 3)
+    less, _ = small_film(path, size // 2)
+    assert len(less) <= size // 2
+    assert small_film(path, size // 2)[0] == less  # the same bytes each time
+    with pytest.raises(FinloopError, match="film_most_mb"):
+        small_film(path, 1000)
+
+
+# --- the stage
+
+
+def test_stage_makes_one_whole_page_the_same_each_time(folder: Path):
+    stages.report.main()
+    first = content(folder / "reports")
+    numbers = json.loads((folder / "reports/report/metrics.json").read_text())
+    assert numbers["figures"] == len(FIGURES) - 2  # those that are missing are left out
+    page = (folder / "reports/index.html").read_text()
+    assert numbers["page_mb"] == pytest.approx(len(page.encode()) / 1e6, abs=1e-5)
+    assert "-S &#39;clip=carp&#39; -S &#39;bpn.hidden=7&#39;" in page
+    assert "Table 2" in page and "several hours" in page and "drawn carp" in page
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", page)
+    stages.report.main()
+    assert content(folder / "reports") == first
+    prepare(folder, "clip=carp", "report.most_mb=0.01")
+    with pytest.raises(FinloopError, match="most_mb"):
+        stages.report.main()
+    assert content(folder / "reports") == first
+
+
+CONTRAST = """() => {
+  const light = c => { const [r, g, b] = c.match(/[\\d.]+/g).map(Number).map(v => (v /= 255) <= .04045 ? v / 12.92 : ((v + .055) / 1.055) ** 2.4);
+    return .2126 * r + .7152 * g + .0722 * b; };
+  const behind = e => { for (; e; e = e.parentElement) { const c = getComputedStyle(e).backgroundColor; if (!/, 0\\)$/.test(c)) return c; } return "rgb(255,255,255)"; };
+  return Math.min(...[...document.querySelectorAll("h1,h2,h3,p,a,td,th,dt,dd,summary,strong,.number")].filter(e => e.offsetParent && !e.closest("dialog")).map(e => {
+    const [a, b] = [light(getComputedStyle(e).color), light(behind(e))].sort((x, y) => y - x); return (a + .05) / (b + .05); })); }"""
+
+
+def test_in_a_browser_nothing_is_missing_and_everybody_can_read_it(folder: Path):
+    stages.report.main()
+    with chromium() as browser:
+        for how in ({"color_scheme": "light"}, {"color_scheme": "dark", **PHONE}):
+            seen = visit(browser, folder / "reports/index.html", **how)
+            page = seen.page
+            assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+            assert page.evaluate(CONTRAST) >= 4.5
+            page.evaluate("for (const one of document.images) one.loading = 'eager'")
+            page.evaluate(
+                "Promise.all([...document.images].filter(i => i.src).map(i => i.decode()))"
+            )
+            assert seen.bad == []
+        assert page.locator("main figure img").count() == len(FIGURES) - 2
+        assert page.locator("main img:not([alt]), main img[alt='']").count() == 0
+        levels = page.evaluate("[...document.querySelectorAll('h1,h2,h3')].map(h => +h.tagName[1])")
+        assert levels.count(1) == 1 and np.diff(levels).max() <= 1
+        for mark in ("header", "nav", "main", "footer"):
+            assert page.locator(mark).count() == 1
+        links = page.evaluate(
+            "[...document.querySelectorAll('a')].map(a => a.hash).filter(Boolean)"
+        )
+        assert all(page.locator(link).count() == 1 for link in links)
+        page.keyboard.press("Tab")
+        assert page.evaluate("document.activeElement.className") == "skip"
+        jumped = """async () => { const v = document.querySelector("video");
+            if (v.readyState < 1) await new Promise(done => v.onloadedmetadata = done);
+            v.currentTime = 1; await new Promise(done => v.onseeked = done); return [v.duration, v.currentTime]; }"""
+        assert page.evaluate(jumped) == pytest.approx([2, 1], abs=0.05)
+        page.locator(".zoom").first.focus()
+        page.keyboard.press("Enter")
+        assert page.locator("dialog[open] img").get_attribute("alt") == FIGURES[2].alt
+        page.keyboard.press("Escape")
+        assert page.locator("dialog[open]").count() == 0
+        assert seen.bad == []
+
+
+def test_the_browser_tells_what_is_wrong(tmp_path: Path):
+    """The test above can fail."""
+    path = tmp_path / "page.html"
+    path.write_text(
+        '<img src="none.png"><script src="http://localhost:9/x.js"></script><script>nothing()</script>'
+    )
+    with chromium() as browser:
+        bad = " ".join(visit(browser, path).bad)
+    assert all(word in bad for word in ("none.png", "localhost:9", "nothing is not defined"))

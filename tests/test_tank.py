@@ -1,0 +1,356 @@
+"""The tank in three dimensions: the body, its skin, what an edit list asks for, cameras, light.
+
+The toy fish is drawn here from a known backbone and known widths; its left is red, its right blue.
+"""
+
+import cv2
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop.errors import FinloopError
+from finloop.files.cutouts import Cutout
+from finloop.render import Painter, Turned, picture
+from finloop.sprites import placed as placed_cutout
+from finloop.sprites_turn import turned
+from finloop.tank import film_bodies, heights, poses
+from finloop.tank_body import AROUND, RINGS, normals, surface, triangles, typical_width
+from finloop.tank_camera import CAMERAS, VIEW_DEG, Room, views
+from finloop.tank_display import choose_window
+from finloop.tank_fish import Fish
+from finloop.tank_light import Floor, Surface
+from finloop.tank_skin import Skins
+
+P, LENGTH = 33, 60.0
+S = np.linspace(0, 1, P)
+WIDTH = LENGTH * 0.1 * np.sqrt(np.abs(np.sin(np.pi * S**0.7))) * (1.05 - 0.75 * S)
+ROOM = Room(200, 150, 120, LENGTH)
+
+
+def line(bend):
+    """A backbone (P, 2), head first and to the right, y up, of the same length whatever its bend."""
+    angle = bend * S**2
+    step = np.stack([-np.cos(angle), np.sin(angle)], -1)[:-1] * LENGTH / (P - 1)
+    return np.vstack([[0, 0], np.cumsum(step, axis=0)])
+
+
+def outline(backbone, width):
+    """The polygon (2 P, 2) around it, left side first."""
+    ahead = -np.gradient(backbone, axis=0)
+    ahead /= np.linalg.norm(ahead, axis=1, keepdims=True)
+    left = np.stack([-ahead[:, 1], ahead[:, 0]], -1) * width[:, None]
+    return np.vstack([backbone + left, (backbone - left)[::-1]])
+
+
+def filled(polygon, shape):
+    """A mask of a polygon, px of a picture."""
+    mask = np.zeros(shape, np.uint8)
+    cv2.fillPoly(mask, [np.rint(16 * polygon).astype(np.int32)], 255, cv2.LINE_AA, 4)
+    return mask
+
+
+def toy(bends=(0.9, -0.5), backwards=(False, True)):
+    """A film of one picture for every bend: tracks, features, cut-outs; some backbones tail first."""
+    rows, heads, cutouts = [], [], []
+    for frame, (bend, back) in enumerate(zip(bends, backwards, strict=True)):
+        local = line(bend)
+        down = local * (1, -1) + (70.0 + 5 * frame, 40.0)
+        mask = filled(outline(down, WIDTH), (90, 120))
+        y, x = np.mgrid[:90, :120].astype(float)
+        mass = np.array([(mask * x).sum(), (mask * y).sum()]) / mask.sum()
+        left = filled(np.vstack([outline(down, WIDTH)[P:], down]), (90, 120)) > 0  # y is down
+        colours = np.where(left[..., None], [200, 30, 30], [30, 30, 200]) * (
+            mask[..., None] / 255.0
+        )
+        cutouts.append(
+            Cutout(3, frame, 11, 7, np.dstack([np.rint(colours), mask]).astype(np.uint8))
+        )
+        spine = down[::-1] if back else down
+        rows.append({
+            "track_id": 3, "frame": frame, "x_px": mass[0] + 11, "y_px": mass[1] + 7,
+            "backbone_x_px": (spine[:, 0] + 11).astype(np.float32),
+            "backbone_y_px": (spine[:, 1] + 7).astype(np.float32),
+            "half_width_px": (WIDTH[::-1] if back else WIDTH).astype(np.float32),
+        })  # fmt: skip
+        heads.append({
+            "track_id": 3, "frame": frame, "head_x_px": down[0, 0] + 11, "head_y_px": down[0, 1] + 7,
+        })  # fmt: skip
+    return pd.DataFrame(rows), pd.DataFrame(heads)[::-1], cutouts
+
+
+SPRITE = pd.DataFrame({
+    "track_id": [3, 3], "frame": [0, 1], "heading_deg": [10.0, -25.0], "mirrored": [False, True],
+})  # fmt: skip
+
+
+def edit_list(n, **columns):
+    usual = {
+        "kind": "frame", "source": 0, "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0, "y_px": 75.0,
+        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
+        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "heading_deg": 0.0,
+    }  # fmt: skip
+    return pd.DataFrame(usual | columns, index=range(n))
+
+
+def fish_of(edit):
+    tracks, heads, cutouts = toy()
+    film = film_bodies(tracks, heads)
+    typical = typical_width(film.half_width, film.backbone)
+    pose = poses(edit, film, tracks, SPRITE)
+    skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
+    place = np.c_[pose.centre, np.full(len(edit), 40.0)]
+    return Fish(pose, place, skins, typical, LENGTH)
+
+
+def straight(scale=1.0):
+    return surface(scale * line(0)[None], scale * WIDTH[None], WIDTH / LENGTH, scale * LENGTH)
+
+
+# --- the body ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bend", [0.0, 0.8, -1.6])
+def test_the_body_is_closed_and_its_outside_is_outside(bend):
+    points, out = surface(line(bend)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    corners = points.reshape(-1, 3)
+    _, same = np.unique(np.round(corners, 6) + 0.0, axis=0, return_inverse=True)
+    faces = same.reshape(-1)[triangles()]
+    faces = faces[[len(set(face)) == 3 for face in faces.tolist()]]
+    edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    ways = pd.Series(map(tuple, edges.tolist())).value_counts()
+    assert all(ways[a, b] == ways.get((b, a), 0) for a, b in ways.index)  # every edge, both ways
+    a, b, c = corners[triangles()].swapaxes(0, 1)
+    volume = np.einsum("ij,ij->", a, np.cross(b, c)) / 6
+    box = LENGTH * 2 * WIDTH.max() * np.ptp(corners[:, 2])
+    assert 0.15 * box < volume < 0.7 * box
+    assert np.linalg.norm(out, axis=-1) == pytest.approx(1)
+    facing = np.cross(b - a, c - a)
+    mean = out.reshape(-1, 3)[triangles()].mean(1)
+    large = np.linalg.norm(facing, axis=1) > 1e-3
+    assert ((facing * mean).sum(1)[large] > 0).mean() > 0.98
+
+
+def test_a_straight_fish_is_as_wide_as_filmed_and_the_same_on_both_sides():
+    points, _ = straight()
+    side = np.abs(points[0, ..., 1]).max(1)
+    at = -points[0, :, AROUND // 2, 0] / LENGTH
+    wide = (at > 0.05) & (at < 0.8)
+    assert side[wide] == pytest.approx(np.interp(at, S, WIDTH)[wide], rel=0.03)
+    assert points[0, ..., 1] == pytest.approx(-points[0, :, ::-1, 1], abs=1e-9)
+    assert points[0, ..., 0].max() == pytest.approx(0, abs=1e-9)  # the tip of the head
+    assert points[0, ..., 0].min() == pytest.approx(-LENGTH)
+
+
+def test_bodies_turn_scale_and_mirror_with_their_backbones():
+    bent = line(0.7)
+    points, out = surface(bent[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    turn = np.array([[0.6, -0.8, 0], [0.8, 0.6, 0], [0, 0, 1]])
+    there = surface((bent @ turn[:2, :2].T)[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    assert there[0] == pytest.approx(points @ turn.T) and there[1] == pytest.approx(out @ turn.T)
+    twice = surface(2 * bent[None], 2 * WIDTH[None], WIDTH / LENGTH, 2 * LENGTH)
+    assert twice[0] == pytest.approx(2 * points)
+    other = surface((bent * (1, -1))[None], WIDTH[None], WIDTH / LENGTH, LENGTH)
+    assert other[0] == pytest.approx(points[:, :, ::-1] * (1, -1, 1))
+
+
+def test_an_open_fin_does_not_make_the_body_fat():
+    wide = WIDTH.copy()
+    wide[8:12] *= 3
+    points = surface(line(0)[None], wide[None], WIDTH / LENGTH, LENGTH)[0]
+    assert np.abs(points[..., 1]).max() < 1.25 * WIDTH.max()
+
+
+def test_normals_of_a_ball():
+    angle, turn = np.meshgrid(
+        np.linspace(0, np.pi, RINGS), np.linspace(np.pi, -np.pi, AROUND), indexing="ij"
+    )
+    ball = np.stack([np.cos(angle), np.sin(angle) * np.sin(turn), np.sin(angle) * np.cos(turn)], -1)
+    found = normals(ball[None])[0]
+    assert (found * ball).sum(-1)[:-1].min() > 0.97
+
+
+# --- what an edit list asks for ------------------------------------------------------------------
+
+
+def test_backbones_of_the_film_run_from_head_to_tail():
+    tracks, heads, _ = toy()
+    film = film_bodies(tracks, heads)
+    for row, bend in enumerate((0.9, -0.5)):
+        moved = film.backbone[row] - film.backbone[row, 0]
+        assert moved == pytest.approx(line(bend), abs=1e-4)
+        assert film.half_width[row] == pytest.approx(WIDTH, rel=1e-5)
+
+
+def covered(fish, tick, shape):
+    """What a fish covers, seen from above."""
+    mask = np.zeros(shape, np.uint8)
+    at = (fish.at(tick)[0][..., :2] * (1, -1)).astype(np.float32)
+    for pair in zip(at[:-1], at[1:], strict=True):
+        hull = cv2.convexHull(np.concatenate(pair))
+        cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)
+    return mask > 127
+
+
+def overlap(a, b):
+    return (a & b).sum() / (a | b).sum()
+
+
+@pytest.mark.parametrize(
+    ("row", "angle", "scale"), [(0, 0.0, 1.0), (0, 37.0, 1.0), (1, -110.0, 1.3)]
+)
+def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
+    edit = edit_list(1, source=row, rotation_deg=angle, scale=scale, x_px=88.4, y_px=71.7)
+    tracks, _, cutouts = toy()
+    x, y = tracks.loc[row, ["x_px", "y_px"]].to_numpy(float) - [
+        cutouts[row].x0_px,
+        cutouts[row].y0_px,
+    ]
+    painter = Painter(np.zeros((150, 200, 3), np.uint8))
+    painter.draw(88.4, 71.7, Turned(picture(cutouts[row].pixels, x, y), angle, scale))
+    assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
+
+
+@pytest.mark.parametrize("number", [0, 5, 24 + 0, 24 + 17])
+def test_sprites_are_turned_and_mirrored_as_their_pictures_are(number):
+    """Ground truth: the sprite's own picture, made as the stage `sprites` makes it."""
+    tracks, _, cutouts = toy()
+    one = SPRITE.iloc[number // 24]
+    x, y = tracks.loc[one.frame, ["x_px", "y_px"]].astype(float)
+    shown = turned(
+        placed_cutout(cutouts[one.frame]), x, y, number % 24 * 15 - one.heading_deg,
+        mirror_axis_deg=one.heading_deg if one.mirrored else None,
+    )  # fmt: skip
+    painter = Painter(np.zeros((150, 200, 3), np.uint8))
+    painter.draw(90, 75, Turned(picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0))
+    edit = edit_list(1, kind="sprite", source=number, rotation_deg=20.0)
+    assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
+
+
+def test_a_cross_fade_is_half_way_between():
+    ends = edit_list(2, source=[0, 1], rotation_deg=[0.0, 50.0], scale=[1.0, 1.2])
+    faded = edit_list(
+        3, source=0, weight=[0.0, 0.5, 1.0], partner_kind="frame", partner=1,
+        partner_rotation_deg=50.0, partner_scale=1.2,
+    )  # fmt: skip
+    a, b = fish_of(ends).poses.backbone
+    assert fish_of(faded).poses.backbone == pytest.approx(np.stack([a, (a + b) / 2, b]))
+    skins = [fish_of(ends).skin(0).astype(int), fish_of(ends).skin(1).astype(int)]
+    assert np.abs(fish_of(faded).skin(1) - (skins[0] + skins[1]) / 2).max() <= 1
+
+
+def test_the_mass_centre_is_where_the_list_puts_it():
+    fish = fish_of(edit_list(1, x_px=120.25, y_px=33.5, rotation_deg=77.0))
+    assert fish.place[0, :2] == pytest.approx([120.25, -33.5])
+    assert fish.head[0, :2] == pytest.approx([120.25, -33.5] + fish.poses.backbone[0, 0])
+    seen = covered(fish, 0, (150, 200))
+    assert np.argwhere(seen).mean(0) == pytest.approx([33.5, 120.25], abs=0.7)
+
+
+def test_it_swims_in_the_water():
+    high = heights(np.linspace(0, 100, 500), 50.0)
+    assert high.min() > 12 and high.max() < 38 and np.abs(np.diff(high)).max() < 1.2
+
+
+# --- the skin ------------------------------------------------------------------------------------
+
+
+def test_the_skin_is_the_film_seen_from_above():
+    skin = fish_of(edit_list(1)).skin(0).astype(int)
+    left, right = skin[16:24, 20:60], skin[40:48, 20:60]  # rows run from below over left to right
+    assert np.abs(left - [200, 30, 30]).max() < 12 and np.abs(right - [30, 30, 200]).max() < 12
+    assert skin[:3].mean() > left.mean() + 40 and skin[-3:].mean() > right.mean() + 40  # the belly
+
+
+def test_a_mirrored_fish_has_its_colours_mirrored():
+    plain = fish_of(edit_list(1, kind="frame", source=1)).skin(0)
+    mirrored = fish_of(edit_list(1, kind="sprite", source=24)).skin(0)
+    assert np.array_equal(mirrored, plain[::-1]) and not np.array_equal(mirrored, plain)
+
+
+def test_no_water_is_seen_on_the_skin():
+    """Premultiplied colours fade to black at the rim: a white fish stays white all around."""
+    tracks, heads, cutouts = toy()
+    white = [one._replace(pixels=np.repeat(one.pixels[..., -1:], 4, axis=2)) for one in cutouts]
+    film = film_bodies(tracks, heads)
+    typical = typical_width(film.half_width, film.backbone)
+    skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), white.__getitem__)
+    assert np.quantile(skins.skin(0)[16:48, 14:], 0.01) > 225
+
+
+# --- camera and light ----------------------------------------------------------------------------
+
+
+def seen_at(view, tick, point):
+    """Where a point is in the picture, half its height being 1: across, up; and how far ahead."""
+    ahead = view.aim[tick] - view.place[tick]
+    ahead = ahead / np.linalg.norm(ahead)
+    right = np.cross(ahead, [0, 0, 1.0])
+    right /= np.linalg.norm(right)
+    offset = np.asarray(point) - view.place[tick]
+    far = offset @ ahead
+    return np.array([offset @ right, offset @ np.cross(right, ahead)]) / far / np.tan(
+        np.radians(VIEW_DEG / 2)
+    ), far
+
+
+def circling(ticks=300):
+    angle = np.linspace(0, 9, ticks)
+    head = ROOM.middle + np.stack([50 * np.cos(angle), 40 * np.sin(angle), 0 * angle], -1)
+    return head, angle + np.pi / 2
+
+
+@pytest.mark.parametrize("camera", ["corner", "orbit"])
+def test_the_whole_tank_is_seen_and_fills_the_picture(camera):
+    view = views(camera, ROOM, *circling(), 25.0)
+    corners = [(x, -y, z) for x in (0, 199) for y in (0, 149) for z in (0, 120)]
+    for tick in (0, 77, 299):
+        at = np.array([seen_at(view, tick, corner)[0] for corner in corners])
+        extent = np.abs(at) / (ROOM.aspect, 1)
+        assert 0.9 < extent.max() < 1
+
+
+@pytest.mark.parametrize("camera", ["follow", "side"])
+def test_the_fish_is_seen_all_the_time(camera):
+    head, heading = circling()
+    view = views(camera, ROOM, head, heading, 25.0)
+    for tick in range(0, 300, 23):
+        at, far = seen_at(view, tick, head[tick])
+        assert np.abs(at[0]) < ROOM.aspect and abs(at[1]) < 0.9 and far > LENGTH
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_cameras_do_not_jump(camera):
+    view = views(camera, ROOM, *circling(900), 25.0)
+    assert len(view.place) == len(view.aim) == 900
+    for way in (view.place, view.aim):
+        step = np.linalg.norm(np.diff(way, axis=0), axis=1)
+        assert step.max() < 0.35 * LENGTH
+        assert np.abs(np.diff(step)).max() < 0.06 * LENGTH
+
+
+def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
+    background = np.full((150, 200), 120, np.uint8)
+    floor = Floor(background, ROOM)
+    fish = fish_of(edit_list(1, x_px=100.0, y_px=75.0))
+    points = fish.at(0)[0]
+    without = floor.lit(points + (1000, 0, 0), 3.0).astype(int)
+    taken = without - floor.lit(points, 3.0)
+    assert taken.min() >= 0 and taken.max() > 40
+    y, x = np.mgrid[:150, :200]
+    at = np.array([(taken * x).sum(), (taken * y).sum()]) / taken.sum()
+    assert at == pytest.approx([100 + 40 * 0.28 / 0.9, 75 + 40 * 0.34 / 0.9], abs=1.5)
+    assert without.mean() == pytest.approx(120, rel=0.1) and np.ptp(without) < 45
+    assert np.array_equal(floor.lit(points, 3.0), floor.lit(points, 3.0))
+
+
+def test_water_is_clear_from_above_and_a_mirror_from_afar():
+    water = Surface(ROOM)
+    above = water.at(1.0, np.array([100.0, -75, 5000]), False)[1]
+    afar = water.at(1.0, np.array([100.0, -9000, 200]), False)[1]
+    assert np.median(above[:, 3]) < 40 < 120 < np.median(afar[:, 3])
+    assert water.at(1.0, ROOM.middle, True)[0][:, 2] == pytest.approx(120, abs=6)
+
+
+def test_a_missing_library_is_named():
+    with pytest.raises(FinloopError, match="libegl1"):
+        choose_window({"libNoSuchThing.so.0": "vtkEGLRenderWindow"})
