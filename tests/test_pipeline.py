@@ -193,12 +193,13 @@ def overrides(*own: str) -> list[str]:
 
 
 def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
-    text = repo.dvc("exp", "run", "--name", "coarser", *overrides("render.crf=40"))
+    text = repo.dvc("exp", "run", "--name", "coarser", *overrides("report.picture_quality=5"))
     assert "Ran experiment(s): coarser" in text
     changed = json.loads(repo.dvc("params", "diff", "--json"))
-    assert changed == {"params.yaml": {"render.crf": {"old": 20, "new": 40, "diff": 20}}}
+    coarser = {"report.picture_quality": {"old": 85, "new": 5, "diff": -80}}
+    assert changed == {"params.yaml": coarser}
     diff = json.loads(repo.dvc("metrics", "diff", "--json"))
-    size = diff["reports/render/metrics.json"]["hybrid_mp4_bytes"]
+    size = diff["reports/report/metrics.json"]["page_mb"]
     assert size["new"] < size["old"]
     for command in ("show", "diff"):
         repo.dvc("plots", command)
