@@ -304,3 +304,53 @@ def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(repo: Copy):
     repo.dvc("repro")
     assert lock(repo) == wanted
     assert repo.git("status", "--porcelain") == ""
+
+
+# --- sweeps and pull requests
+
+
+def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(repo: Copy):
+    quick = {
+        "title": "t",
+        "why": "w",
+        "sweep": {"features.release": [0.4, 0.5, 7.0]},
+        "until": "features",
+        "measures": ["features.straight_pct"],
+    }
+    (repo.root / "conf/experiment/quick.yaml").write_text(yaml.safe_dump(quick))
+    repo.compose()  # conf/ is another one now
+    repo.git("add", "--all")
+    repo.git("commit", "--quiet", "--message", "a sweep of my own")
+    before = repo.git("status", "--porcelain"), repo.text("dvc.lock"), repo.text("params.yaml")
+    text = repo.run("python", "-m", "stages.sweep", "quick", fails=True)
+    assert "quick-7.0 failed" in text and "features.release: should be" in text
+    assert "reports/compare.html compares them" in text
+    assert before == (
+        repo.git("status", "--porcelain"),
+        repo.text("dvc.lock"),
+        repo.text("params.yaml"),
+    )
+    listed = repo.git("for-each-ref", "--format=%(refname:lstrip=-1)", "refs/exps").split()
+    assert {"quick-0.4", "quick-0.5"} <= set(listed) and "quick-7.0" not in listed
+    diff = json.loads(repo.dvc("metrics", "diff", "--json", "HEAD", "quick-0.4"))
+    assert set(diff) <= {f"reports/{word}/metrics.json" for word in ("features", "bpn")}
+    changed_by = json.loads(repo.dvc("params", "diff", "--json", "HEAD", "quick-0.4"))
+    assert changed_by["params.yaml"]["features.release"]["new"] == 0.4
+    page = repo.text("reports/compare.html")
+    assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
+    assert not list((repo.root / ".dvc/tmp").glob("sweep-*"))
+
+
+def test_a_pull_request_shows_what_the_numbers_were_and_are(repo: Copy, tmp_path: Path):
+    steps = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["test"]["steps"]
+    (step,) = [one for one in steps if "BASE" in one.get("env", {})]
+    metrics = repo.root / "reports/bpn/metrics.json"
+    metrics.write_text(json.dumps(json.loads(metrics.read_text()) | {"train_rows": 12345}))
+    repo.git("commit", "--quiet", "--all", "--message", "another number")
+    given = "BASE=start", f"GITHUB_STEP_SUMMARY={tmp_path / 'summary.md'}"
+    repo.run("env", *given, "sh", "-e", "-c", step["run"])
+    said = (tmp_path / "summary.md").read_text()
+    assert "| reports/bpn/metrics.json | train_rows |" in said and "12345" in said
+    assert (
+        "## params: base against this pull request" in said and "\n|" in said.partition("params")[2]
+    )
