@@ -18,6 +18,7 @@ from finloop.files.svg import load_svg
 from finloop.gait_model import Gait
 from finloop.gait_transfer import LEAST_FRAMES, Transfer, repeated, transfer
 from finloop.morph_layers import MOST_FRAMES
+from finloop.tool import ended
 
 SHIPPED = Path(__file__).parents[1] / "data/gaits"
 RATE = Fraction(30)
@@ -26,27 +27,24 @@ RATE = Fraction(30)
 def main(arguments: list[str] | None = None) -> int:
     """Read two key poses and a gait, write the cycle, say how it stands; the exit status."""
     asked = _parser().parse_args(arguments)
-    try:
-        writer(asked.output)  # a wrong ending is told before the work
-        gait = load_gait(found(asked.gait, SHIPPED))
-        frames, rate = timing(gait.frequency_hz, asked.frames, asked.rate)
-        if asked.cycles < 1 or asked.cycles * frames > MOST_FRAMES:
-            raise FinloopError(
-                f"{asked.cycles} cycles of {frames} frames",
-                f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
-                "stay between; SVG and Lottie repeat by themselves",
-            )
-        poses = load_svg(asked.key1), load_svg(asked.key2)
-        done = transfer(*poses, gait, frames, asked.points, asked.control)
-        save_animation(asked.output, repeated(done.morph, asked.cycles), rate, asked.size)
-    except FinloopError as error:
-        print(f"finloop: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"finloop: {asked.output} cannot be written ({error.strerror})", file=sys.stderr)
-        return 1
-    print(f"{asked.output}: {summary(done, gait, float(frames / rate))}")
-    return 0
+    return ended(asked.output, lambda: _written(asked))
+
+
+def _written(asked: argparse.Namespace) -> str:
+    """Write the cycle; how it stands, in words."""
+    writer(asked.output)  # a wrong ending is told before the work
+    gait = load_gait(found(asked.gait, SHIPPED))
+    frames, rate = timing(gait.frequency_hz, asked.frames, asked.rate)
+    if asked.cycles < 1 or asked.cycles * frames > MOST_FRAMES:
+        raise FinloopError(
+            f"{asked.cycles} cycles of {frames} frames",
+            f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
+            "stay between; SVG and Lottie repeat by themselves",
+        )
+    poses = load_svg(asked.key1), load_svg(asked.key2)
+    done = transfer(*poses, gait, frames, asked.points, asked.control)
+    save_animation(asked.output, repeated(done.morph, asked.cycles), rate, asked.size)
+    return summary(done, gait, float(frames / rate))
 
 
 def found(name: str, shipped: Path) -> Path:

@@ -9,30 +9,27 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
-from finloop.errors import FinloopError
 from finloop.files.animation import ENDINGS, save_animation, writer
 from finloop.files.svg import load_svg
 from finloop.morph_layers import METHODS, Morph, Physics, morph, there_and_back
+from finloop.tool import ended
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Read two drawings, write the morph, say what was counted; the exit status."""
     asked = _parser().parse_args(arguments)
-    try:
-        writer(asked.output)  # a wrong ending is told before the work
-        drawings = load_svg(asked.a), load_svg(asked.b)
-        physics = Physics(asked.elastic, asked.damping, asked.mass)
-        done = morph(*drawings, asked.method, asked.frames, asked.points, asked.level, physics)
-        shown = there_and_back(done) if asked.back else done
-        save_animation(asked.output, shown, asked.fps, asked.size)
-    except FinloopError as error:
-        print(f"finloop: {error}", file=sys.stderr)
-        return 1
-    except OSError as error:
-        print(f"finloop: {asked.output} cannot be written ({error.strerror})", file=sys.stderr)
-        return 1
-    print(f"{asked.output}: {summary(done)}")
-    return 0
+    return ended(asked.output, lambda: _written(asked))
+
+
+def _written(asked: argparse.Namespace) -> str:
+    """Write the morph; what was counted, in words."""
+    writer(asked.output)  # a wrong ending is told before the work
+    drawings = load_svg(asked.a), load_svg(asked.b)
+    physics = Physics(asked.elastic, asked.damping, asked.mass)
+    done = morph(*drawings, asked.method, asked.frames, asked.points, asked.level, physics)
+    shown = there_and_back(done) if asked.back else done
+    save_animation(asked.output, shown, asked.fps, asked.size)
+    return summary(done)
 
 
 def summary(done: Morph) -> str:

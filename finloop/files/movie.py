@@ -28,6 +28,10 @@ from finloop.files.video import THREADS
 
 _SAME = "mbtree=0:rc-lookahead=0:weightp=0"
 _KEY_EVERY_S = 2  # a player can jump to every two seconds
+_COLOURS = {
+    Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
+    Colorspace.ITU601: (ColorPrimaries.SMPTE170M, ColorTrc.SMPTE170M),
+}
 
 
 class Movie(ABC):
@@ -52,6 +56,23 @@ class Movie(ABC):
             self._stream.codec_context.time_base = 1 / self._rate
             self._stack = stack.pop_all()
         return self._stream
+
+    def _halved(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
+        """Size and format of a film with colours at half the size: sides even, range limited."""
+        height, width = self._shape[:2]
+        self._odd = height % 2, width % 2
+        stream.height, stream.width = height + self._odd[0], width + self._odd[1]
+        stream.pix_fmt = pixels
+        coder = stream.codec_context
+        coder.gop_size = max(1, round(_KEY_EVERY_S * self._rate))
+        coder.color_range, coder.colorspace = ColorRange.MPEG, matrix
+        coder.color_primaries, coder.color_trc = _COLOURS[matrix]
+
+    def _even(self, frame: NDArray[np.uint8], border: int) -> NDArray[np.uint8]:
+        """A frame with the sides that `_halved` has set; `border`: what is added, for OpenCV."""
+        if not any(self._odd):
+            return frame
+        return cv2.copyMakeBorder(frame, 0, self._odd[0], 0, self._odd[1], border)
 
     @abstractmethod
     def __enter__(self) -> Self: ...
@@ -125,24 +146,13 @@ class Mp4Writer(Movie):
         # With B-frames, looking ahead or weights x264 does not always give the same bytes.
         options = {"crf": str(self._crf), "preset": "veryfast", "bf": "0", "x264-params": _SAME}
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
-        height, width = self._shape[:2]
-        self._odd = height % 2, width % 2
-        stream.height, stream.width = height + self._odd[0], width + self._odd[1]
-        stream.pix_fmt = "yuv420p"
-        coder = stream.codec_context
-        coder.gop_size = max(1, round(_KEY_EVERY_S * self._rate))
-        coder.color_range, coder.colorspace = ColorRange.MPEG, Colorspace.ITU709
-        coder.color_primaries, coder.color_trc = ColorPrimaries.BT709, ColorTrc.BT709
+        self._halved(stream, "yuv420p", Colorspace.ITU709)
         return self
 
     def write(self, frame: NDArray[np.uint8]) -> None:
         """Append one frame."""
         self._check(frame)
-        if any(self._odd):
-            frame = cv2.copyMakeBorder(
-                frame, 0, self._odd[0], 0, self._odd[1], cv2.BORDER_REPLICATE
-            )
-        self._encode(_coded(frame, Colorspace.ITU709))
+        self._encode(_coded(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709))
 
 
 class WebpWriter(Movie):

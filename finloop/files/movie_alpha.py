@@ -11,12 +11,10 @@ from typing import Self
 import cv2
 import numpy as np
 from av.video.frame import VideoFrame
-from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
+from av.video.reformatter import Colorspace
 from numpy.typing import NDArray
 
 from finloop.files.movie import Movie
-
-_KEY_EVERY_S = 2  # a player can jump to every two seconds
 
 
 class WebmWriter(Movie):
@@ -50,24 +48,13 @@ class WebmWriter(Movie):
         }  # fmt: skip
         container = {"fflags": "bitexact"}  # else a random number names the file
         stream = self._begin("webm", container, "libvpx-vp9", options)
-        height, width = self._shape[:2]
-        self._odd = height % 2, width % 2
-        stream.height, stream.width = height + self._odd[0], width + self._odd[1]
-        stream.pix_fmt = "yuva420p"
-        coder = stream.codec_context
-        coder.gop_size = max(1, round(_KEY_EVERY_S * self._rate))
-        coder.color_range, coder.colorspace = ColorRange.MPEG, Colorspace.ITU601
-        coder.color_primaries, coder.color_trc = ColorPrimaries.SMPTE170M, ColorTrc.SMPTE170M
+        self._halved(stream, "yuva420p", Colorspace.ITU601)
         return self
 
     def write(self, frame: NDArray[np.uint8]) -> None:
         """Append one frame."""
         self._check(frame)
-        if any(self._odd):
-            frame = cv2.copyMakeBorder(
-                frame, 0, self._odd[0], 0, self._odd[1], cv2.BORDER_CONSTANT, value=(0, 0, 0, 0)
-            )
-        self._encode(_coded(frame))
+        self._encode(_coded(self._even(frame, cv2.BORDER_CONSTANT)))
 
 
 def _coded(frame: NDArray[np.uint8]) -> VideoFrame:

@@ -42,7 +42,7 @@ from stages.params.compose import composed
 from stages.params.experiment import experiment
 
 COMMAND = "exec python -m "  # of every stage in dvc.yaml
-LOG = ".dvc/tmp/sweep.log"
+LOG = Path(".dvc/tmp/sweep.log")
 TOLD = 12  # lines of a failed run's log
 
 
@@ -77,7 +77,7 @@ def affected(repo: Repo, swept: Collection[str], until: str) -> list[str]:
 def begin(folder: Path) -> None:
     """Go on in a copy, with all that is said in its log, no longer than the parent does."""
     os.chdir(folder)
-    Path(LOG).parent.mkdir(exist_ok=True)
+    LOG.parent.mkdir(exist_ok=True)
     said = os.open(LOG, os.O_CREAT | os.O_WRONLY | os.O_APPEND)
     os.dup2(said, 1)
     os.dup2(said, 2)
@@ -128,8 +128,7 @@ def module(name: str) -> str:
 
 def work(name: str, overrides: Sequence[str], stages: Sequence[str], alone: bool) -> str:
     """One run, of these stages and, unless `alone`, all before them; the log's end if it failed."""
-    log = Path(LOG)
-    before = log.stat().st_size
+    before = LOG.stat().st_size
     try:
         with Repo() as repo:
             repo.experiments.run(
@@ -137,7 +136,7 @@ def work(name: str, overrides: Sequence[str], stages: Sequence[str], alone: bool
             )
     except (DvcException, HydraException, OmegaConfBaseException) as error:
         print(error, flush=True)
-        lines = log.read_bytes()[before:].decode(errors="replace").splitlines()
+        lines = LOG.read_bytes()[before:].decode(errors="replace").splitlines()
         return "\n    ".join(lines[-TOLD:])
     return ""
 
