@@ -12,13 +12,12 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.animate_edit import EDIT
-from finloop.errors import FinloopError
 from finloop.export import READABLE, Alone, cut_out, cycle, readable, way
 from finloop.export_tracks import USED, poses
 from finloop.extract_table import tracks_schema
 from finloop.features import FEATURES
 from finloop.files.atomic import whole_folder
+from finloop.files.edit_list import load_edit
 from finloop.files.gallery import open_gallery
 from finloop.files.movie import Movie
 from finloop.files.movie_alpha import AlphaWebpWriter, WebmWriter
@@ -103,14 +102,7 @@ def main() -> None:
     facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
-    path = ANIMATE / f"{p.mode}.parquet"
-    if not path.exists():
-        raise FinloopError(
-            f"there is no {path}: the film has no loops, or `animate` has not run",
-            "an edit list of the mode that is to be exported",
-            "export.mode=hybrid or nn; or let more frames join: loops.threshold",
-        )
-    edit = load_table(path, EDIT)
+    edit = load_edit(ANIMATE, p.mode, "export")
     points = poses(
         tracks, load_table(FEATURES_TABLE, FEATURES, POINTS), facts.frames,
         p.body_points, round(p.tracks_least_s * facts.frame_rate), p.tracks_most,

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate_edit import EDIT, FRAME, SPRITE, Goal
-from finloop.errors import FinloopError
+from finloop.animate_edit import FRAME, SPRITE, Goal
 from finloop.extract_table import tracks_schema
 from finloop.files.atomic import whole_folder
+from finloop.files.edit_list import load_edit
 from finloop.files.gallery import PLACE, open_gallery
 from finloop.files.goals import load_goals
 from finloop.files.movie import Movie, Mp4Writer, WebpWriter
@@ -107,14 +107,7 @@ def main() -> None:
     background = load_picture(EXTRACT / "background.png")
     columns = ["track_id", "frame", "x_px", "y_px"]
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
-    path = ANIMATE / f"{p.mode}.parquet"
-    if not path.exists():
-        raise FinloopError(
-            f"there is no {path}: the film has no loops, or `animate` has not run",
-            "an edit list of the mode that is to be rendered",
-            "render.mode=hybrid or nn; or let more frames join: loops.threshold",
-        )
-    edit, goals = load_table(path, EDIT), load_goals(ANIMATE / "goals.json")
+    edit, goals = load_edit(ANIMATE, p.mode, "render"), load_goals(ANIMATE / "goals.json")
     drawn = SPRITE in {*edit["kind"], *edit["partner_kind"]}
     table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES, PLACE) if drawn else None
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table

@@ -10,12 +10,12 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate_edit import EDIT, SPRITE
-from finloop.errors import FinloopError
+from finloop.animate_edit import SPRITE
 from finloop.extract_table import tracks_schema
 from finloop.features import FEATURES
 from finloop.files.atomic import whole_folder
 from finloop.files.cutouts import open_cutouts
+from finloop.files.edit_list import load_edit
 from finloop.files.gltf import save_glb
 from finloop.files.movie import Mp4Writer
 from finloop.files.picture import load_picture, save_picture
@@ -48,14 +48,7 @@ _SHEET_PX = 480  # a picture on the contact sheet is so wide
 @contextmanager
 def opened(p: Tank) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, as long as its film lasts, and that part of the list."""
-    path = DATA / "animate" / f"{p.mode}.parquet"
-    if not path.exists():
-        raise FinloopError(
-            f"there is no {path}: the film has no loops, or `animate` has not run",
-            "an edit list of the mode that is to be drawn",
-            "tank.mode=hybrid or nn; or let more frames join: loops.threshold",
-        )
-    edit = load_table(path, EDIT)
+    edit = load_edit(DATA / "animate", p.mode, "tank")
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
     tracks = load_table(
         EXTRACT / "tracks.parquet", tracks_schema(load_scene(EXTRACT / "scene.json").points)

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 import yaml
-from conftest import ROOT
+from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
 
 import stages.gait
@@ -24,14 +24,7 @@ from finloop.files.table import save_table
 
 RATE = 25
 BEAT_HZ = 2.0
-SMALL = (
-    "gait.dog_frames=32",
-    "gait.dog_cycles=2",
-    "gait.dog_width_px=160",
-    "gait.points=64",
-    "gait.frame_rate_hz=8.0",
-    "gait.size_px=64",
-)
+SMALL = tuple(one for one in TINY_CARP if one.startswith("gait."))
 
 
 def toy_fish(frames: int, beats: bool) -> tuple[np.ndarray, np.ndarray]:
