@@ -13,6 +13,7 @@ import hashlib
 import re
 import socket
 import time
+from collections import deque
 from collections.abc import AsyncIterator, Callable
 
 import uvicorn
@@ -41,29 +42,29 @@ class Page:
     """A page that looks on. It holds one frame at most, the newest."""
 
     def __init__(self) -> None:
-        self._frame: bytes | None = None
-        self._there = asyncio.Event()
-        self.sent = self.seen = 0
+        self._newest: tuple[int, bytes] | None = None
+        self._away: deque[int] = deque()  # frames that were sent and not yet seen
+        self._changed = asyncio.Event()
 
-    def offer(self, frame: bytes) -> bool:
+    def offer(self, number: int, frame: bytes) -> bool:
         """Here is a new frame; whether the page got the one before."""
-        got, self._frame = self._frame is None, frame
-        self._there.set()
+        got, self._newest = self._newest is None, (number, frame)
+        self._changed.set()
         return got
 
-    def saw(self, frame: int, number: int) -> None:
-        """The page has drawn frame `frame`; the newest of all is `number`."""
-        if self.seen < frame <= number:
-            self.seen, self.sent = frame, 0
-            self._there.set()
+    def saw(self, number: int) -> None:
+        """The page has drawn this frame, and any before; one it was not sent counts for nothing."""
+        while number in self._away:
+            self._away.popleft()
+            self._changed.set()
 
     async def next(self) -> bytes:
         """The newest frame, when there is one and the page is not behind."""
-        while self._frame is None or self.sent >= BEHIND:
-            self._there.clear()
-            await self._there.wait()
-        frame, self._frame = self._frame, None
-        self.sent += 1
+        while self._newest is None or len(self._away) >= BEHIND:
+            self._changed.clear()
+            await self._changed.wait()
+        (number, frame), self._newest = self._newest, None
+        self._away.append(number)
         return frame
 
 
@@ -85,7 +86,7 @@ class Host:
             self.view.counts.bad += 1
             return
         if isinstance(wish, Seen):
-            page.saw(wish.frame, self.view.frame)
+            page.saw(wish.frame)
             return
         if isinstance(wish, Step):
             self._steps = min(self._steps + 1, _MOST_STEPS)
@@ -123,7 +124,7 @@ class Host:
             if ticks or wishes or steps or not self.view.runs:
                 frame = await asyncio.to_thread(self.frame, wishes, steps, ticks)
                 for page in self.pages:
-                    self.view.counts.dropped += not page.offer(frame)
+                    self.view.counts.dropped += not page.offer(self.view.frame, frame)
             least = 1 / _FRAMES_HZ - (time.perf_counter() - now)
             await asyncio.sleep(max(least, 0.0))
             if self.view.runs:

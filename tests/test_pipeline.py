@@ -156,12 +156,9 @@ def test_a_run_leaves_only_numbers_to_git(first_run: Copy):
         assert json.loads(repo.text(f"reports/{word}/metrics.json"))
 
 
-def test_nothing_to_do_takes_about_a_second(first_run: Copy):
-    start = time.monotonic()
+def test_with_nothing_to_do_no_stage_runs(first_run: Copy):
     text = first_run.dvc("repro")
-    took_s = time.monotonic() - start
     assert text.count("didn't change, skipping") == len(STAGES)
-    assert took_s < 5  # about 0.5 s alone; other tests may run beside this one
 
 
 def test_an_edited_conf_stops_a_plain_repro(repo: Copy):

@@ -164,7 +164,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
                     assert len(host.wishes) <= 25
                     frame = host.frame(*host.take(), ticks=4)
                     for page in pages:
-                        page.offer(frame)
+                        page.offer(host.view.frame, frame)
             for text in ('{"do":"count","fish":2}', '{"do":"pause","on":false}'):
                 host.hear(pages[0], text)
             host.frame(*host.take(), ticks=40)
@@ -184,14 +184,13 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
 
 
 def test_they_do_no_harm_over_the_wire_either():
-    with tank() as (address, view):
+    with tank() as (address, _):
         with look_in(address) as page:
             for text in hostile(10_000, 9):
                 try:
                     page.send(text)
                 except ConnectionClosed as error:
                     raise AssertionError("it was thrown out") from error
-            say(page, do="seen", frame=view.frame)
             say(page, do="count", fish=1)
             say(page, do="pause", on=False)
             bad = until(page, lambda s: s["bad"] > 4000 and len(s["fish"]) == 1)["bad"]
@@ -226,33 +225,44 @@ def test_a_page_that_is_behind_gets_the_newest_frame_later():
     async def story():
         page = Page()
         for number in range(1, 6):
-            assert page.offer(b"%d" % number) == (number == 1)
+            assert page.offer(number, b"%d" % number) == (number == 1)
         assert await page.next() == b"5"
         for number in range(6, 6 + BEHIND - 1):
-            page.offer(b"%d" % number)
+            page.offer(number, b"%d" % number)
             await page.next()
-        page.offer(b"9")
-        with pytest.raises(TimeoutError):
-            await asyncio.wait_for(page.next(), 0.05)
-        page.saw(99, 9)  # a frame that has not been: no
-        page.saw(0, 9)
-        with pytest.raises(TimeoutError):
-            await asyncio.wait_for(page.next(), 0.05)
-        page.saw(9, 9)
+        page.offer(9, b"9")
+        for wrong in (0, 1, 9, 99):  # frames that it was not sent
+            page.saw(wrong)
+            with pytest.raises(TimeoutError):
+                await asyncio.wait_for(page.next(), 0.02)
+        page.saw(5)
         assert await asyncio.wait_for(page.next(), 0.5) == b"9"
 
     asyncio.run(story())
 
 
+def test_a_page_that_tells_of_frames_too_early_does_not_stand_still_after():
+    async def story():
+        page = Page()
+        page.saw(3)  # is drawn just now, and not sent
+        for number in range(1, 9):
+            page.offer(number, b"%d" % number)
+            assert await asyncio.wait_for(page.next(), 0.5) == b"%d" % number
+            page.saw(number)
+
+    asyncio.run(story())
+
+
 def test_a_slow_page_drops_frames_and_holds_up_no_other():
-    with tank() as (address, view):
+    with tank() as (address, _):
         with look_in(address) as slow, look_in(address) as quick:
             first, _ = read(slow.recv(timeout=5))
             say(quick, do="speed", times=4)
             last = until(quick, lambda s: s["tick"] > first["tick"] + 60)
             assert last["dropped"] > 10
-            assert read(slow.recv(timeout=5))[0]["frame"] < last["frame"] - 10  # was on its way
-            say(slow, do="seen", frame=view.frame)
+            second, _ = read(slow.recv(timeout=5))
+            assert second["frame"] < last["frame"] - 10  # was on its way
+            say(slow, do="seen", frame=second["frame"])
             assert read(slow.recv(timeout=5))[0]["frame"] > last["frame"] - 10
 
 
@@ -277,14 +287,14 @@ def test_time_passes_as_fast_as_asked_and_a_wish_is_granted_at_once():
                 start = time.monotonic()
                 last = begin["tick"] + 10 * times
                 end = until(page, lambda s, last=last: s["tick"] >= last)
-                assert time.monotonic() - start == pytest.approx(0.4, abs=0.15)
+                assert 0.25 < time.monotonic() - start < 1.0  # 0.4 s where nothing is in the way
                 assert end["tick"] - begin["tick"] == pytest.approx(10 * times, abs=2 + 2 * times)
             say(page, do="speed", times=0.1)
-            until(page, lambda s: s["speed"] == 0.1)
-            start = time.monotonic()
+            slow = until(page, lambda s: s["speed"] == 0.1)
+            fresh = until(page, lambda s: s["tick"] > slow["tick"])
             say(page, do="goal", fish=0, x=100, y=100, drag=False)
-            until(page, lambda s: s["fish"][0]["goal"])
-            assert time.monotonic() - start < 0.2  # not at the next tick, 0.4 s later
+            shown = until(page, lambda s: s["fish"][0]["goal"])
+            assert shown["tick"] == fresh["tick"]  # the next is 0.4 s later
 
 
 # --- strangers
