@@ -14,7 +14,7 @@ from finloop.animate_motion import STATES, TURN, Motion
 from finloop.animate_nn import Fish, Stretch
 from finloop.animate_sprites import Sprites
 from finloop.animate_tank import Tank, goal_name
-from finloop.features import ORIENTATIONS, orientation, wrap_deg
+from finloop.features import orientation, wrap_deg
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
 
@@ -57,7 +57,7 @@ class Cast:
         """The outline of a picture as an edit list names it."""
         if kind == FRAME:
             return self.frame_hulls[source].astype(float)
-        return self.sprite_hulls[source // ORIENTATIONS]
+        return self.sprite_hulls[source // self.order.orientations]
 
     def after(self, kind: str, number: int) -> int:
         """The picture after this one, itself where there is none."""
@@ -240,10 +240,11 @@ class Shown:
 
 def drawn(shown: Shown, heading: Floats, cast: Cast) -> dict[str, NDArray[np.generic]]:
     """The columns kind, source, rotation_deg, scale of an edit list."""
-    sector = orientation(heading)
-    residual = wrap_deg(heading - (sector - 1) * (360 / ORIENTATIONS))
+    count = cast.order.orientations
+    sector = orientation(heading, count)
+    residual = wrap_deg(heading - (sector - 1) * (360 / count))
     sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
-    oriented = sprite * ORIENTATIONS + sector - 1
+    oriented = sprite * count + sector - 1
     return {
         "kind": np.where(shown.frame, FRAME, SPRITE),
         "source": np.where(shown.frame, cast.film.cutout[frame], oriented),

@@ -102,7 +102,7 @@ class HybridMode:
         `any_way`: else by one that only stays in the tank.
         """
         film, target = self.loops.film, self.loops.aim(fish, at)
-        sector = int(orientation(np.array(fish.heading)))
+        sector = int(orientation(np.array(fish.heading), self.network.sprites.orientations))
         gates = self._enter.get((fish.sprite, 0 if film.body else sector))
         if gates is None:
             return None, None

@@ -17,7 +17,7 @@ from finloop.animate import Cast, Mode, Player
 from finloop.animate_edit import FRAME, LOOPS, Goal
 from finloop.animate_motion import FILM, STATES, TURN, Motion
 from finloop.animate_tank import Tank
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import wrap_deg
 
 Floats = NDArray[np.float64]
 
@@ -98,7 +98,7 @@ def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """
     sprite = (edit["kind"] != FRAME).to_numpy()
-    number = np.where(sprite, edit["source"] // ORIENTATIONS, 0)
+    number = np.where(sprite, edit["source"] // player.cast.order.orientations, 0)
     sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     head = edit["heading_deg"].to_numpy(float) + sway
     return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.mode.motion)

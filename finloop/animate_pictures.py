@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.animate_edit import FRAME, SPRITE
 from finloop.distance import FILM, film_pictures, picture
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.cutouts import CutoutStore
 
 SIZE = 64  # px of a centred picture
@@ -62,7 +62,7 @@ class Pictures:
         if kind == FRAME:
             one, cutout = self._places[FRAME][self._row(source)], self.film[int(source)]
         else:
-            one = self._places[SPRITE][int(source) // ORIENTATIONS]
+            one = self._places[SPRITE][int(source) // orientations_of(self.sprites)]
             cutout = self.store[int(source)]
         return picture(cutout, one, self._length_px / scale, SIZE, float(rotation_deg))
 
@@ -145,7 +145,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
 
     What the film shows after the picture on screen, turned as that is, against what is drawn.
     """
-    next_sprite = film_next(pictures.sprites)
+    next_sprite, count = film_next(pictures.sprites), orientations_of(pictures.sprites)
     found, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
@@ -159,14 +159,14 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
                 continue
             expected = pictures(FRAME, follows, before.rotation_deg + turn, before.scale)
         else:
-            number = before.source // ORIENTATIONS
-            if now.kind == SPRITE and now.source // ORIENTATIONS == next_sprite[number]:
+            number = before.source // count
+            if now.kind == SPRITE and now.source // count == next_sprite[number]:
                 continue
             expected = pictures.after[number]
         if now.kind == FRAME:
             drawn = pictures(FRAME, now.source, now.rotation_deg + turn, now.scale)
         else:
-            drawn = pictures.headed[now.source // ORIENTATIONS]
+            drawn = pictures.headed[now.source // count]
         found.append(float(np.linalg.norm(drawn - expected)))
         ticks.append(tick)
     return np.array(found), np.array(ticks, np.intp)

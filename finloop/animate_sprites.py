@@ -7,6 +7,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate_motion import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
+from finloop.features import orientations_of
 from finloop.features_type import LEFT, RIGHT
 
 Ints = NDArray[np.int64]
@@ -70,7 +71,8 @@ class Sprites:
 
     cycles: frames of the cycle that each straight state plays; entry: per cycle and sprite, where
     to enter the cycle after it; following: the sprite after each one of its sequence, that of a
-    turn's last one itself; cycle_speed: of the straight cycle in the film, body lengths/s.
+    turn's last one itself; cycle_speed: of the straight cycle in the film, body lengths/s;
+    orientations: that every sprite is drawn in.
     """
 
     cycles: dict[int, Ints]
@@ -78,6 +80,7 @@ class Sprites:
     following: Ints
     turns: dict[int, TurnFrames]
     cycle_speed: float
+    orientations: int
 
 
 @dataclass(frozen=True)
@@ -166,6 +169,7 @@ def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
         {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
         float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
         * rate_hz,
+        orientations_of(table),
     )
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate_edit import EDIT, SPRITE
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.table import Column, Schema
 from finloop.render import Box, Gallery, Painter, Placed
 
@@ -126,7 +126,7 @@ def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.turned(SPRITE, int(sprite) * ORIENTATIONS, 0.0, float(scale))
+        gallery.turned(SPRITE, int(sprite) * orientations_of(rows), 0.0, float(scale))
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
     half = RIM + max(math.ceil(one.scale * math.hypot(*one.picture.near.shape)) for one in steps)
@@ -148,7 +148,7 @@ def _shown(
 ) -> pd.DataFrame:
     number = source.fillna(0).to_numpy(int)
     is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
-    sprite, turned = np.divmod(np.where(is_sprite, number, 0), ORIENTATIONS)
+    sprite, turned = np.divmod(np.where(is_sprite, number, 0), orientations_of(sprites))
     cutout = np.where(is_sprite, 0, number)
     picked = sprites.iloc[sprite]
     names = [

@@ -16,7 +16,6 @@ from finloop.features_head import head_first
 from finloop.features_type import swimming_type, turn
 from finloop.files.table import Column, Schema, lists_to_array
 
-ORIENTATIONS = 24
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
 
 
@@ -28,6 +27,7 @@ class Settings:
     turn_threshold_deg: float
     bend_threshold: float
     release: float
+    orientations: int
 
 
 USED = (
@@ -49,6 +49,7 @@ FEATURES = Schema(
         Column("tail_y_px", "float32", "px"),
         Column("heading_deg", "float32", "deg"),
         Column("orientation", "int8", "1"),
+        Column("orientations", "int8", "1"),
         Column("body_length_px", "float32", "px"),
         Column("motion_area", "float32", "body length²"),
         Column("motion_area_rel", "float32", "1"),
@@ -76,10 +77,15 @@ def wrap_deg(angle: NDArray[np.floating]) -> NDArray[np.float64]:
     return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
 
 
-def orientation(heading_deg: NDArray[np.floating]) -> NDArray[np.int8]:
-    """Orientation number 1-24 (§3.3, Table 1): 1 is centred on 0°, counting anticlockwise."""
-    sector = 360 / ORIENTATIONS
-    return (np.floor(np.asarray(heading_deg) / sector + 0.5) % ORIENTATIONS + 1).astype(np.int8)
+def orientation(heading_deg: NDArray[np.floating], orientations: int) -> NDArray[np.int8]:
+    """Orientation number of so many (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
+    sector = 360 / orientations
+    return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
+
+
+def orientations_of(table: pd.DataFrame) -> int:
+    """How many orientations a table of features, or of sprites, tells apart."""
+    return int(table["orientations"].iloc[0])
 
 
 def heading(backbone: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -162,7 +168,8 @@ def _of_track(
             "tail_x_px": backbone[:, -1, 0],
             "tail_y_px": backbone[:, -1, 1],
             "heading_deg": direction,
-            "orientation": orientation(direction),
+            "orientation": orientation(direction, settings.orientations),
+            "orientations": settings.orientations,
             "body_length_px": length,
             "bend": bent,
             "displacement": moved,

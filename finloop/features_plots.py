@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.features_area import closed_spline, control_points
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
 
@@ -73,17 +73,19 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
 
 
 def rose(features: pd.DataFrame) -> Figure:
-    """How often each of the 24 orientations occurs, by swimming type."""
+    """How often each orientation occurs, by swimming type."""
+    count = orientations_of(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
-    angle = 2 * np.pi / ORIENTATIONS * np.arange(ORIENTATIONS)
-    base = np.zeros(ORIENTATIONS)
+    angle = 2 * np.pi / count * np.arange(count)
+    base = np.zeros(count)
     for code, (word, colour) in TYPES.items():
         of_kind = features.loc[features["swimming_type"] == code, "orientation"]
-        share = 100 * np.bincount(of_kind - 1, minlength=ORIENTATIONS) / len(features)
+        share = 100 * np.bincount(of_kind - 1, minlength=count) / len(features)
         axes.bar(angle, share, width=0.9 * angle[1], bottom=base, color=colour, label=word)
         base += share
-    axes.set_xticks(angle[::2], [f"{number}" for number in range(1, ORIENTATIONS + 1, 2)])
+    every = -(-count // 12)  # that are numbered, 12 at most
+    axes.set_xticks(angle[::every], [f"{number}" for number in range(1, count + 1, every)])
     axes.set_title("orientation of the head, % of all frames (1 = screen right)")
     axes.legend(loc="lower left", bbox_to_anchor=(-0.08, -0.08), frameon=False)
     return figure

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
 
-from finloop.features import ORIENTATIONS, delta_of, wrap_deg
+from finloop.features import delta_of, orientations_of, wrap_deg
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
 from finloop.files.table import lists_to_array
 
@@ -12,14 +12,14 @@ _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
 
 def table1(features: pd.DataFrame) -> pd.DataFrame:
-    """Table 1 of the fish paper: what each of the 24 orientations shows, in per cent of its frames.
+    """Table 1 of the fish paper: what each orientation shows, in per cent of its frames.
 
     The largest motion areas are relative to the clip's largest of that type of turn. Per row
     straight + right + left is 100, and the amounts sum to 100 (the paper's own do not: 101.45 in
     row 23, 99.87). Shares and areas of an orientation without frames are empty.
     """
     rows = []
-    for number in range(1, ORIENTATIONS + 1):
+    for number in range(1, orientations_of(features) + 1):
         here = features[features["orientation"] == number]
         row: dict[str, float] = {"orientation": number}
         for word, kind in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from finloop.distance import BODY, film_pictures, picture
 from finloop.errors import FinloopError
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import orientations_of, wrap_deg
 from finloop.files.cutouts import CutoutStore
 from finloop.files.table import Column, Schema
 from finloop.sprites_pictures import following, pictures
@@ -38,7 +38,7 @@ GATEWAYS = Schema(
         Column("turn_deg", "float32", "deg"),
     )
 )
-"""sprite: row of the table of sprites. rank: 1 = best. orientation: 0 = any (pose BODY), or 1-24,
+"""sprite: row of the table of sprites. rank: 1 = best. orientation: 0 = any (pose BODY), or from 1,
 that in which what comes next is drawn.
 
 turn_deg: a sprite drawn at heading h and the film drawn turned by h + turn_deg, anticlockwise as
@@ -100,7 +100,7 @@ def nearness(
         ahead_deg, shown_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
     else:
         orientation = features["orientation"].to_numpy()
-        pose_deg = (orientation - 1.0) * (360 / ORIENTATIONS)
+        pose_deg = (orientation - 1.0) * (360 / orientations_of(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
         shown_deg = np.zeros(len(sprites))
     ahead, shown = np.empty((2, len(sprites), len(features)))
@@ -132,9 +132,10 @@ def sprite_pictures(
     ahead = film_pictures(features, film, size, pose, after)
     mirrored = sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
+    count = orientations_of(sprites)
     turn = -_heading(sprites, features["heading_deg"].to_numpy(float)[row])
     shown = [
-        picture(store[at * ORIENTATIONS], one, length / one.scale, size, turn[at])
+        picture(store[at * count], one, length / one.scale, size, turn[at])
         for at, one in enumerate(sprites.itertuples())
     ]
     return ahead, np.stack(shown)

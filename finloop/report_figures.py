@@ -85,9 +85,9 @@ FILM = Chapter(
         ),
         Figure(
             "features/rose.png", "Table 1", "Headings",
-            "Share of the film in each of the 24 orientations, by swimming type; 1 is to the "
+            "Share of the film in each orientation, by swimming type; 1 is to the "
             "right, counted anticlockwise.",
-            "A rose of 24 bars, each divided into straight, left and right.",
+            "A rose with a bar for each orientation, divided into straight, left and right.",
         ),
         Figure(
             "features/trajectories.png", "", "Tracks",

@@ -1,4 +1,4 @@
-"""Sprites: a few frames of the film, turned to fill all 24 orientations (fish paper §3.3)."""
+"""Sprites: a few frames of the film, turned to fill all orientations (fish paper §3.3)."""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
@@ -11,14 +11,13 @@ from scipy.optimize import isotonic_regression
 
 from finloop import sprites_pick as pick
 from finloop.errors import FinloopError
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import orientations_of, wrap_deg
 from finloop.files.cutouts import Cutout, CutoutStore
 from finloop.files.table import Column, Schema
 from finloop.sprites_pick import SIDES, WORDS, Stretch, smooth
 from finloop.sprites_turn import Placed, aligned, turned
 
-SECTOR_DEG = 360 / ORIENTATIONS
-BACK_DEG = 8.0  # half a sector
+BACK_DEG = 8.0  # half a sector of 24
 
 
 @dataclass(frozen=True)
@@ -52,6 +51,7 @@ SPRITES = Schema(
         Column("forward", "float32", "body length"),
         Column("sideways", "float32", "body length"),
         Column("turn_deg", "float32", "deg"),
+        Column("orientations", "int8", "1"),
     )
 )
 
@@ -257,6 +257,7 @@ def _sequence(table: pd.DataFrame, word: str, choice: Choice, typical_px: float)
             "forward": (dx * np.cos(angle) - dy * np.sin(angle)) / length,
             "sideways": sign * (-dx * np.sin(angle) - dy * np.cos(angle)) / length,
             "turn_deg": sign * np.diff(heading),
+            "orientations": orientations_of(table),
         }
     )
 
@@ -294,16 +295,17 @@ def _with_next(table: pd.DataFrame, stretch: Stretch) -> slice:
 
 
 def drawn(sprites: pd.DataFrame, source: Callable[[int, int], Cutout]) -> Iterator[Cutout]:
-    """Every sprite in orientations 1-24: the row is sprite · 24 + orientation − 1.
+    """Every sprite in all orientations: the row is sprite · orientations + orientation − 1.
 
     `source` gives the film's cut-out of a track and frame.
     """
     for row in sprites.itertuples():
         cutout = source(row.track_id, row.frame)
         mirror = row.heading_deg if row.mirrored else None
-        for number in range(ORIENTATIONS):
+        for number in range(row.orientations):
             one = turned(
-                placed(cutout), row.x_px, row.y_px, number * SECTOR_DEG - row.heading_deg,
+                placed(cutout), row.x_px, row.y_px,
+                number * (360 / row.orientations) - row.heading_deg,
                 mirror_axis_deg=mirror,
             )  # fmt: skip
             yield Cutout(row.track_id, row.frame, one.x0_px, one.y0_px, one.pixels)

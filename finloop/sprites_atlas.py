@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.errors import FinloopError
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
 BLEED = 2  # px that colour reaches out under transparent pixels
@@ -72,13 +72,14 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
 def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
     """The pictures of each sequence in each orientation, named and not yet placed."""
     width, height = index["width_px"].to_numpy(), index["height_px"].to_numpy()
+    count = orientations_of(sprites)
     for sequence, rows in sprites.groupby("sequence", sort=False):
-        for number in range(ORIENTATIONS):
+        for number in range(count):
             group = f"{sequence}/{number + 1:02d}"
             yield [
                 Spot(at, f"{group}/{step:02d}", group, 0, 0, int(width[at]), int(height[at]))
                 for sprite, step in zip(rows["sprite"], rows["step"], strict=True)
-                for at in [sprite * ORIENTATIONS + number]
+                for at in [sprite * count + number]
             ]
 
 
@@ -163,7 +164,7 @@ def document(
 
     All frames have the same untrimmed size, its middle within a pixel of the mass centre.
     """
-    page = made[number]
+    page, count = made[number], orientations_of(sprites)
     reach = _reach(sprites, index)
     duration = round(1000 / rate_hz)
     x, y = sprites["x_px"].to_numpy(), sprites["y_px"].to_numpy()
@@ -171,7 +172,7 @@ def document(
     frames = {
         spot.name: _frame(spot, x[s], y[s], left[spot.row], top[spot.row], reach, duration)
         for spot in page.spots
-        for s in [spot.row // ORIENTATIONS]
+        for s in [spot.row // count]
     }
     groups: dict[str, list[str]] = {}
     for spot in page.spots:
@@ -200,8 +201,8 @@ def document(
 
 def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
     """How far in px any picture reaches from the pixel that its mass centre lies in."""
-    x = np.floor(np.repeat(sprites["x_px"].to_numpy(), ORIENTATIONS) + 0.5)
-    y = np.floor(np.repeat(sprites["y_px"].to_numpy(), ORIENTATIONS) + 0.5)
+    places = sprites[["x_px", "y_px"]].to_numpy().repeat(orientations_of(sprites), axis=0)
+    x, y = np.floor(places + 0.5).T
     left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
     right = left + index["width_px"].to_numpy() - 1
     bottom = top + index["height_px"].to_numpy() - 1

@@ -35,7 +35,7 @@ LENGTH_OFF = 0.08  # of the track's median length; 98 % of the zebrafish's frame
 ALONE = 1.0  # body lengths to the nearest mass centre: nearer, and the two can touch
 
 # Units of the faults.
-DRIFT_DEG = 6.0  # over a straight stretch: less than half an orientation's sector
+DRIFT_DEG = 6.0  # over a straight stretch: less than half a sector of 24
 ANIMAL_OFF = 0.1  # of the clip's median length: an animal of another size
 FLICKER = 10.0  # frames a beat; with 4 one sees the extremes and nothing between
 SPEED_CHANGE = 0.4  # second half against first, of their mean
@@ -51,7 +51,7 @@ BEAT_S = (0.15, 1.5)  # tail beats between 6.7 and 0.67 Hz can be told from flic
 BEAT_FRAMES = 5  # least; two are Nyquist's limit, five show a wave
 BEAT_TAIL = (0.1, 0.6)  # range of the tail in body lengths; half of what steady swimmers show, 0.2
 ONE_BEAT = 0.75  # least share of the tail's variance in the fundamental
-LEAST_TURN_DEG = 15.0  # a sector: a turn that stays in its orientation is none
+LEAST_TURN_DEG = 15.0  # a sector of 24: a turn that stays in its orientation is none
 STILL_BENT = 0.2  # of the peak: as straight as in a tail beat, a turn begins or ends here
 HOLD = 0.9  # of the peak's area from which a turn is held
 STRONG = (0.9, 0.75, 0.5, 0.25, 0.0)  # turns of this share of the strongest are taken if clean
@@ -131,6 +131,7 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame) -> pd.DataFrame:
             "length_px": length,
             "area_px": table["area_px"].to_numpy(float),
             "contrast": table["contrast"].to_numpy(float),
+            "orientations": table["orientations"].to_numpy(),
         }
     )
     whole["alone"] = _alone(table) / np.median(length)

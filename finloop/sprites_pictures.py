@@ -6,7 +6,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.distance import film_rows, picture
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.cutouts import CutoutStore
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
@@ -18,9 +18,10 @@ def pictures(
     sprites: pd.DataFrame, store: CutoutStore, length_px: float, size: int, number: int = 1
 ) -> NDArray[np.float32]:
     """Every sprite (n, size, size, c) in the orientation `number`, at the drawn size."""
+    count = orientations_of(sprites)
     return np.stack(
         [
-            picture(store[at * ORIENTATIONS + number - 1], row, length_px / row.scale, size)
+            picture(store[at * count + number - 1], row, length_px / row.scale, size)
             for at, row in enumerate(sprites.itertuples())
         ]
     )
@@ -36,7 +37,7 @@ def following(
     """
     rows = film_rows(film)
     places = features.set_index(["track_id", "frame"])[["x_px", "y_px"]]
-    heading = (number - 1) * (360 / ORIENTATIONS)
+    heading = (number - 1) * (360 / orientations_of(sprites))
     found = []
     for sprite in sprites.itertuples():
         key = int(sprite.track_id), int(sprite.frame) + 1
@@ -56,9 +57,9 @@ def following(
 
 def outlines(sprites: pd.DataFrame, store: CutoutStore) -> list[Floats]:
     """The hull (k, 2) of every sprite, px from the mass centre at the drawn size: ahead, left."""
-    found = []
+    found, count = [], orientations_of(sprites)
     for number, row in enumerate(sprites.itertuples()):
-        cutout = store[number * ORIENTATIONS]
+        cutout = store[number * count]
         solid = np.argwhere(cutout.pixels[..., -1] >= _SOLID)[:, ::-1].astype(np.float32)
         hull = cv2.convexHull(solid)[:, 0].astype(float)
         offset = hull + np.array([cutout.x0_px - row.x_px, cutout.y0_px - row.y_px])

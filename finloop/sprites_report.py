@@ -8,10 +8,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.features_report import table1
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
-from finloop.sprites import SECTOR_DEG, Choice
+from finloop.sprites import Choice
 from finloop.sprites_pick import SIDES, STILL, Look, closure, cycle_heading, steps
 from finloop.sprites_turn import Placed
 
@@ -21,11 +21,13 @@ Picture = NDArray[np.uint8]
 
 def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
     """Table 1 of the sprites in all orientations; motion areas over the *clip's* largest."""
+    count = orientations_of(sprites)
     every = pd.DataFrame(
         {
-            "orientation": np.tile(np.arange(1, ORIENTATIONS + 1), len(sprites)),
-            "swimming_type": np.repeat(sprites["sequence"].map(TYPES).to_numpy(), ORIENTATIONS),
-            "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), ORIENTATIONS),
+            "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
+            "orientations": count,
+            "swimming_type": np.repeat(sprites["sequence"].map(TYPES).to_numpy(), count),
+            "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
         }
     )
     table = table1(every)
@@ -50,7 +52,7 @@ def numbers(
     picked = sprites[["track_id", "frame"]].drop_duplicates()
     result: dict[str, float] = {
         "sprites": len(sprites),
-        "pictures": len(sprites) * ORIENTATIONS,
+        "pictures": len(sprites) * orientations_of(sprites),
         "picked_of_fish_frames_pct": 100 * len(picked) / len(table),
         "picked_of_film_frames_pct": 100 * picked["frame"].nunique() / frames,
         "tracks_used": sprites["track_id"].nunique(),
@@ -117,18 +119,20 @@ def contact_sheet(
 ) -> Picture:
     """Every step of each sequence in orientation 1, then all orientations of the strongest bend.
 
-    `pictures` gives row sprite · 24 + orientation − 1 of sprites.arrow. The cross is the pivot.
+    `pictures` gives row sprite · orientations + orientation − 1 of sprites.arrow. A cross marks the
+    pivot.
     """
+    count = orientations_of(sprites)
     reach = 1 + max(
-        _reach(pictures(row.sprite * ORIENTATIONS + o), row)
+        _reach(pictures(row.sprite * count + o), row)
         for row in sprites.itertuples()
-        for o in (0, ORIENTATIONS // 4)
+        for o in (0, count // 4)
     )
     bands = []
     for word, rows in sprites.groupby("sequence", sort=False):
         tiles = [
             _tile(
-                pictures(row.sprite * ORIENTATIONS), row, reach, size,
+                pictures(row.sprite * count), row, reach, size,
                 f"{word} {row.step} {row.phase}",
                 f"{row.track_id}:{row.frame} a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg",
             )
@@ -140,10 +144,10 @@ def contact_sheet(
         _rows(
             [
                 _tile(
-                    pictures(row.sprite * ORIENTATIONS + o), row, reach, size,
-                    f"orientation {o + 1}", f"{o * SECTOR_DEG:.0f} deg",
+                    pictures(row.sprite * count + o), row, reach, size,
+                    f"orientation {o + 1}", f"{o * 360 / count:.0f} deg",
                 )
-                for o in range(ORIENTATIONS)
+                for o in range(count)
             ],
             columns,
         )

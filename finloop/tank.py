@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate_edit import FRAME, SPRITE
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.table import lists_to_array
 
 Floats = NDArray[np.floating]
@@ -119,12 +119,12 @@ def _cast(
     row, axis = np.where(drawn, 0, source), np.zeros(len(edit))
     mirrored = np.zeros(len(edit), bool)
     if drawn.any():
-        which = sprites.iloc[source[drawn] // ORIENTATIONS]
+        count = orientations_of(sprites)
+        which = sprites.iloc[source[drawn] // count]
         rows = pd.Series(np.arange(len(tracks)), pd.MultiIndex.from_frame(tracks[_KEY]))
         row[drawn] = rows.loc[pd.MultiIndex.from_frame(which[_KEY])].to_numpy()
         axis[drawn], mirrored[drawn] = which["heading_deg"], which["mirrored"]
-        sector = 360 / ORIENTATIONS
-        turn[drawn] += source[drawn] % ORIENTATIONS * sector - axis[drawn]
+        turn[drawn] += source[drawn] % count * (360 / count) - axis[drawn]
     return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
 
 

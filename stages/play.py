@@ -20,7 +20,7 @@ import finloop
 from finloop.animate_edit import FRAME, HYBRID, MODES, SPRITE
 from finloop.animate_pictures import apart
 from finloop.extract_table import tracks_schema
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.picture import load_picture
 from finloop.files.scene import load_scene
 from finloop.files.table import load_table
@@ -49,7 +49,7 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     with bring(p) as brought:
         pictures, most = brought.pictures, ALIKE * float(np.median(brought.natural))
         sprites = pictures.sprites
-        centres = sprites.loc[sprites.index.repeat(ORIENTATIONS), places]
+        centres = sprites.loc[sprites.index.repeat(orientations_of(sprites)), places]
         gallery = Gallery(
             {
                 FRAME: Shelf(pictures.film, tracks[places].to_numpy()),

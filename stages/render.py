@@ -13,7 +13,7 @@ from finloop.animate_edit import FRAME, SPRITE, Goal
 from finloop.extract_table import tracks_schema
 from finloop.files.atomic import whole_folder
 from finloop.files.edit_list import load_edit
-from finloop.files.gallery import PLACE, open_gallery
+from finloop.files.gallery import open_gallery
 from finloop.files.goals import load_goals
 from finloop.files.movie import Movie, Mp4Writer, WebpWriter
 from finloop.files.picture import load_picture, save_figure, save_picture
@@ -109,7 +109,7 @@ def main() -> None:
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
     edit, goals = load_edit(ANIMATE, p.mode, "render"), load_goals(ANIMATE / "goals.json")
     drawn = SPRITE in {*edit["kind"], *edit["partner_kind"]}
-    table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES, PLACE) if drawn else None
+    table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES) if drawn else None
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
     with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
         half_px = round(0.75 * scene.typical_length_px)

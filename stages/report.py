@@ -36,7 +36,7 @@ SOURCES = {
 TANK = Path("data/tank/tank.html")
 TABLES = {  # by chapter
     "filmed": (
-        ("features/table1.csv", "Table 1: the film's fish in 24 orientations"),
+        ("features/table1.csv", "Table 1: the film's fish in every orientation"),
         ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),
     "curves": (

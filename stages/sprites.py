@@ -1,4 +1,4 @@
-"""Stage `sprites`: a few frames of the film become sprites in 24 orientations, and an atlas."""
+"""Stage `sprites`: a few frames of the film become sprites in all orientations, and an atlas."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -11,7 +11,7 @@ import pandas as pd
 
 from finloop import sprites_atlas as atlas
 from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, ORIENTATIONS
+from finloop.features import FEATURES, orientations_of
 from finloop.files.atomic import whole_folder
 from finloop.files.cutouts import CutoutWriter, open_cutouts
 from finloop.files.picture import save_picture
@@ -86,7 +86,7 @@ def main() -> None:
         where = pd.Series(tracks.index, pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]))
         with (
             whole_folder(FOLDER) as folder,
-            progress("sprites", ORIENTATIONS * len(sprites), "pictures") as advance,
+            progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow") as writer:

@@ -21,6 +21,7 @@ TINY_CARP = [
     "clip.body_length_px=70",
     "clip.colour=false",
     "clip.seed=4",  # a film with a turn
+    "features.orientations=20",
     "bpn.epochs=5",
     "bpn.block_s=0.6",
     "animate.seconds=2",

@@ -20,10 +20,12 @@ from finloop.animate_sprites import Sprites, arrange, plan_turn
 from finloop.animate_tank import in_sight, inside, place_goals, tank
 from finloop.distance import BODY
 from finloop.errors import FinloopError
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import wrap_deg
 from finloop.features_type import LEFT, RIGHT
 from finloop.files.table import load_table, save_table
 from finloop.loops_graph import loop_graph
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE, DELTA, LENGTH = 25.0, 5, 40.0
 TOUCH, HEAD = 0.5 * LENGTH, 0.4 * LENGTH
@@ -103,6 +105,7 @@ def sprites() -> pd.DataFrame:
                     "forward": 0.08,
                     "sideways": 0.0,
                     "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
+                    "orientations": ORIENTATIONS,
                 }
             )
     return pd.DataFrame(rows)

@@ -40,10 +40,12 @@ from finloop.animate_players import frame_hulls, players, reach
 from finloop.animate_step import bearing, touches
 from finloop.animate_tank import inside, tank
 from finloop.distance import BODY, FILM
-from finloop.features import ORIENTATIONS, wrap_deg
+from finloop.features import wrap_deg
 from finloop.files.table import load_table, save_table
 from finloop.gateways import GATEWAYS
 from finloop.loops_graph import goes_on, loop_graph
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 SPEED = 2.0  # body lengths/s
 STEP = SPEED * LENGTH / RATE  # px per tick

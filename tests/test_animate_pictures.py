@@ -18,9 +18,11 @@ from finloop.animate_pictures import (
     without_ghosts,
 )
 from finloop.distance import SPAN, distance, film_rows, picture
-from finloop.features import ORIENTATIONS, orientation, wrap_deg
+from finloop.features import orientation, wrap_deg
 from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
 from finloop.sprites_pictures import following, outlines, pictures
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 LENGTH = 40.0
 
@@ -58,7 +60,7 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
     turn = np.append(wrap_deg(np.diff(table["heading_deg"])), 0.0)
     picked = table.iloc[rows].assign(
         sequence="straight", step=np.arange(len(rows)), mirrored=False, scale=1.0,
-        turn_deg=turn[rows],
+        turn_deg=turn[rows], orientations=ORIENTATIONS,
     )  # fmt: skip
     with CutoutWriter(folder / "sprites.arrow") as writer:
         for row in picked.itertuples():
@@ -96,7 +98,7 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
             rotation = wrap_deg(heading - shown.features["heading_deg"][number])
             rows.append((kind, int(shown.cutout[number]), float(rotation), 1.0, heading))
         else:
-            sector = int(orientation(np.array(heading)))
+            sector = int(orientation(np.array(heading), ORIENTATIONS))
             rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
             rows.append((kind, number * ORIENTATIONS + sector - 1, rest, 1.0, heading))
     table = pd.DataFrame(rows, columns=["kind", "source", "rotation_deg", "scale", "heading_deg"])

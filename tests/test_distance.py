@@ -8,9 +8,10 @@ import pandas as pd
 import pytest
 
 from finloop.distance import SPAN, centred, distance, steps
-from finloop.features import ORIENTATIONS
 from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
 from finloop.sprites_pictures import following, outlines, pictures
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 SIZE = 64
 
@@ -100,6 +101,7 @@ def sprites_of(folder: Path, table: pd.DataFrame, frames: list[int]) -> pd.DataF
     picked = table.iloc[frames].assign(
         sequence="straight", step=np.arange(len(frames)), mirrored=False, scale=1.0,
         turn_deg=np.append(np.diff(table["heading_deg"]), 0.0)[frames],
+        orientations=ORIENTATIONS,
     )  # fmt: skip
     with CutoutWriter(folder / "sprites.arrow") as writer:
         for frame in frames:

@@ -47,8 +47,8 @@ def test_every_value_is_allowed():
         for overrides in [list(experiment(name).runs(name).values())[-1]]:
             composed(overrides)
     runs = experiment("orientations").runs("orientations")
-    assert list(runs)[:2] == ["orientations-body-0.7", "orientations-body-1.0"]
-    assert runs["orientations-film-1.0"] == ["distance.pose=film", "loops.threshold=1.0"]
+    assert list(runs)[:2] == ["orientations-12-film", "orientations-12-body"]
+    assert runs["orientations-48-film"] == ["features.orientations=48", "distance.pose=film"]
 
 
 GOOD = {

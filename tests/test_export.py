@@ -24,7 +24,7 @@ from finloop.errors import FinloopError
 from finloop.export import READABLE, Alone, cut_out, cycle, readable, way
 from finloop.export_tracks import Poses, poses
 from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES, ORIENTATIONS
+from finloop.features import FEATURES
 from finloop.files.cutouts import Cutout, CutoutWriter
 from finloop.files.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.files.poses import save_poses
@@ -33,6 +33,8 @@ from finloop.files.table import save_table
 from finloop.files.video import VideoFacts, save_facts
 from finloop.render import Box, Gallery, Painter, Placed, Shelf, Turned, picture
 from finloop.sprites import SPRITES
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = Fraction(2807, 100)
 HEIGHT, WIDTH = 90, 121
@@ -148,7 +150,7 @@ def sprite_table(steps=3):
     numbers = {column.name: 0.0 for column in SPRITES.columns} | {
         "sprite": np.arange(count), "sequence": words, "step": np.tile(np.arange(steps), 4),
         "phase": "cycle", "track_id": 5, "frame": 70 + np.arange(count), "mirrored": False,
-        "scale": 1.2, "x_px": 50.0, "y_px": 40.0,
+        "scale": 1.2, "x_px": 50.0, "y_px": 40.0, "orientations": ORIENTATIONS,
     }  # fmt: skip
     return pd.DataFrame(numbers, index=range(count))
 
@@ -368,7 +370,7 @@ def folder(tmp_path, monkeypatch):
     features = pd.DataFrame({column.name: 0.0 for column in FEATURES.columns}, index=frame)
     features = features.assign(
         track_id=5, frame=frame, head_x_px=x + 10, head_y_px=40.0, head_confidence=0.9,
-        orientation=1, swimming_type=0,
+        orientation=1, orientations=ORIENTATIONS, swimming_type=0,
     )  # fmt: skip
     save_table(data / "features/features.parquet", features, FEATURES)
     sprites = sprite_table()

@@ -23,7 +23,6 @@ from finloop import features_area
 from finloop.errors import FinloopError
 from finloop.features import (
     FEATURES,
-    ORIENTATIONS,
     Settings,
     delta_frames,
     features,
@@ -47,8 +46,12 @@ from finloop.features_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
 from finloop.files.picture import load_picture, save_figure
 from finloop.files.table import load_table, save_table
 
+ORIENTATIONS = 24  # conf/features/default.yaml
+
 RATE = 25.0
-SETTINGS = Settings(delta_s=0.2, turn_threshold_deg=16.0, bend_threshold=0.04, release=0.5)
+SETTINGS = Settings(
+    delta_s=0.2, turn_threshold_deg=16.0, bend_threshold=0.04, release=0.5, orientations=24
+)
 LENGTH = 60.0
 POINTS = 33
 WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt there
@@ -118,14 +121,17 @@ def shuffled(lines, width, rng):
      (90, 7), (180, 13), (-179.9, 13), (-90, 19), (172.4, 12), (-172.4, 14)],
 )  # fmt: skip
 def test_orientation_numbers(degrees, number):
-    assert orientation(np.array([degrees])) == [number]
+    assert orientation(np.array([degrees]), ORIENTATIONS) == [number]
 
 
-def test_every_orientation_is_15_degrees_wide():
-    fine = np.arange(-179.95, 180, 0.1)
-    assert np.array_equal(np.unique(orientation(fine)), np.arange(1, ORIENTATIONS + 1))
-    assert np.all(np.bincount(orientation(fine))[1:] == 150)
-    assert np.all(orientation(wrap_deg(fine + 15)) == orientation(fine) % ORIENTATIONS + 1)
+@pytest.mark.parametrize("count", [4, 10, 24, 36, 120])
+def test_every_orientation_is_as_wide_and_they_go_round(count):
+    fine, sector = np.arange(-179.95, 180, 0.1), 360 / count
+    number = orientation(fine, count)
+    assert number.min() == 1 and number.max() == count
+    assert np.all(np.bincount(number)[1:] == 3600 / count)
+    assert np.abs(wrap_deg(fine - (number - 1.0) * sector)).max() <= sector / 2
+    assert np.all(orientation(wrap_deg(fine + sector), count) == number % count + 1)
 
 
 def test_wrapping():
@@ -582,6 +588,7 @@ def toy_table():
             "track_id": [0, 0, 0, 0, 1, 1, 1, 1, 1, 1],
             "frame": [0, 1, 2, 3, 0, 1, 2, 3, 4, 5],
             "orientation": np.int8([1, 1, 1, 1, 1, 7, 7, 7, 7, 7]),
+            "orientations": ORIENTATIONS,
             "swimming_type": np.int8([0, 0, 1, 1, -1, 0, 0, 0, -1, -1]),
             "motion_area": [0.01, 0.02, 0.04, 0.08, 0.05, 0.01, 0.01, 0.01, 0.1, 0.02],
         }
@@ -610,6 +617,7 @@ def test_table_1_sums_to_100(seed):
     many = pd.DataFrame(
         {
             "orientation": rng.integers(1, 25, 90 + seed),
+            "orientations": ORIENTATIONS,
             "swimming_type": rng.integers(-1, 2, 90 + seed),
             "motion_area": rng.random(90 + seed),
         }
@@ -873,7 +881,7 @@ def test_the_stage_makes_its_table_and_reports(here):
     assert metrics["truth_head_tail_swaps"] == 0
     assert all(isinstance(number, int | float) for number in metrics.values())
     csv = pd.read_csv(report / "table1.csv")
-    assert csv["orientation"].tolist() == list(range(1, 25))
+    assert csv["orientation"].tolist() == list(range(1, 21))
     assert csv["amount_pct"].sum() == pytest.approx(100, abs=0.01)
     assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(90))
     sheet = load_picture(report / "contact_sheet.png")

@@ -40,6 +40,8 @@ from finloop.gateways_plots import contact_sheet, pairs, spread
 from finloop.sprites import SPRITES, drawn
 from finloop.sprites_pictures import following, pictures
 
+ORIENTATIONS = 24  # conf/features/default.yaml
+
 RATE, LENGTH, SIZE, FRAMES = 20.0, 60.0, 48, 60
 SETTINGS = Settings(top_in=12, top_out=3, threshold=1.2, apart_s=0.2, least_s=0.5)
 
@@ -85,7 +87,8 @@ def feature_table():
         rows.append((track, frame, 10 + frame + x, 20 + y, heading))
     table = pd.DataFrame(rows, columns=["track_id", "frame", "x_px", "y_px", "heading_deg"])
     table["heading_deg"] = table["heading_deg"].astype(np.float32)
-    table["orientation"] = orientation(table["heading_deg"].to_numpy())
+    table["orientation"] = orientation(table["heading_deg"].to_numpy(), ORIENTATIONS)
+    table["orientations"] = ORIENTATIONS
     table["body_length_px"] = LENGTH
     table = table.reindex(columns=[column.name for column in FEATURES.columns], fill_value=0)
     return table.astype({column.name: column.dtype for column in FEATURES.columns}), cutouts
@@ -104,7 +107,7 @@ def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
             "mirrored": mirrored, "x_px": of["x_px"].to_numpy(), "y_px": of["y_px"].to_numpy(),
             "heading_deg": wrap_deg(heading), "head_offset_deg": side * off, "scale": 1.0,
             "motion_area_rel": 0.1, "bend": 0.0, "forward": 0.0, "sideways": 0.0,
-            "turn_deg": side * wrap_deg(after - off - heading),
+            "turn_deg": side * wrap_deg(after - off - heading), "orientations": ORIENTATIONS,
         }
     )  # fmt: skip
 

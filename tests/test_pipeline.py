@@ -10,6 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import psutil
 import pytest
 import yaml
@@ -153,6 +154,23 @@ def test_a_run_leaves_only_numbers_to_git(first_run: Copy):
     assert repo.git("ls-files", ".dvc/plots_page.html")  # a temporary experiment has it too
     for word in GROUPS:
         assert json.loads(repo.text(f"reports/{word}/metrics.json"))
+
+
+def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):
+    data = first_run.root / "data"
+    sprites = pd.read_parquet(data / "sprites/sprites.parquet")
+    assert set(sprites["orientations"]) == {20}
+    names = json.loads((data / "sprites/atlas-0.json").read_text())["animations"]
+    assert {name.split("/")[1] for name in names} == {f"{one:02d}" for one in range(1, 21)}
+    table1 = pd.read_csv(first_run.root / "reports/features/table1.csv")
+    assert table1["orientation"].tolist() == list(range(1, 21))
+    edit = pd.read_parquet(data / "animate/nn.parquet")
+    assert set(edit["kind"]) == {"sprite"}
+    assert edit["rotation_deg"].abs().between(0, 9).all() and edit["source"].max() % 20 > 0
+    off = edit["source"] % 20 * 18 + edit["rotation_deg"] - edit["heading_deg"]
+    assert ((off + 180) % 360 - 180).abs().max() < 1e-3
+    shown = pd.read_parquet(data / "export/hybrid.parquet")["atlas"].dropna()
+    assert len(shown) and set(shown) <= {frame for frames in names.values() for frame in frames}
 
 
 def test_with_nothing_to_do_no_stage_runs(first_run: Copy):

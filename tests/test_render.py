@@ -795,7 +795,11 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     numbers = {column.name: 0 for column in SPRITES.columns if column.dtype != "string"}
     table = pd.DataFrame({"sequence": "straight", "phase": "cycle", **numbers}, index=range(2))
     table = table.assign(
-        sprite=[0, 1], mirrored=False, x_px=own[0] + 7.0, y_px=own[1] + 9 + np.array([0.0, 5.0])
+        sprite=[0, 1],
+        orientations=24,
+        mirrored=False,
+        x_px=own[0] + 7.0,
+        y_px=own[1] + 9 + np.array([0.0, 5.0]),
     )
     save_table(folder / "data/sprites/sprites.parquet", table, SPRITES)
     edited(

@@ -21,7 +21,7 @@ import stages.sprites
 from finloop import sprites_atlas, sprites_pick
 from finloop.errors import FinloopError
 from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES, ORIENTATIONS, features, wrap_deg
+from finloop.features import FEATURES, features, wrap_deg
 from finloop.features import Settings as FeatureSettings
 from finloop.features_report import table1
 from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
@@ -61,6 +61,8 @@ from finloop.sprites_report import (
     table1_after,
 )
 from finloop.sprites_turn import Placed, aligned, reflection, rotation, trimmed, turned
+
+ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = 25.0
 POINTS = 33
@@ -159,7 +161,7 @@ def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
             [np.cos(np.radians(heading)), -np.sin(np.radians(heading))]
         )
     tracks = pd.DataFrame(rows)
-    table, _ = features(tracks, RATE, FeatureSettings(0.2, 16.0, 0.04, 0.5))
+    table, _ = features(tracks, RATE, FeatureSettings(0.2, 16.0, 0.04, 0.5, ORIENTATIONS))
     return Film(tracks, table, cutouts)
 
 
@@ -672,6 +674,15 @@ def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
         off = wrap_deg(np.array(tilt(one) - 15 * number))
         assert abs(off) < 1.5, number + 1
         np.testing.assert_allclose(centre(one), [slide["x_px"], slide["y_px"]], atol=0.1)
+
+
+@pytest.mark.parametrize("count", [5, 36])
+def test_there_can_be_fewer_and_more_orientations(toy, sprites, count):
+    row = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
+    made = [placed(one) for one in drawn(row, source(toy))]
+    assert len(made) == count
+    for number, one in enumerate(made):
+        assert abs(wrap_deg(np.array(tilt(one) - number * 360 / count))) < 1.5, number + 1
 
 
 def test_pictures_come_in_order(sprites, pictures):

@@ -80,6 +80,7 @@ def toy(bends=(0.9, -0.5), backwards=(False, True)):
 
 SPRITE = pd.DataFrame({
     "track_id": [3, 3], "frame": [0, 1], "heading_deg": [10.0, -25.0], "mirrored": [False, True],
+    "orientations": 24,
 })  # fmt: skip
 
 

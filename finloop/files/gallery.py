@@ -8,11 +8,11 @@ import pandas as pd
 
 from finloop.animate_edit import FRAME, SPRITE
 from finloop.errors import FinloopError
-from finloop.features import ORIENTATIONS
+from finloop.features import orientations_of
 from finloop.files.cutouts import open_cutouts
 from finloop.render import Gallery, Shelf
 
-PLACE = ["x_px", "y_px"]
+_PLACE = ["x_px", "y_px"]
 
 
 @contextmanager
@@ -26,7 +26,7 @@ def open_gallery(
     cutouts, sprites
         The two stores.
     tracks, table
-        Their tables, of which x_px, y_px are used: a row per cut-out, a row per sprite.
+        Their tables: x_px, y_px of every cut-out; the same and orientations of every sprite.
 
     Raises
     ------
@@ -37,7 +37,7 @@ def open_gallery(
         centres = {FRAME: tracks}
         stores = {FRAME: stack.enter_context(open_cutouts(cutouts))}
         if table is not None:
-            centres[SPRITE] = table.loc[table.index.repeat(ORIENTATIONS)]
+            centres[SPRITE] = table.loc[table.index.repeat(orientations_of(table))]
             stores[SPRITE] = stack.enter_context(open_cutouts(sprites))
         for kind, store in stores.items():
             if len(store) != len(centres[kind]):
@@ -47,5 +47,5 @@ def open_gallery(
                     "make both again: `dvc repro --force extract sprites`",
                 )
         yield Gallery(
-            {kind: Shelf(store, centres[kind][PLACE].to_numpy()) for kind, store in stores.items()}
+            {kind: Shelf(store, centres[kind][_PLACE].to_numpy()) for kind, store in stores.items()}
         )

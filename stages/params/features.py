@@ -16,6 +16,7 @@ class Features:
     turn_threshold_deg: Positive
     bend_threshold: Positive
     release: Annotated[float, Field(gt=0, le=1)]
+    orientations: Annotated[int, Field(ge=4, le=120)]
 
 
 OPTIONS = {"default": Features}
