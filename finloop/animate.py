@@ -14,7 +14,7 @@ from finloop.animate_motion import STATES, TURN, Motion
 from finloop.animate_nn import Fish, Stretch
 from finloop.animate_sprites import Sprites
 from finloop.animate_tank import Tank, goal_name
-from finloop.features import orientation, wrap_deg
+from finloop.features import direction_deg, orientation, wrap_deg
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
 
@@ -242,7 +242,7 @@ def drawn(shown: Shown, heading: Floats, cast: Cast) -> dict[str, NDArray[np.gen
     """The columns kind, source, rotation_deg, scale of an edit list."""
     count = cast.order.orientations
     sector = orientation(heading, count)
-    residual = wrap_deg(heading - (sector - 1) * (360 / count))
+    residual = wrap_deg(heading - direction_deg(sector, count))
     sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
     oriented = sprite * count + sector - 1
     return {

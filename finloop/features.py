@@ -83,6 +83,11 @@ def orientation(heading_deg: NDArray[np.floating], orientations: int) -> NDArray
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
+def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> NDArray[np.float64]:
+    """The heading in [0, 360) that an orientation, 1 … orientations, is centred on."""
+    return (np.asarray(number, float) - 1) * (360 / orientations)
+
+
 def orientations_of(table: pd.DataFrame) -> int:
     """How many orientations a table of features, or of sprites, tells apart."""
     return int(table["orientations"].iloc[0])

@@ -10,7 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from finloop.features import orientations_of
+from finloop.features import direction_deg, orientations_of
 from finloop.features_area import closed_spline, control_points
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
 
@@ -77,7 +77,7 @@ def rose(features: pd.DataFrame) -> Figure:
     count = orientations_of(features)
     figure = Figure(figsize=(6, 6), layout="constrained")
     axes = figure.add_subplot(projection="polar")
-    angle = 2 * np.pi / count * np.arange(count)
+    angle = np.radians(direction_deg(np.arange(1, count + 1), count))
     base = np.zeros(count)
     for code, (word, colour) in TYPES.items():
         of_kind = features.loc[features["swimming_type"] == code, "orientation"]

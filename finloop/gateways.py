@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from finloop.distance import BODY, film_pictures, picture
 from finloop.errors import FinloopError
-from finloop.features import orientations_of, wrap_deg
+from finloop.features import direction_deg, orientations_of, wrap_deg
 from finloop.files.cutouts import CutoutStore
 from finloop.files.table import Column, Schema
 from finloop.sprites_pictures import following, pictures
@@ -100,7 +100,7 @@ def nearness(
         ahead_deg, shown_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
     else:
         orientation = features["orientation"].to_numpy()
-        pose_deg = (orientation - 1.0) * (360 / orientations_of(features))
+        pose_deg = direction_deg(orientation, orientations_of(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
         shown_deg = np.zeros(len(sprites))
     ahead, shown = np.empty((2, len(sprites), len(features)))

@@ -11,7 +11,7 @@ from scipy.optimize import isotonic_regression
 
 from finloop import sprites_pick as pick
 from finloop.errors import FinloopError
-from finloop.features import orientations_of, wrap_deg
+from finloop.features import direction_deg, orientations_of, wrap_deg
 from finloop.files.cutouts import Cutout, CutoutStore
 from finloop.files.table import Column, Schema
 from finloop.sprites_pick import SIDES, WORDS, Stretch, smooth
@@ -302,10 +302,9 @@ def drawn(sprites: pd.DataFrame, source: Callable[[int, int], Cutout]) -> Iterat
     for row in sprites.itertuples():
         cutout = source(row.track_id, row.frame)
         mirror = row.heading_deg if row.mirrored else None
-        for number in range(row.orientations):
+        for ahead in direction_deg(np.arange(1, row.orientations + 1), row.orientations):
             one = turned(
-                placed(cutout), row.x_px, row.y_px,
-                number * (360 / row.orientations) - row.heading_deg,
+                placed(cutout), row.x_px, row.y_px, float(ahead) - row.heading_deg,
                 mirror_axis_deg=mirror,
             )  # fmt: skip
             yield Cutout(row.track_id, row.frame, one.x0_px, one.y0_px, one.pixels)

@@ -6,7 +6,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.distance import film_rows, picture
-from finloop.features import orientations_of
+from finloop.features import direction_deg, orientations_of
 from finloop.files.cutouts import CutoutStore
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
@@ -37,7 +37,7 @@ def following(
     """
     rows = film_rows(film)
     places = features.set_index(["track_id", "frame"])[["x_px", "y_px"]]
-    heading = (number - 1) * (360 / orientations_of(sprites))
+    heading = float(direction_deg(number, orientations_of(sprites)))
     found = []
     for sprite in sprites.itertuples():
         key = int(sprite.track_id), int(sprite.frame) + 1

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.features import orientations_of
+from finloop.features import direction_deg, orientations_of
 from finloop.features_report import table1
 from finloop.features_type import LEFT, RIGHT, STRAIGHT
 from finloop.sprites import Choice
@@ -145,7 +145,7 @@ def contact_sheet(
             [
                 _tile(
                     pictures(row.sprite * count + o), row, reach, size,
-                    f"orientation {o + 1}", f"{o * 360 / count:.0f} deg",
+                    f"orientation {o + 1}", f"{direction_deg(o + 1, count):.0f} deg",
                 )
                 for o in range(count)
             ],

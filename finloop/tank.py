@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate_edit import FRAME, SPRITE
-from finloop.features import orientations_of
+from finloop.features import direction_deg, orientations_of
 from finloop.files.table import lists_to_array
 
 Floats = NDArray[np.floating]
@@ -124,7 +124,7 @@ def _cast(
         rows = pd.Series(np.arange(len(tracks)), pd.MultiIndex.from_frame(tracks[_KEY]))
         row[drawn] = rows.loc[pd.MultiIndex.from_frame(which[_KEY])].to_numpy()
         axis[drawn], mirrored[drawn] = which["heading_deg"], which["mirrored"]
-        turn[drawn] += source[drawn] % count * (360 / count) - axis[drawn]
+        turn[drawn] += direction_deg(source[drawn] % count + 1, count) - axis[drawn]
     return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
 
 

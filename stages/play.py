@@ -20,7 +20,7 @@ import finloop
 from finloop.animate_edit import FRAME, HYBRID, MODES, SPRITE
 from finloop.animate_pictures import apart
 from finloop.extract_table import tracks_schema
-from finloop.features import orientations_of
+from finloop.files.gallery import PLACE, shelves
 from finloop.files.picture import load_picture
 from finloop.files.scene import load_scene
 from finloop.files.table import load_table
@@ -28,7 +28,7 @@ from finloop.play import LiveTank
 from finloop.play_message import MOST_FISH
 from finloop.play_server import HOST, Server, bound
 from finloop.play_view import View
-from finloop.render import Gallery, Painter, Shelf
+from finloop.render import Gallery, Painter
 from stages.animate import ALIKE, DATA, bring
 from stages.params import load
 from stages.params.animate import OPTIONS
@@ -43,20 +43,12 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     """The live tank, from what the stages have made."""
     p = load("animate", OPTIONS)
     points = load_scene(DATA / "extract/scene.json").points
-    places = ["x_px", "y_px"]
-    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), places)
+    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
     painter = Painter(load_picture(DATA / "extract/background.png"))
     with bring(p) as brought:
         pictures, most = brought.pictures, ALIKE * float(np.median(brought.natural))
-        sprites = pictures.sprites
-        centres = sprites.loc[sprites.index.repeat(orientations_of(sprites)), places]
-        gallery = Gallery(
-            {
-                FRAME: Shelf(pictures.film, tracks[places].to_numpy()),
-                SPRITE: Shelf(pictures.store, centres.to_numpy()),
-            },
-            keep=PICTURES,
-        )
+        stores = {FRAME: pictures.film, SPRITE: pictures.store}
+        gallery = Gallery(shelves(stores, tracks, pictures.sprites), keep=PICTURES)
 
         def ghost(row: Any) -> bool:
             return apart(row, pictures) > most

@@ -1,6 +1,6 @@
 """The pictures that an edit list draws from, opened where the stages left them."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
@@ -9,10 +9,10 @@ import pandas as pd
 from finloop.animate_edit import FRAME, SPRITE
 from finloop.errors import FinloopError
 from finloop.features import orientations_of
-from finloop.files.cutouts import open_cutouts
+from finloop.files.cutouts import CutoutStore, open_cutouts
 from finloop.render import Gallery, Shelf
 
-_PLACE = ["x_px", "y_px"]
+PLACE = ["x_px", "y_px"]
 
 
 @contextmanager
@@ -34,18 +34,30 @@ def open_gallery(
         If a store is missing or damaged, or its table belongs to another one.
     """
     with ExitStack() as stack:
-        centres = {FRAME: tracks}
         stores = {FRAME: stack.enter_context(open_cutouts(cutouts))}
         if table is not None:
-            centres[SPRITE] = table.loc[table.index.repeat(orientations_of(table))]
             stores[SPRITE] = stack.enter_context(open_cutouts(sprites))
-        for kind, store in stores.items():
-            if len(store) != len(centres[kind]):
-                raise FinloopError(
-                    f"{len(store)} pictures of kind {kind}, but {len(centres[kind])} mass centres",
-                    "a mass centre for every picture",
-                    "make both again: `dvc repro --force extract sprites`",
-                )
-        yield Gallery(
-            {kind: Shelf(store, centres[kind][_PLACE].to_numpy()) for kind, store in stores.items()}
-        )
+        yield Gallery(shelves(stores, tracks, table))
+
+
+def shelves(
+    stores: Mapping[str, CutoutStore], tracks: pd.DataFrame, table: pd.DataFrame | None
+) -> dict[str, Shelf]:
+    """Open stores by kind, with the mass centres of their pictures; tables as for `open_gallery`.
+
+    Raises
+    ------
+    FinloopError
+        If a table belongs to another store.
+    """
+    centres = {FRAME: tracks}
+    if table is not None:
+        centres[SPRITE] = table.loc[table.index.repeat(orientations_of(table))]
+    for kind, store in stores.items():
+        if len(store) != len(centres[kind]):
+            raise FinloopError(
+                f"{len(store)} pictures of kind {kind}, but {len(centres[kind])} mass centres",
+                "a mass centre for every picture",
+                "make both again: `dvc repro --force extract sprites`",
+            )
+    return {kind: Shelf(store, centres[kind][PLACE].to_numpy()) for kind, store in stores.items()}
