@@ -17,8 +17,8 @@ import pandas as pd
 
 from benchmarks.pipeline import prepare, stage
 from benchmarks.speed import paired
-from finloop.animate import Player, random_goals
-from finloop.animate_edit import Goal
+from finloop.animate.edit_list import Goal
+from finloop.animate.swim import Player, random_goals
 from stages.animate import bring
 from stages.params import load
 from stages.params.animate import OPTIONS

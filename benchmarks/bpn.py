@@ -14,7 +14,7 @@ import yaml
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired
-from finloop.bpn_train import Learning, forward, new_weights, train
+from finloop.bpn.train import Learning, forward, new_weights, train
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
 PEER_EPOCHS = 10  # autograd is slow; both sides of its pair run this many

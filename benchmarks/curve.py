@@ -16,11 +16,11 @@ from scipy.sparse import csr_array
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired, timed
-from finloop.curve_dynamics import solve
-from finloop.curve_filters import CUBIC
-from finloop.curve_problem import How, Material, Problem
-from finloop.curve_stiffness import off_diagonal, stiffness, stiffness_phi
-from finloop.curve_wavelet import back, forward
+from finloop.curve.dynamics import solve
+from finloop.curve.filters import CUBIC
+from finloop.curve.problem import How, Material, Problem
+from finloop.curve.stiffness import off_diagonal, stiffness, stiffness_phi
+from finloop.curve.wavelet import back, forward
 
 CURVES, POINTS, LEVELS = 1000, 1024, 6
 LARGE, LIMIT_S = 4096, 0.1

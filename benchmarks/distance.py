@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired, timed
-from finloop.distance_map import (
+from finloop.distance.map import (
     about_mean,
     bands,
     computed,

@@ -20,11 +20,11 @@ import pandas as pd
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import timed
-from finloop.curve import Curve
-from finloop.curve_glyph import glyph
-from finloop.morph_folds import folds
-from finloop.morph_linear import linear, physical
-from finloop.morph_simple import path_length, simple_morph
+from finloop.curve.contour import Curve
+from finloop.curve.glyph import glyph
+from finloop.morph.folds import folds
+from finloop.morph.linear import linear, physical
+from finloop.morph.simple import path_length, simple_morph
 
 FRAMES, POINTS = 60 + 2, 256
 ELASTIC, DAMPING, MASS = 0.1, 4.0, 1.0

@@ -23,10 +23,10 @@ from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.animate_edit import HYBRID
-from finloop.play_message import SetGoal
-from finloop.play_server import Host, Server, bound
-from finloop.play_view import View
+from finloop.animate.edit_list import HYBRID
+from finloop.live.message import SetGoal
+from finloop.live.server import Host, Server, bound
+from finloop.live.view import View
 from stages.play import PAGE, opened
 
 FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000

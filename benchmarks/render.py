@@ -17,16 +17,16 @@ import pandas as pd
 
 from benchmarks.pipeline import ROOT, prepare, stage
 from benchmarks.speed import paired, timed
-from finloop.animate_edit import Goal
-from finloop.extract_table import tracks_schema
-from finloop.files.cutouts import open_cutouts
-from finloop.files.movie import Movie, Mp4Writer, WebpWriter
-from finloop.files.picture import load_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table
-from finloop.files.video import THREADS
-from finloop.render import Gallery, Painter, Placed, Shelf
-from finloop.render_marks import COLOURS, Marks
+from finloop.animate.edit_list import Goal
+from finloop.extract.table import tracks_schema
+from finloop.io.cutouts import open_cutouts
+from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.picture import load_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table
+from finloop.io.video import THREADS
+from finloop.render.marks import COLOURS, Marks
+from finloop.render.painter import Gallery, Painter, Placed, Shelf
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
 TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)

@@ -24,17 +24,17 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.carp import CarpFilm, film
-from finloop.extract import Detector, Settings, detected, rows, survey, tracks
-from finloop.extract_backbone import trace
-from finloop.extract_segment import silhouettes
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, features
-from finloop.features import Settings as FeatureSettings
-from finloop.files.cutouts import Cutout, CutoutWriter
-from finloop.files.table import TableWriter, load_table, save_table
-from finloop.files.video import KEY_FRAME_EVERY, load_facts, read_frames
-from finloop.files.wheel import cache_folder, zebrafish_clips
+from finloop.drawn.carp.film import CarpFilm, film
+from finloop.extract.backbone import trace
+from finloop.extract.film import Detector, Settings, detected, rows, survey, tracks
+from finloop.extract.segment import silhouettes
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES, features
+from finloop.features.table import Settings as FeatureSettings
+from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.table import TableWriter, load_table, save_table
+from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
+from finloop.io.wheel import cache_folder, zebrafish_clips
 from finloop.parallel import warm_up
 from stages.extract import WORKERS_NEED, batches, sample
 from stages.run import THREADS

@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.files.movie import Mp4Writer
-from finloop.files.picture import load_picture
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.tank_camera import PRESETS, TOUR, Room, views
-from finloop.tank_display import choose_window
-from finloop.tank_scene import Scene
+from finloop.io.movie import Mp4Writer
+from finloop.io.picture import load_picture
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.tank.camera import PRESETS, TOUR, Room, views
+from finloop.tank.display import choose_window
+from finloop.tank.scene import Scene
 from stages.params import load
 from stages.params.tank import OPTIONS
 from stages.tank import DATA, EXTRACT, opened

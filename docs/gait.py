@@ -3,12 +3,12 @@
 from pathlib import Path
 
 from benchmarks.pipeline import ROOT
-from finloop.files.gait import load_gait
-from finloop.files.picture import save_picture
-from finloop.files.svg import load_svg
-from finloop.gait_transfer import transfer
-from finloop.morph_layers import Morph
-from finloop.morph_plots import sheet
+from finloop.gait.transfer import transfer
+from finloop.io.gait import load_gait
+from finloop.io.picture import save_picture
+from finloop.io.svg import load_svg
+from finloop.morph.layers import Morph
+from finloop.plots.morph import sheet
 
 FRAMES = 8
 DATA = Path(ROOT / "data")

@@ -11,7 +11,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.files.picture import load_picture, save_picture
+from finloop.io.picture import load_picture, save_picture
 
 WIDE = 960  # px
 NAMES = 42  # px of a sheet of detections, where the colours are named

@@ -11,33 +11,33 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop import animate_measures as measures
-from finloop.animate import Cast, Player, edit_list, random_goals, swim
-from finloop.animate_edit import CONSIDERED, EDIT, LOOPS, NETWORK
-from finloop.animate_film import film
-from finloop.animate_motion import learn
-from finloop.animate_pictures import SIZE, Pictures, drawn_steps, film_steps, seams, without_ghosts
-from finloop.animate_players import frame_hulls, players, reach
-from finloop.animate_plots import kinematics
-from finloop.animate_sprites import arrange
-from finloop.animate_tank import place_goals
-from finloop.distance import distance, film_rows, typical_length
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, delta_frames
-from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import open_cutouts
-from finloop.files.distances import MAP_FACTS_NAME, load_map_facts
-from finloop.files.goals import save_goals
-from finloop.files.model import load_model
-from finloop.files.picture import save_figure
-from finloop.files.scene import load_scene
-from finloop.files.table import lists_to_array, load_table, save_csv, save_table
-from finloop.files.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
-from finloop.gateways import GATEWAYS
-from finloop.loops import LOOPS as LOOPS_TABLE
-from finloop.loops_graph import loop_graph
-from finloop.sprites import SPRITES
-from finloop.sprites_pictures import following, outlines, pictures
+from finloop.animate import measures
+from finloop.animate.arena import place_goals
+from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, NETWORK
+from finloop.animate.motion import learn
+from finloop.animate.pictures import SIZE, Pictures, drawn_steps, film_steps, seams, without_ghosts
+from finloop.animate.players import frame_hulls, players, reach
+from finloop.animate.search import film
+from finloop.animate.sprites import arrange
+from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
+from finloop.distance.picture import distance, film_rows, typical_length
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES, delta_frames
+from finloop.gateways.find import GATEWAYS
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import open_cutouts
+from finloop.io.distances import MAP_FACTS_NAME, load_map_facts
+from finloop.io.goals import save_goals
+from finloop.io.model import load_model
+from finloop.io.picture import save_figure
+from finloop.io.scene import load_scene
+from finloop.io.table import lists_to_array, load_table, save_csv, save_table
+from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.loops.find import LOOPS as LOOPS_TABLE
+from finloop.loops.graph import loop_graph
+from finloop.plots.animate import kinematics
+from finloop.sprites.orient import SPRITES
+from finloop.sprites.pictures import following, outlines, pictures
 from stages.params import load
 from stages.params.animate import OPTIONS, Animate
 

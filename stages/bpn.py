@@ -7,16 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.bpn import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
-from finloop.bpn_report import assessment, figure15, held_out_figure
-from finloop.bpn_train import Learning, train
+from finloop.bpn.held_out import assessment, figure15, held_out_figure
+from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
+from finloop.bpn.train import Learning, train
 from finloop.errors import FinloopError
-from finloop.features import FEATURES, delta_of
-from finloop.files.model import save_model
-from finloop.files.onnx import save_onnx
-from finloop.files.picture import save_figure
-from finloop.files.table import load_table, save_csv
-from finloop.files.video import FACTS_NAME, load_facts
+from finloop.features.table import FEATURES, delta_of
+from finloop.io.model import save_model
+from finloop.io.onnx import save_onnx
+from finloop.io.picture import save_figure
+from finloop.io.table import load_table, save_csv
+from finloop.io.video import FACTS_NAME, load_facts
 from stages.params import load
 from stages.params.bpn import OPTIONS, Bpn
 

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from finloop.carp import CarpFilm, film
-from finloop.clip import circle_arena, psnr_db, rectangle_arena, segments_of
+from finloop.clip.normalise import circle_arena, psnr_db, rectangle_arena, segments_of
+from finloop.drawn.carp.film import CarpFilm, film
+from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
-from finloop.files.atomic import whole_folder
-from finloop.files.footage import Loss, open_footage, record
-from finloop.files.table import TableWriter
-from finloop.files.video import (
+from finloop.io.atomic import whole_folder
+from finloop.io.footage import Loss, open_footage, record
+from finloop.io.table import TableWriter
+from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
@@ -31,8 +32,7 @@ from finloop.files.video import (
     save_facts,
     save_mask,
 )
-from finloop.files.wheel import TANK_PX, cache_folder, zebrafish_clips
-from finloop.truth import TRUTH
+from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
 from stages.params import load
 from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
 

@@ -17,9 +17,9 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from finloop.compare import OBJECTIVES, Comparison, comparison, html
 from finloop.errors import FinloopError
-from finloop.files.atomic import whole_file
+from finloop.io.atomic import whole_file
+from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
 from stages.params import PARAMS, STAMP
 
 OUT = Path("reports/compare.html")

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance import film_pictures
-from finloop.distance_map import (
+from finloop.distance.map import (
     PAIRS,
     STEPS,
     MapFacts,
@@ -27,13 +26,14 @@ from finloop.distance_map import (
     step_table,
     usual_steps,
 )
-from finloop.distance_plots import figure9, picture_rows
-from finloop.features import FEATURES
-from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import CutoutStore, open_cutouts
-from finloop.files.distances import MAP_FACTS_NAME, save_map_facts
-from finloop.files.picture import save_figure
-from finloop.files.table import load_table, save_table
+from finloop.distance.picture import film_pictures
+from finloop.features.table import FEATURES
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
+from finloop.io.picture import save_figure
+from finloop.io.table import load_table, save_table
+from finloop.plots.distance import figure9, picture_rows
 from stages.params import load
 from stages.params.distance import OPTIONS
 

@@ -12,22 +12,22 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.export import READABLE, Alone, cut_out, cycle, readable, way
-from finloop.export_tracks import USED, poses
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES
-from finloop.files.atomic import whole_folder
-from finloop.files.edit_list import load_edit
-from finloop.files.gallery import open_gallery
-from finloop.files.movie import Movie
-from finloop.files.movie_alpha import AlphaWebpWriter, WebmWriter
-from finloop.files.poses import save_poses
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table, save_csv, save_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.render import Box, Gallery, Placed, placed
-from finloop.sprites import SPRITES
-from finloop.sprites_pick import SIDES, WORDS
+from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.tracks import USED, poses
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES
+from finloop.io.atomic import whole_folder
+from finloop.io.edit_list import load_edit
+from finloop.io.gallery import open_gallery
+from finloop.io.movie import Movie
+from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.poses import save_poses
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.render.painter import Box, Gallery, Placed, placed
+from finloop.sprites.orient import SPRITES
+from finloop.sprites.pick import SIDES, WORDS
 from stages.params import load
 from stages.params.export import OPTIONS, Export
 

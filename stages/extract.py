@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 
 from finloop.errors import FinloopError
-from finloop.extract import (
+from finloop.extract.background import Image, Scene, sample_size
+from finloop.extract.film import (
     Detected,
     Detector,
     Found,
@@ -25,15 +26,14 @@ from finloop.extract import (
     survey,
     tracks,
 )
-from finloop.extract_background import Image, Scene, sample_size
-from finloop.extract_picture import detections_picture
-from finloop.extract_table import SceneFacts, tracks_schema
-from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import Cutout, CutoutWriter
-from finloop.files.picture import save_picture
-from finloop.files.scene import save_scene
-from finloop.files.table import TableWriter
-from finloop.files.video import (
+from finloop.extract.sheet import detections_picture
+from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.picture import save_picture
+from finloop.io.scene import save_scene
+from finloop.io.table import TableWriter
+from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
@@ -50,7 +50,7 @@ from stages.params.extract import OPTIONS
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 LONG = 60  # frames of a long track
-WORKERS_NEED = ["finloop.extract", "finloop.files.video"]  # imported once, for all workers
+WORKERS_NEED = ["finloop.extract.film", "finloop.io.video"]  # imported once, for all workers
 
 
 def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:

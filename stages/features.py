@@ -9,9 +9,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, USED, Settings, features
-from finloop.features_plots import (
+from finloop.drawn.truth import TRUTH
+from finloop.extract.table import tracks_schema
+from finloop.features.metrics import against_truth, summary, table1
+from finloop.features.table import FEATURES, USED, Settings, features
+from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
+from finloop.plots.features import (
     Specimen,
     contact_sheet,
     figure7,
@@ -20,13 +27,6 @@ from finloop.features_plots import (
     rose,
     trajectories,
 )
-from finloop.features_report import against_truth, summary, table1
-from finloop.files.cutouts import CutoutStore, open_cutouts
-from finloop.files.picture import load_picture, save_figure, save_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table, save_csv, save_table
-from finloop.files.video import FACTS_NAME, TRUTH_NAME, load_facts
-from finloop.truth import TRUTH
 from stages.params import load
 from stages.params.features import OPTIONS
 

@@ -11,29 +11,29 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.dog import DogFilm, gammas, phases, true_gamma, truth
-from finloop.dog_draw import film, seen
+from finloop.drawn.dog.draw import film, seen
+from finloop.drawn.dog.walk import DogFilm, gammas, phases, true_gamma, truth
 from finloop.errors import FinloopError
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES
-from finloop.files.animation import save_animation
-from finloop.files.atomic import whole_folder
-from finloop.files.gait import load_gait, save_gait
-from finloop.files.movie import Mp4Writer
-from finloop.files.picture import save_figure
-from finloop.files.regions import load_regions, save_masks
-from finloop.files.scene import load_scene
-from finloop.files.svg import load_svg
-from finloop.files.table import load_table, save_csv
-from finloop.files.video import FACTS_NAME, load_facts, read_frames
-from finloop.gait_compare import CLOCKS, Comparison, compare
-from finloop.gait_cycles import of_regions, of_swim
-from finloop.gait_film import Filmed, Keys, hips, samples_of
-from finloop.gait_fit import fit, moves_of
-from finloop.gait_model import Gait
-from finloop.gait_outline import of_track, swim
-from finloop.gait_plots import figures
-from finloop.gait_transfer import repeated, transfer
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES
+from finloop.gait.compare import CLOCKS, Comparison, compare
+from finloop.gait.cycles import of_regions, of_swim
+from finloop.gait.film import Filmed, Keys, hips, samples_of
+from finloop.gait.fit import fit, moves_of
+from finloop.gait.model import Gait
+from finloop.gait.outline import of_track, swim
+from finloop.gait.transfer import repeated, transfer
+from finloop.io.animation import save_animation
+from finloop.io.atomic import whole_folder
+from finloop.io.gait import load_gait, save_gait
+from finloop.io.movie import Mp4Writer
+from finloop.io.picture import save_figure
+from finloop.io.regions import load_regions, save_masks
+from finloop.io.scene import load_scene
+from finloop.io.svg import load_svg
+from finloop.io.table import load_table, save_csv
+from finloop.io.video import FACTS_NAME, load_facts, read_frames
+from finloop.plots.gait import figures
 from stages.params import load
 from stages.params.gait import OPTIONS
 from stages.params.gait import Gait as Params

@@ -9,13 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.features import FEATURES
-from finloop.files.cutouts import open_cutouts
-from finloop.files.distances import load_map_facts
-from finloop.files.picture import save_picture
-from finloop.files.table import load_table, save_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.gateways import (
+from finloop.features.table import FEATURES
+from finloop.gateways.find import (
     GATEWAYS,
     IN,
     OUT,
@@ -25,8 +20,13 @@ from finloop.gateways import (
     nearness,
     numbers,
 )
-from finloop.gateways_plots import contact_sheet, pairs, spread
-from finloop.sprites import SPRITES
+from finloop.io.cutouts import open_cutouts
+from finloop.io.distances import load_map_facts
+from finloop.io.picture import save_picture
+from finloop.io.table import load_table, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.sprites.orient import SPRITES
 from stages.params import load
 from stages.params.gateways import OPTIONS
 

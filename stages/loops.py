@@ -10,18 +10,27 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance import film_pictures
-from finloop.distance_map import PAIRS
-from finloop.features import FEATURES
-from finloop.files.atomic import whole_file, whole_folder
-from finloop.files.cutouts import CutoutStore, open_cutouts
-from finloop.files.distances import MAP_FACTS_NAME, load_map_facts
-from finloop.files.picture import load_picture, save_figure
-from finloop.files.table import load_table, save_csv, save_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.loops import LOOPS, NoLoops, Settings, as_map, find
-from finloop.loops_graph import loop_graph, routes
-from finloop.loops_plots import (
+from finloop.distance.map import PAIRS
+from finloop.distance.picture import film_pictures
+from finloop.features.table import FEATURES
+from finloop.io.atomic import whole_file, whole_folder
+from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.distances import MAP_FACTS_NAME, load_map_facts
+from finloop.io.picture import load_picture, save_figure
+from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.loops.find import LOOPS, NoLoops, Settings, as_map, find
+from finloop.loops.graph import loop_graph, routes
+from finloop.loops.metrics import numbers
+from finloop.loops.position_table import (
+    POSITIONS,
+    far_ends,
+    position_table,
+    positions,
+    routes_table,
+    shown_ends,
+)
+from finloop.plots.loops import (
     Example,
     apart,
     best_and_worst,
@@ -29,15 +38,6 @@ from finloop.loops_plots import (
     over_tank,
     over_time,
     table_picture,
-)
-from finloop.loops_report import numbers
-from finloop.loops_table import (
-    POSITIONS,
-    far_ends,
-    position_table,
-    positions,
-    routes_table,
-    shown_ends,
 )
 from stages.params import load
 from stages.params.loops import OPTIONS

@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.curve import Curve, area, resampled
-from finloop.curve_dynamics import energy, solve
-from finloop.curve_filters import CUBIC
-from finloop.curve_glyph import glyph
-from finloop.curve_plots import figure2, figure3, figure6, figure7
-from finloop.curve_problem import How, Material, Problem
-from finloop.curve_stiffness import connection, off_diagonal, stiffness
-from finloop.curve_wavelet import truncated
-from finloop.files.animation import ENDINGS, save_animation
-from finloop.files.atomic import whole_folder
-from finloop.files.picture import save_figure, save_picture
-from finloop.files.svg import load_svg
-from finloop.files.table import save_csv
-from finloop.morph_layers import METHODS, Physics, morph, there_and_back
-from finloop.morph_match import matched
-from finloop.morph_plots import sheet
+from finloop.curve.contour import Curve, area, resampled
+from finloop.curve.dynamics import energy, solve
+from finloop.curve.filters import CUBIC
+from finloop.curve.glyph import glyph
+from finloop.curve.problem import How, Material, Problem
+from finloop.curve.stiffness import connection, off_diagonal, stiffness
+from finloop.curve.wavelet import truncated
+from finloop.io.animation import ENDINGS, save_animation
+from finloop.io.atomic import whole_folder
+from finloop.io.picture import save_figure, save_picture
+from finloop.io.svg import load_svg
+from finloop.io.table import save_csv
+from finloop.morph.layers import METHODS, Physics, morph, there_and_back
+from finloop.morph.match import matched
+from finloop.plots.curve import figure2, figure3, figure6, figure7
+from finloop.plots.morph import sheet
 from stages.params import load
 from stages.params.morph import OPTIONS, Morph
 

@@ -16,24 +16,24 @@ from typing import Any
 
 import numpy as np
 
-import finloop
-from finloop.animate_edit import FRAME, HYBRID, MODES, SPRITE
-from finloop.animate_pictures import apart
-from finloop.extract_table import tracks_schema
-from finloop.files.gallery import PLACE, shelves
-from finloop.files.picture import load_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table
-from finloop.play import LiveTank
-from finloop.play_message import MOST_FISH
-from finloop.play_server import HOST, Server, bound
-from finloop.play_view import View
-from finloop.render import Gallery, Painter
+import finloop.live
+from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
+from finloop.animate.pictures import apart
+from finloop.extract.table import tracks_schema
+from finloop.io.gallery import PLACE, shelves
+from finloop.io.picture import load_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table
+from finloop.live.message import MOST_FISH
+from finloop.live.server import HOST, Server, bound
+from finloop.live.tank import LiveTank
+from finloop.live.view import View
+from finloop.render.painter import Gallery, Painter
 from stages.animate import ALIKE, DATA, bring
 from stages.params import load
 from stages.params.animate import OPTIONS
 
-PAGE = Path(finloop.__file__).with_name("play.html")
+PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
 PICTURES = 2048  # are held, for the film comes round again and again
 

@@ -9,21 +9,21 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate_edit import FRAME, SPRITE, Goal
-from finloop.extract_table import tracks_schema
-from finloop.files.atomic import whole_folder
-from finloop.files.edit_list import load_edit
-from finloop.files.gallery import open_gallery
-from finloop.files.goals import load_goals
-from finloop.files.movie import Movie, Mp4Writer, WebpWriter
-from finloop.files.picture import load_picture, save_figure, save_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.render import Gallery, Painter, Steps, film_steps, placed, step_numbers
-from finloop.render_marks import Marks, parts
-from finloop.render_plots import Tile, contact_sheet, liveliest, switches, trajectory, window
-from finloop.sprites import SPRITES
+from finloop.animate.edit_list import FRAME, SPRITE, Goal
+from finloop.extract.table import tracks_schema
+from finloop.io.atomic import whole_folder
+from finloop.io.edit_list import load_edit
+from finloop.io.gallery import open_gallery
+from finloop.io.goals import load_goals
+from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
+from finloop.render.marks import Marks, parts
+from finloop.render.painter import Gallery, Painter, Steps, film_steps, placed, step_numbers
+from finloop.sprites.orient import SPRITES
 from stages.params import load
 from stages.params.render import OPTIONS, Render
 

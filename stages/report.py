@@ -10,13 +10,13 @@ from typing import Any
 import pandas as pd
 
 from finloop.errors import FinloopError
-from finloop.files.atomic import whole_file
-from finloop.files.film_small import small_film
-from finloop.files.picture import load_picture
-from finloop.files.video import FACTS_NAME, VideoFacts, load_facts
-from finloop.report import Page, Section, data_uri, html, shown
-from finloop.report_figures import CHAPTERS
-from finloop.report_tables import Table, headline, measures, of_frame, of_numbers
+from finloop.io.atomic import whole_file
+from finloop.io.film_small import small_film
+from finloop.io.picture import load_picture
+from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
+from finloop.report.figures import CHAPTERS
+from finloop.report.page import Page, Section, data_uri, html, shown
+from finloop.report.tables import Table, headline, measures, of_frame, of_numbers
 from stages.params import STAMP, load, read
 from stages.params.changed import changed
 from stages.params.report import OPTIONS, Report

@@ -5,7 +5,7 @@ thread counts must be set before numpy is imported::
 
     from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
-    from finloop.extract import ...
+    from finloop.extract.film import ...
     from stages.params import load
     from stages.params.extract import OPTIONS
 
@@ -40,7 +40,7 @@ from pathlib import Path
 from typing import NoReturn
 
 from finloop.errors import FinloopError
-from finloop.files.atomic import whole_file
+from finloop.io.atomic import whole_file
 from finloop.process import die_with_parent
 
 THREAD_VARIABLES = (

@@ -9,16 +9,24 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop import sprites_atlas as atlas
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES, orientations_of
-from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import CutoutWriter, open_cutouts
-from finloop.files.picture import save_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table, save_csv, save_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.sprites import (
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES, orientations_of
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.picture import save_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.sprites import atlas
+from finloop.sprites.metrics import (
+    contact_sheet,
+    faults,
+    is_still,
+    loop_numbers,
+    numbers,
+    table1_after,
+)
+from finloop.sprites.orient import (
     SPRITES,
     Choice,
     Gallery,
@@ -28,15 +36,7 @@ from finloop.sprites import (
     placed,
     sprite_table,
 )
-from finloop.sprites_pick import SIDES, swimmers
-from finloop.sprites_report import (
-    contact_sheet,
-    faults,
-    is_still,
-    loop_numbers,
-    numbers,
-    table1_after,
-)
+from finloop.sprites.pick import SIDES, swimmers
 from stages.params import load
 from stages.params.sprites import OPTIONS
 

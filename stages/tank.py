@@ -10,28 +10,28 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate_edit import SPRITE
-from finloop.extract_table import tracks_schema
-from finloop.features import FEATURES
-from finloop.files.atomic import whole_folder
-from finloop.files.cutouts import open_cutouts
-from finloop.files.edit_list import load_edit
-from finloop.files.gltf import save_glb
-from finloop.files.movie import Mp4Writer
-from finloop.files.picture import load_picture, save_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table
-from finloop.files.video import FACTS_NAME, load_facts
-from finloop.files.viewer import save_viewer
-from finloop.sprites import SPRITES
-from finloop.tank import film_bodies, heights, poses
-from finloop.tank_body import lengths, typical_width
-from finloop.tank_camera import FOLLOW, PRESETS, Room, views
-from finloop.tank_display import choose_window
-from finloop.tank_fish import Fish
-from finloop.tank_gltf import shapes, tank_glb, upright
-from finloop.tank_scene import Scene
-from finloop.tank_skin import Skins
+from finloop.animate.edit_list import SPRITE
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import open_cutouts
+from finloop.io.edit_list import load_edit
+from finloop.io.gltf import save_glb
+from finloop.io.movie import Mp4Writer
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.viewer import save_viewer
+from finloop.sprites.orient import SPRITES
+from finloop.tank.body import lengths, typical_width
+from finloop.tank.camera import FOLLOW, PRESETS, Room, views
+from finloop.tank.display import choose_window
+from finloop.tank.fish import Fish
+from finloop.tank.gltf import shapes, tank_glb, upright
+from finloop.tank.scene import Scene
+from finloop.tank.skin import Skins
+from finloop.tank.swim import film_bodies, heights, poses
 from stages.params import load
 from stages.params.tank import OPTIONS, Tank
 

@@ -123,9 +123,10 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
         if name not in ("", "dvc.lock") and (ROOT / name).is_file():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, root / name)
-    compiled = ROOT / "finloop/__pycache__"  # by numba, half a minute of work: done once for both
-    compiled.mkdir(exist_ok=True)
-    (root / "finloop/__pycache__").symlink_to(compiled)
+    for package in (path.parent.relative_to(ROOT) for path in ROOT.glob("finloop/**/__init__.py")):
+        compiled = ROOT / package / "__pycache__"  # by numba, half a minute: done once for both
+        compiled.mkdir(exist_ok=True)
+        (root / package / "__pycache__").symlink_to(compiled)
     apart = tmp_path_factory.mktemp("apart")
     env = {key: value for key, value in os.environ.items() if not key.startswith(("GIT_", "DVC_"))}
     env |= {
@@ -138,7 +139,7 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
     copy = Copy(root, env)
     copy.git("init", "--quiet", ".")
     (root / ".git/info").mkdir(exist_ok=True)
-    (root / ".git/info/exclude").write_text("/finloop/__pycache__\n")  # a link is no folder to git
+    (root / ".git/info/exclude").write_text("__pycache__\n")  # a link is no folder to git
     copy.git("config", "user.name", "test")
     copy.git("config", "user.email", "test@example.org")
     copy.compose()

@@ -13,7 +13,7 @@ import yaml
 from conftest import ROOT
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
-from finloop.files.video import (
+from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,

@@ -9,21 +9,21 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop import animate_measures as measures
-from finloop import animate_step as step
-from finloop.animate import Cast, Player, Shown, cross_fades, edit_list, random_goals, swim
-from finloop.animate_edit import EDIT, FRAME, SPRITE, Goal
-from finloop.animate_film import film as film_of
-from finloop.animate_motion import SLIDE, STATES, TURN, learn
-from finloop.animate_nn import NetworkMode
-from finloop.animate_sprites import Sprites, arrange, plan_turn
-from finloop.animate_tank import in_sight, inside, place_goals, tank
-from finloop.distance import BODY
+from finloop.animate import kinematics as step
+from finloop.animate import measures
+from finloop.animate.arena import in_sight, inside, place_goals, tank
+from finloop.animate.edit_list import EDIT, FRAME, SPRITE, Goal
+from finloop.animate.motion import SLIDE, STATES, TURN, learn
+from finloop.animate.network import NetworkMode
+from finloop.animate.search import film as film_of
+from finloop.animate.sprites import Sprites, arrange, plan_turn
+from finloop.animate.swim import Cast, Player, Shown, cross_fades, edit_list, random_goals, swim
+from finloop.distance.picture import BODY
 from finloop.errors import FinloopError
-from finloop.features import wrap_deg
-from finloop.features_type import LEFT, RIGHT
-from finloop.files.table import load_table, save_table
-from finloop.loops_graph import loop_graph
+from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.features.table import wrap_deg
+from finloop.io.table import load_table, save_table
+from finloop.loops.graph import loop_graph
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

@@ -26,24 +26,24 @@ from test_animate import (
 )  # fmt: skip
 from test_animate import film as learnt
 
-from finloop import animate_film as ahead
-from finloop import animate_measures as measures
-from finloop.animate import Cast, Player, edit_list, random_goals, swim
-from finloop.animate_edit import CONSIDERED, EDIT, FRAME, HYBRID, LOOPS, NETWORK, SPRITE, Goal
-from finloop.animate_film import film
-from finloop.animate_hybrid import HybridMode
-from finloop.animate_loops import LoopMode, Options, choose, considered
-from finloop.animate_motion import ACCELERATE, STRAIGHT, learn
-from finloop.animate_motion import FILM as IN_FILM
-from finloop.animate_nn import Fish, NetworkMode
-from finloop.animate_players import frame_hulls, players, reach
-from finloop.animate_step import bearing, touches
-from finloop.animate_tank import inside, tank
-from finloop.distance import BODY, FILM
-from finloop.features import wrap_deg
-from finloop.files.table import load_table, save_table
-from finloop.gateways import GATEWAYS
-from finloop.loops_graph import goes_on, loop_graph
+from finloop.animate import measures
+from finloop.animate import search as ahead
+from finloop.animate.arena import inside, tank
+from finloop.animate.edit_list import CONSIDERED, EDIT, FRAME, HYBRID, LOOPS, NETWORK, SPRITE, Goal
+from finloop.animate.hybrid import HybridMode
+from finloop.animate.kinematics import bearing, touches
+from finloop.animate.loops import LoopMode, Options, choose, considered
+from finloop.animate.motion import ACCELERATE, STRAIGHT, learn
+from finloop.animate.motion import FILM as IN_FILM
+from finloop.animate.network import Fish, NetworkMode
+from finloop.animate.players import frame_hulls, players, reach
+from finloop.animate.search import film
+from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
+from finloop.distance.picture import BODY, FILM
+from finloop.features.table import wrap_deg
+from finloop.gateways.find import GATEWAYS
+from finloop.io.table import load_table, save_table
+from finloop.loops.graph import goes_on, loop_graph
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.animate_edit import FRAME, SPRITE
-from finloop.animate_pictures import (
+from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.animate.pictures import (
     SIZE,
     Pictures,
     drawn_steps,
@@ -17,10 +17,10 @@ from finloop.animate_pictures import (
     seams,
     without_ghosts,
 )
-from finloop.distance import SPAN, distance, film_rows, picture
-from finloop.features import orientation, wrap_deg
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.sprites_pictures import following, outlines, pictures
+from finloop.distance.picture import SPAN, distance, film_rows, picture
+from finloop.features.table import orientation, wrap_deg
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.sprites.pictures import following, outlines, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -137,8 +137,8 @@ def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
 
 
 def test_steps_of_a_long_film_are_spread_over_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("finloop.animate_pictures._PAIRS", 5)
-    monkeypatch.setattr("finloop.animate_pictures._LOT", 2)
+    monkeypatch.setattr("finloop.animate.pictures._PAIRS", 5)
+    monkeypatch.setattr("finloop.animate.pictures._LOT", 2)
     still, turning = [(0.0, 0.3)] * 10, [(20.0 * i, 0.3) for i in range(11)]
     table = film_of(tmp_path, still + turning)
     with open_cutouts(tmp_path / "film.arrow") as film:

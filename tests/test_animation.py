@@ -17,12 +17,12 @@ from fontTools.svgLib.path import parse_path
 from PIL import Image
 from rlottie_python import LottieAnimation
 
-import finloop.files.animation
+import finloop.io.animation
 from finloop.errors import FinloopError
-from finloop.files.animation import ENDINGS, save_animation
-from finloop.files.svg import load_svg
-from finloop.morph_layers import Morph, there_and_back
-from finloop.morph_paint import Paint, Shape, paint, painted, shapes
+from finloop.io.animation import ENDINGS, save_animation
+from finloop.io.svg import load_svg
+from finloop.morph.layers import Morph, there_and_back
+from finloop.morph.paint import Paint, Shape, paint, painted, shapes
 
 RATE = Fraction(20)
 SVG = "{http://www.w3.org/2000/svg}"
@@ -357,7 +357,7 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
             raise RuntimeError("half way")
         return painted(*arguments, **kinds)
 
-    monkeypatch.setattr(finloop.files.animation, "painted", fails)
+    monkeypatch.setattr(finloop.io.animation, "painted", fails)
     monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: 1 / 0)
     with pytest.raises((RuntimeError, ZeroDivisionError)):
         save_animation(path, a_morph(), RATE, 64)

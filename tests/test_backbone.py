@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial.distance import cdist
 from skimage.morphology import skeletonize
 
-from finloop.extract_backbone import (
+from finloop.extract.backbone import (
     longest_geodesic,
     resample,
     ring,

@@ -17,10 +17,19 @@ import pytest
 import torch
 from scratch import content, prepare, same_but_figures
 
-import finloop.bpn_train
-import finloop.files.onnx
+import finloop.bpn.train
+import finloop.io.onnx
 import stages.bpn
-from finloop.bpn import (
+from finloop.bpn.held_out import (
+    assessment,
+    confusion,
+    errors,
+    figure15,
+    held_out_figure,
+    linear,
+    persistence,
+)
+from finloop.bpn.model import (
     INPUTS,
     MARGIN,
     OUTPUTS,
@@ -32,23 +41,14 @@ from finloop.bpn import (
     to_scale,
     type_class,
 )
-from finloop.bpn_report import (
-    assessment,
-    confusion,
-    errors,
-    figure15,
-    held_out_figure,
-    linear,
-    persistence,
-)
-from finloop.bpn_train import ALWAYS_ON, Learning, forward, layers, new_weights, stepper, train
+from finloop.bpn.train import ALWAYS_ON, Learning, forward, layers, new_weights, stepper, train
 from finloop.errors import FinloopError
-from finloop.features import FEATURES
-from finloop.files.model import load_model, save_model
-from finloop.files.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, save_onnx, to_onnx
-from finloop.files.picture import load_picture, save_figure
-from finloop.files.table import save_table
-from finloop.files.video import FACTS_NAME, VideoFacts, save_facts
+from finloop.features.table import FEATURES
+from finloop.io.model import load_model, save_model
+from finloop.io.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, save_onnx, to_onnx
+from finloop.io.picture import load_picture, save_figure
+from finloop.io.table import save_table
+from finloop.io.video import FACTS_NAME, VideoFacts, save_facts
 
 DELTA = 5
 HOW = Learning(
@@ -394,13 +394,13 @@ def test_the_seed_decides_every_bit():
 @pytest.mark.parametrize("batch_size", [1, 7, 100, 101, 5000])
 def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     seen = []
-    real = finloop.bpn_train.stepper
+    real = finloop.bpn.train.stepper
 
     def watched(*given):
         step = real(*given)
         return lambda x, x_t, t: (seen.extend(x[:, 0].tolist()), step(x, x_t, t))
 
-    monkeypatch.setattr(finloop.bpn_train, "stepper", watched)
+    monkeypatch.setattr(finloop.bpn.train, "stepper", watched)
     inputs = random_inputs(101)
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
@@ -599,7 +599,7 @@ def test_an_export_that_says_something_else_never_appears(tmp_path, monkeypatch)
     path.write_bytes(b"old")
     other = to_onnx(replace(random_model(), output_bias=np.array([0.0, 0.01])))
     assert largest_difference(other, random_model()) > 1e-3
-    monkeypatch.setattr(finloop.files.onnx, "to_onnx", lambda model: other)
+    monkeypatch.setattr(finloop.io.onnx, "to_onnx", lambda model: other)
     with pytest.raises(FinloopError, match="the ONNX export is off by"):
         save_onnx(path, random_model())
     assert path.read_bytes() == b"old"

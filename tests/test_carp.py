@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from finloop.carp import (
+from finloop.drawn.carp.draw import blurred, draw
+from finloop.drawn.carp.film import (
     CarpFilm,
     bend_of,
     curvature_of,
@@ -20,10 +21,9 @@ from finloop.carp import (
     motion,
     still,
 )
-from finloop.carp_draw import blurred, draw
-from finloop.carp_motion import POINTS, midline, turn_bend, turn_progress
-from finloop.carp_skin import Look, half_width, look
-from finloop.truth import TRUTH
+from finloop.drawn.carp.motion import POINTS, midline, turn_bend, turn_progress
+from finloop.drawn.carp.skin import Look, half_width, look
+from finloop.drawn.truth import TRUTH
 
 SMALL = CarpFilm(frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3)
 POSES = [  # amplitude, bend (radians), axis (radians), beat

@@ -26,8 +26,8 @@ from av.stream import Disposition
 from hypothesis import given
 from hypothesis import strategies as st
 
-from finloop import carp, clip
-from finloop.clip import (
+from finloop.clip import normalise as clip
+from finloop.clip.normalise import (
     Tally,
     Timing,
     Turn,
@@ -42,13 +42,14 @@ from finloop.clip import (
     stretched,
     turn_of,
 )
+from finloop.drawn.carp import film as carp
+from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
-from finloop.files import footage as footage_module
-from finloop.files import wheel
-from finloop.files.footage import Footage, Loss, open_footage
-from finloop.files.table import load_table
-from finloop.files.video import load_facts, load_mask, read_frames
-from finloop.truth import TRUTH
+from finloop.io import footage as footage_module
+from finloop.io import wheel
+from finloop.io.footage import Footage, Loss, open_footage
+from finloop.io.table import load_table
+from finloop.io.video import load_facts, load_mask, read_frames
 from stages import clip as stage
 from stages.params import check
 from stages.params.clip import OPTIONS

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from finloop.curve import (
+from finloop.curve.contour import (
     Curve,
     area,
     checked,
@@ -17,7 +17,7 @@ from finloop.curve import (
     rolled,
     steps,
 )
-from finloop.curve_glyph import glyph
+from finloop.curve.glyph import glyph
 from finloop.errors import FinloopError
 
 SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])  # right, down, left: clockwise on a screen

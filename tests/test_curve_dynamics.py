@@ -10,14 +10,14 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
-from finloop.curve_dynamics import energy, force_at, momentum, solve
-from finloop.curve_integrate import schulz
-from finloop.curve_oscillator import Oscillators, driven, moved, response
-from finloop.curve_plots import figure6, figure7
-from finloop.curve_problem import METHODS, How, Material, Problem
-from finloop.curve_stiffness import eigenvalues, stiffness_phi
-from finloop.curve_wavelet import control, from_control, mirrored
+from finloop.curve.dynamics import energy, force_at, momentum, solve
+from finloop.curve.integrate import schulz
+from finloop.curve.oscillator import Oscillators, driven, moved, response
+from finloop.curve.problem import METHODS, How, Material, Problem
+from finloop.curve.stiffness import eigenvalues, stiffness_phi
+from finloop.curve.wavelet import control, from_control, mirrored
 from finloop.errors import FinloopError
+from finloop.plots.curve import figure6, figure7
 
 TIGHT = How(rtol=1e-8, integrator="DOP853", substeps=30)
 TIMES = np.linspace(0, 0.5, 11)

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 import pywt
 
-from finloop.curve_plots import figure3
-from finloop.curve_stiffness import (
+from finloop.curve.stiffness import (
     connection,
     damping,
     eigenvalues,
@@ -18,8 +17,9 @@ from finloop.curve_stiffness import (
     stiffness,
     stiffness_phi,
 )
-from finloop.curve_wavelet import forward, scales
+from finloop.curve.wavelet import forward, scales
 from finloop.errors import FinloopError
+from finloop.plots.curve import figure3
 
 # As printed: α, μ, ν.
 TABLE_1 = np.array(

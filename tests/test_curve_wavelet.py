@@ -9,12 +9,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from finloop.curve import clockwise, resampled
-from finloop.curve_filters import CUBIC, filter_bank
-from finloop.curve_glyph import glyph
-from finloop.curve_plots import figure2
-from finloop.curve_wavelet import back, control, forward, from_control, mirrored, scales, truncated
+from finloop.curve.contour import clockwise, resampled
+from finloop.curve.filters import CUBIC, filter_bank
+from finloop.curve.glyph import glyph
+from finloop.curve.wavelet import back, control, forward, from_control, mirrored, scales, truncated
 from finloop.errors import FinloopError
+from finloop.plots.curve import figure2
 
 ALL = [w for w in pywt.wavelist(kind="discrete") if w != "dmey"] + [CUBIC]
 SOME = ["db1", "db4", "coif2", "sym8", "bior3.3", "bior4.4", "rbio2.6", CUBIC]

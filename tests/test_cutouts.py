@@ -6,11 +6,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from finloop.errors import FinloopError
-from finloop.extract_table import SceneFacts
-from finloop.files.atomic import whole_file
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.files.picture import load_picture, save_figure, save_picture
-from finloop.files.scene import load_scene, save_scene
+from finloop.extract.table import SceneFacts
+from finloop.io.atomic import whole_file
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.scene import load_scene, save_scene
 
 BATCHES = 600  # cut-outs: two full batches in the file, and a part of one
 

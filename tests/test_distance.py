@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.distance import SPAN, centred, distance, steps
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.sprites_pictures import following, outlines, pictures
+from finloop.distance.picture import SPAN, centred, distance, steps
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.sprites.pictures import following, outlines, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

@@ -13,8 +13,7 @@ import stages.clip
 import stages.distance
 import stages.extract
 import stages.features
-from finloop.distance import BODY, FILM, film_pictures
-from finloop.distance_map import (
+from finloop.distance.map import (
     EXACT,
     PAIRS,
     STEPS,
@@ -31,13 +30,14 @@ from finloop.distance_map import (
     step_table,
     usual_steps,
 )
-from finloop.distance_plots import picture_rows
+from finloop.distance.picture import BODY, FILM, film_pictures
 from finloop.errors import FinloopError
-from finloop.features import FEATURES
-from finloop.files.cutouts import open_cutouts
-from finloop.files.distances import load_map_facts, save_map_facts
-from finloop.files.picture import load_picture
-from finloop.files.table import load_table, save_table
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import open_cutouts
+from finloop.io.distances import load_map_facts, save_map_facts
+from finloop.io.picture import load_picture
+from finloop.io.table import load_table, save_table
+from finloop.plots.distance import picture_rows
 
 
 def brute(pictures: np.ndarray) -> np.ndarray:

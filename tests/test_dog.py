@@ -7,8 +7,10 @@ import av
 import numpy as np
 import pytest
 
-from finloop.curve import Curve, area
-from finloop.dog import (
+from finloop.curve.contour import Curve, area
+from finloop.drawn.dog.draw import filled, film, seen, traced
+from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, posed
+from finloop.drawn.dog.walk import (
     NAMES,
     DogFilm,
     course_px,
@@ -24,11 +26,9 @@ from finloop.dog import (
     trunk,
     truth,
 )
-from finloop.dog_draw import filled, film, seen, traced
-from finloop.dog_shape import BODY, FORE, HEAD, HIND, LIMBS, posed
 from finloop.errors import FinloopError
-from finloop.files.movie import Mp4Writer
-from finloop.morph_folds import is_simple
+from finloop.io.movie import Mp4Writer
+from finloop.morph.folds import is_simple
 
 SMALL = DogFilm(
     frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0

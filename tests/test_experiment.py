@@ -10,8 +10,8 @@ import yaml
 from browser import chromium, visit
 from conftest import ROOT, TINY_CARP
 
-from finloop.compare import OBJECTIVES, comparison, html, pareto
 from finloop.errors import FinloopError
+from finloop.report.compare import OBJECTIVES, comparison, html, pareto
 from stages.params import experiment as door
 from stages.params.changed import changed
 from stages.params.compose import composed

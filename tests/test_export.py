@@ -16,23 +16,23 @@ from conftest import TINY_CARP
 from PIL import Image
 from scratch import content, prepare
 
-import finloop.files.poses
+import finloop.io.poses
 import stages.export
 import stages.sprites
-from finloop.animate_edit import EDIT
+from finloop.animate.edit_list import EDIT
 from finloop.errors import FinloopError
-from finloop.export import READABLE, Alone, cut_out, cycle, readable, way
-from finloop.export_tracks import Poses, poses
-from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES
-from finloop.files.cutouts import Cutout, CutoutWriter
-from finloop.files.movie_alpha import AlphaWebpWriter, WebmWriter
-from finloop.files.poses import save_poses
-from finloop.files.scene import save_scene
-from finloop.files.table import save_table
-from finloop.files.video import VideoFacts, save_facts
-from finloop.render import Box, Gallery, Painter, Placed, Shelf, Turned, picture
-from finloop.sprites import SPRITES
+from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.tracks import Poses, poses
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.poses import save_poses
+from finloop.io.scene import save_scene
+from finloop.io.table import save_table
+from finloop.io.video import VideoFacts, save_facts
+from finloop.render.painter import Box, Gallery, Painter, Placed, Shelf, Turned, picture
+from finloop.sprites.orient import SPRITES
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -320,7 +320,7 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
 
 @pytest.mark.parametrize("block", [3, 1024])
 def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, monkeypatch, block):
-    monkeypatch.setattr(finloop.files.poses, "_BLOCK", block)
+    monkeypatch.setattr(finloop.io.poses, "_BLOCK", block)
     rng = np.random.default_rng(0)
     individual, frame = np.array([0, 1, 0, 1]), np.array([0, 0, 4, 6])
     given = Poses(

@@ -23,10 +23,21 @@ from scratch import content, prepare, put_clip
 import stages.clip
 import stages.extract
 import stages.features
-from finloop import extract
-from finloop.carp import CarpFilm, film
+from finloop.drawn.carp.film import CarpFilm, film
 from finloop.errors import FinloopError
-from finloop.extract import (
+from finloop.extract import film as extract
+from finloop.extract.background import (
+    Scene,
+    difference,
+    flat_background,
+    light,
+    lit,
+    median_background,
+    relit,
+    sample_size,
+    survey_noise,
+)
+from finloop.extract.film import (
     Detector,
     Settings,
     Typical,
@@ -38,28 +49,17 @@ from finloop.extract import (
     tracks,
     typical_fish,
 )
-from finloop.extract_background import (
-    Scene,
-    difference,
-    flat_background,
-    light,
-    lit,
-    median_background,
-    relit,
-    sample_size,
-    survey_noise,
-)
-from finloop.extract_picture import detections_picture
-from finloop.extract_segment import Silhouette, matte, measure, premultiplied, silhouettes
-from finloop.extract_table import OUTLINE_POINTS, tracks_schema
-from finloop.features import Settings as FeatureSettings
-from finloop.features import features
-from finloop.features_report import against_truth
-from finloop.files.cutouts import Cutout, open_cutouts
-from finloop.files.picture import load_picture
-from finloop.files.scene import load_scene
-from finloop.files.table import load_table, save_table
-from finloop.files.video import read_frames
+from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
+from finloop.extract.sheet import detections_picture
+from finloop.extract.table import OUTLINE_POINTS, tracks_schema
+from finloop.features.metrics import against_truth
+from finloop.features.table import Settings as FeatureSettings
+from finloop.features.table import features
+from finloop.io.cutouts import Cutout, open_cutouts
+from finloop.io.picture import load_picture
+from finloop.io.scene import load_scene
+from finloop.io.table import load_table, save_table
+from finloop.io.video import read_frames
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})

@@ -19,9 +19,13 @@ from scratch import content, prepare, same_but_figures
 import stages.clip
 import stages.extract
 import stages.features
-from finloop import features_area
 from finloop.errors import FinloopError
-from finloop.features import (
+from finloop.features import area as features_area
+from finloop.features.area import bend, closed_spline, control_points, signed_area
+from finloop.features.head import _posterior, _viterbi, head_first
+from finloop.features.metrics import against_truth, forwards, summary, table1
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
+from finloop.features.table import (
     FEATURES,
     Settings,
     delta_frames,
@@ -30,9 +34,9 @@ from finloop.features import (
     orientation,
     wrap_deg,
 )
-from finloop.features_area import bend, closed_spline, control_points, signed_area
-from finloop.features_head import _posterior, _viterbi, head_first
-from finloop.features_plots import (
+from finloop.io.picture import load_picture, save_figure
+from finloop.io.table import load_table, save_table
+from finloop.plots.features import (
     Specimen,
     contact_sheet,
     figure7,
@@ -41,10 +45,6 @@ from finloop.features_plots import (
     rose,
     trajectories,
 )
-from finloop.features_report import against_truth, forwards, summary, table1
-from finloop.features_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
-from finloop.files.picture import load_picture, save_figure
-from finloop.files.table import load_table, save_table
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

@@ -14,9 +14,9 @@ from scratch import prepare
 import stages.clip
 import stages.extract
 import stages.features
-from finloop.features import wrap_deg
-from finloop.files.picture import load_picture
-from finloop.files.wheel import PACKAGE, cache_folder
+from finloop.features.table import wrap_deg
+from finloop.io.picture import load_picture
+from finloop.io.wheel import PACKAGE, cache_folder
 
 CLIPS = ROOT.parent / "shared" / "clips"
 ZEBRAFISH = cache_folder() / f"{PACKAGE.replace('==', '-')}-test_A.avi"

@@ -7,9 +7,8 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.files.gait import load_gait, save_gait
-from finloop.gait_descriptor import between, clock, descriptor, scale_slices
-from finloop.gait_model import (
+from finloop.gait.descriptor import between, clock, descriptor, scale_slices
+from finloop.gait.model import (
     Gait,
     at_phases,
     cycle,
@@ -19,6 +18,7 @@ from finloop.gait_model import (
     reversal,
     subcycle,
 )
+from finloop.io.gait import load_gait, save_gait
 
 RNG = np.random.default_rng(5)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right", "body")

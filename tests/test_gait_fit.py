@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from finloop.dog import DogFilm, phases, truth
+from finloop.drawn.dog.walk import DogFilm, phases, truth
 from finloop.errors import FinloopError
-from finloop.gait_compare import compare, left_out
-from finloop.gait_descriptor import clock
-from finloop.gait_feet import aligned, feet
-from finloop.gait_film import Filmed, keys_of
-from finloop.gait_fit import fit, gamma_fit
-from finloop.gait_model import Gait, at_phases, four_keys, mirrored
+from finloop.gait.compare import compare, left_out
+from finloop.gait.descriptor import clock
+from finloop.gait.feet import aligned, feet
+from finloop.gait.film import Filmed, keys_of
+from finloop.gait.fit import fit, gamma_fit
+from finloop.gait.model import Gait, at_phases, four_keys, mirrored
 
 RNG = np.random.default_rng(6)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")

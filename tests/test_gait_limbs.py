@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
-from finloop.curve import Curve, area
-from finloop.dog import NAMES, DogFilm, course_px, phases, true_gamma, truth
-from finloop.dog_draw import filled, traced
+from finloop.curve.contour import Curve, area
+from finloop.drawn.dog.draw import filled, traced
+from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, true_gamma, truth
 from finloop.errors import FinloopError
-from finloop.gait_limbs import (
+from finloop.gait.limbs import (
     BORDER,
     EMPTY,
     centroid,

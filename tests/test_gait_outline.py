@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.carp import CarpFilm, motion
-from finloop.carp_motion import midline
-from finloop.carp_skin import half_width
-from finloop.curve import Curve, area
+from finloop.curve.contour import Curve, area
+from finloop.drawn.carp.film import CarpFilm, motion
+from finloop.drawn.carp.motion import midline
+from finloop.drawn.carp.skin import half_width
 from finloop.errors import FinloopError
-from finloop.gait_outline import Swim, bent, contours, in_frame, of_track, pose, steady, swim, tail
-from finloop.gait_period import Period
+from finloop.gait.outline import Swim, bent, contours, in_frame, of_track, pose, steady, swim, tail
+from finloop.gait.period import Period
 
 RATE = 50.0
 LENGTH = 90.0  # px

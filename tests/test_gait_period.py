@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.gait_period import CONFIDENT, course, period, periodic, rated, started
+from finloop.gait.period import CONFIDENT, course, period, periodic, rated, started
 
 RATE = 50.0
 AT = np.arange(150)

@@ -12,15 +12,15 @@ from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
 
 import stages.gait
-from finloop.dog import DogFilm
-from finloop.dog_draw import film, seen
+from finloop.drawn.dog.draw import film, seen
+from finloop.drawn.dog.walk import DogFilm
 from finloop.errors import FinloopError
-from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES
-from finloop.files.gait import load_gait
-from finloop.files.regions import save_masks
-from finloop.files.scene import save_scene
-from finloop.files.table import save_table
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features.table import FEATURES
+from finloop.io.gait import load_gait
+from finloop.io.regions import save_masks
+from finloop.io.scene import save_scene
+from finloop.io.table import save_table
 
 RATE = 25
 BEAT_HZ = 2.0

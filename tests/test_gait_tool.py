@@ -10,10 +10,10 @@ import pytest
 from conftest import ROOT
 
 from finloop.errors import FinloopError
-from finloop.files.animation import ENDINGS
-from finloop.files.gait import load_gait
-from finloop.files.svg import load_svg
-from finloop.gait import SHIPPED, found, gaits, main, timing
+from finloop.gait.tool import SHIPPED, found, gaits, main, timing
+from finloop.io.animation import ENDINGS
+from finloop.io.gait import load_gait
+from finloop.io.svg import load_svg
 
 DOG = [str(ROOT / f"data/drawings/dog_{key}.svg") for key in (1, 2)]
 SMALL = ["--points", "32", "--frames", "4"]

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from finloop.curve import Curve, Drawing, resampled
+from finloop.curve.contour import Curve, Drawing, resampled
 from finloop.errors import FinloopError
-from finloop.files.svg import load_svg
-from finloop.gait_ground import ground, grounded, path, supports
-from finloop.gait_match import corresponding, mirror_orders, renumbered
-from finloop.gait_model import Gait, mirrored
-from finloop.gait_transfer import repeated, transfer, with_pooled
+from finloop.gait.ground import ground, grounded, path, supports
+from finloop.gait.match import corresponding, mirror_orders, renumbered
+from finloop.gait.model import Gait, mirrored
+from finloop.gait.transfer import repeated, transfer, with_pooled
+from finloop.io.svg import load_svg
 
 FIRST, LATER = ((0.0, 0.5),), ((0.5, 1.0),)
 WALK = Gait(

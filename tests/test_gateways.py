@@ -16,16 +16,11 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip
 
 import stages.gateways
-from finloop import gateways_plots
-from finloop.distance import BODY, FILM, film_pictures, picture, steps
-from finloop.distance_map import MapFacts
+from finloop.distance.map import MapFacts
+from finloop.distance.picture import BODY, FILM, film_pictures, picture, steps
 from finloop.errors import FinloopError
-from finloop.features import FEATURES, orientation, wrap_deg
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.files.distances import save_map_facts
-from finloop.files.picture import load_picture
-from finloop.files.table import load_table, save_table
-from finloop.gateways import (
+from finloop.features.table import FEATURES, orientation, wrap_deg
+from finloop.gateways.find import (
     GATEWAYS,
     IN,
     OUT,
@@ -36,9 +31,14 @@ from finloop.gateways import (
     numbers,
     sprite_pictures,
 )
-from finloop.gateways_plots import contact_sheet, pairs, spread
-from finloop.sprites import SPRITES, drawn
-from finloop.sprites_pictures import following, pictures
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.distances import save_map_facts
+from finloop.io.picture import load_picture
+from finloop.io.table import load_table, save_table
+from finloop.plots import gateways as gateways_plots
+from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.sprites.orient import SPRITES, drawn
+from finloop.sprites.pictures import following, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

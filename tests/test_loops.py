@@ -19,15 +19,15 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip, same_but_figures
 
 import stages.loops
-from finloop.distance import BODY, film_pictures, steps
-from finloop.distance_map import PAIRS, STEPS, MapFacts
+from finloop.distance.map import PAIRS, STEPS, MapFacts
+from finloop.distance.picture import BODY, film_pictures, steps
 from finloop.errors import FinloopError
-from finloop.features import FEATURES, wrap_deg
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.files.distances import MAP_FACTS_NAME, save_map_facts
-from finloop.files.picture import load_picture, save_picture
-from finloop.files.table import load_table, save_table
-from finloop.loops import (
+from finloop.features.table import FEATURES, wrap_deg
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.table import load_table, save_table
+from finloop.loops.find import (
     LOOPS,
     Settings,
     as_map,
@@ -39,9 +39,8 @@ from finloop.loops import (
     minima,
     weights,
 )
-from finloop.loops_graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
-from finloop.loops_plots import apart, sample
-from finloop.loops_table import (
+from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
+from finloop.loops.position_table import (
     POSITIONS,
     merged,
     position_table,
@@ -50,6 +49,7 @@ from finloop.loops_table import (
     routes_table,
     shown_ends,
 )
+from finloop.plots.loops import apart, sample
 
 RATE = 20.0
 DELTA = 4

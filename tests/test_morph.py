@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.curve import Curve, Drawing
+from finloop.curve.contour import Curve, Drawing
 from finloop.errors import FinloopError
-from finloop.files.animation import ENDINGS
-from finloop.files.svg import load_svg
-from finloop.morph import main
-from finloop.morph_folds import folds
-from finloop.morph_layers import METHODS, Physics, fitted, morph, there_and_back
+from finloop.io.animation import ENDINGS
+from finloop.io.svg import load_svg
+from finloop.morph.folds import folds
+from finloop.morph.layers import METHODS, Physics, fitted, morph, there_and_back
+from finloop.morph.tool import main
 
 ROOT = Path(__file__).parents[1]
 FACES = [str(ROOT / "data/drawings" / f"face_{which}.svg") for which in "ab"]

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.errors import FinloopError
-from finloop.morph_folds import folds, is_simple, stays_simple
+from finloop.morph.folds import folds, is_simple, stays_simple
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
 

@@ -8,15 +8,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.curve import Curve, checked, resampled
-from finloop.curve_glyph import glyph
-from finloop.curve_wavelet import truncated
+from finloop.curve.contour import Curve, checked, resampled
+from finloop.curve.glyph import glyph
+from finloop.curve.wavelet import truncated
 from finloop.errors import FinloopError
-from finloop.morph_flow import area, ears_off, joined, retracted, shortened
-from finloop.morph_folds import folds, is_simple, stays_simple
-from finloop.morph_linear import linear, physical
-from finloop.morph_match import matched, misfit
-from finloop.morph_simple import path_length, simple, simple_morph
+from finloop.morph.flow import area, ears_off, joined, retracted, shortened
+from finloop.morph.folds import folds, is_simple, stays_simple
+from finloop.morph.linear import linear, physical
+from finloop.morph.match import matched, misfit
+from finloop.morph.simple import path_length, simple, simple_morph
 
 GLYPHS = {
     name: outlines[0]

@@ -13,7 +13,7 @@ from scratch import content, prepare, same_but_figures
 
 import stages.morph
 from finloop.errors import FinloopError
-from finloop.files.picture import load_picture
+from finloop.io.picture import load_picture
 
 SMALL = ("morph.frames=6", "morph.points=64", "morph.size_px=64")
 

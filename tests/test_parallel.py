@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.files.video import VideoWriter, read_frames
+from finloop.io.video import VideoWriter, read_frames
 from finloop.parallel import ordered_map
 
 

@@ -12,24 +12,24 @@ from test_animate import ARENA, HEAD, LENGTH, RATE, TOUCH, Model
 from test_animate_film import MOTION, REEL, STEP, cast_of, gateways
 from test_render import drop
 
-from finloop import animate_step as step
-from finloop import play_fish
-from finloop.animate import Swimmer, edit_list, swim
-from finloop.animate_edit import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
-from finloop.animate_motion import TURN
-from finloop.animate_players import players
-from finloop.animate_sprites import from_bend
-from finloop.animate_tank import inside
+from finloop.animate import kinematics as step
+from finloop.animate.arena import inside
+from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.animate.motion import TURN
+from finloop.animate.players import players
+from finloop.animate.sprites import from_bend
+from finloop.animate.swim import Swimmer, edit_list, swim
 from finloop.errors import FinloopError
-from finloop.features import wrap_deg
-from finloop.features_type import LEFT, RIGHT
-from finloop.files.cutouts import Cutout
-from finloop.play import LiveTank
-from finloop.play_cut import cut, snapshot
-from finloop.play_fish import ROW
-from finloop.play_message import parsed
-from finloop.play_view import View
-from finloop.render import Gallery, Painter, Shelf
+from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.features.table import wrap_deg
+from finloop.io.cutouts import Cutout
+from finloop.live import fish as play_fish
+from finloop.live.cut import cut, snapshot
+from finloop.live.fish import ROW
+from finloop.live.message import parsed
+from finloop.live.tank import LiveTank
+from finloop.live.view import View
+from finloop.render.painter import Gallery, Painter, Shelf
 
 PLAYERS = players(
     cast_of(), MOTION, Model(), gateways(), ARENA, 0.6 * LENGTH, HEAD, TOUCH / LENGTH, 0.4, 0.12, 1.0

@@ -20,13 +20,13 @@ from test_play import PLAYERS, read, view_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
-import finloop.play_server as served
-from finloop import play_fish
-from finloop.animate_edit import NETWORK
+import finloop.live.server as served
+from finloop.animate.edit_list import NETWORK
 from finloop.errors import FinloopError
-from finloop.play_message import LONGEST, parsed
-from finloop.play_server import BEHIND, Host, Page, Server, bound
-from finloop.render import Gallery
+from finloop.live import fish as play_fish
+from finloop.live.message import LONGEST, parsed
+from finloop.live.server import BEHIND, Host, Page, Server, bound
+from finloop.render.painter import Gallery
 from stages.play import PAGE, _parser
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

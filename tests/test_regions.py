@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from finloop.curve import Curve, Drawing, area
+from finloop.curve.contour import Curve, Drawing, area
 from finloop.errors import FinloopError
-from finloop.files.regions import load_regions, save_masks
-from finloop.gait_limbs import BORDER, EMPTY, MISSING, region_contour
+from finloop.gait.limbs import BORDER, EMPTY, MISSING, region_contour
+from finloop.io.regions import load_regions, save_masks
 
 
 def square(x, size=12, shape=(40, 50)):

@@ -21,15 +21,17 @@ from scratch import content, prepare
 import stages.clip
 import stages.extract
 import stages.render
-from finloop.animate_edit import EDIT, Goal
+from finloop.animate.edit_list import EDIT, Goal
 from finloop.errors import FinloopError
-from finloop.files.cutouts import Cutout, CutoutWriter
-from finloop.files.goals import load_goals, save_goals
-from finloop.files.movie import Mp4Writer, WebpWriter
-from finloop.files.picture import load_picture
-from finloop.files.table import save_table
-from finloop.files.video import read_frames
-from finloop.render import (
+from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.goals import load_goals, save_goals
+from finloop.io.movie import Mp4Writer, WebpWriter
+from finloop.io.picture import load_picture
+from finloop.io.table import save_table
+from finloop.io.video import read_frames
+from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
+from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
+from finloop.render.painter import (
     Box,
     Gallery,
     Painter,
@@ -43,9 +45,7 @@ from finloop.render import (
     placed,
     step_numbers,
 )
-from finloop.render_marks import COLOURS, Marks, aims, parts, rgb, sought
-from finloop.render_plots import Tile, contact_sheet, liveliest, switches, trajectory, window
-from finloop.sprites import SPRITES
+from finloop.sprites.orient import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)
 
@@ -293,7 +293,7 @@ def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
 
 
 def placed_at(x, y):
-    from finloop.render import Placed
+    from finloop.render.painter import Placed
 
     return Placed(x, y, fish(), None, 0.0)
 

@@ -16,12 +16,12 @@ from scratch import content, prepare, put_clip
 
 import stages.report
 from finloop.errors import FinloopError
-from finloop.files.film_small import small_film
-from finloop.files.movie import Mp4Writer
-from finloop.files.picture import save_picture
-from finloop.report import rendered, shown
-from finloop.report_figures import CHAPTERS
-from finloop.report_tables import MEASURES, headline, measures, number
+from finloop.io.film_small import small_film
+from finloop.io.movie import Mp4Writer
+from finloop.io.picture import save_picture
+from finloop.report.figures import CHAPTERS
+from finloop.report.page import rendered, shown
+from finloop.report.tables import MEASURES, headline, measures, number
 
 FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
 GREY = np.full((48, 64), 128, np.uint8)

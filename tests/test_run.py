@@ -169,7 +169,7 @@ def test_a_python_without_the_packages_says_what_to_do():
 
 
 def test_a_temporary_experiment_brings_what_its_repository_has_compiled(tmp_path):
-    compiled = "finloop/__pycache__/extract_backbone.trace-1.py311.nbi"
+    compiled = "finloop/extract/__pycache__/backbone.trace-1.py311.nbi"
     repository, experiment = tmp_path / "repository", tmp_path / "experiment"
     (repository / compiled).parent.mkdir(parents=True)
     (repository / compiled).write_bytes(b"code")

@@ -18,17 +18,27 @@ from PIL import Image
 from scratch import content, prepare, put_clip
 
 import stages.sprites
-from finloop import sprites_atlas, sprites_pick
 from finloop.errors import FinloopError
-from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES, features, wrap_deg
-from finloop.features import Settings as FeatureSettings
-from finloop.features_report import table1
-from finloop.files.cutouts import Cutout, CutoutWriter, open_cutouts
-from finloop.files.picture import load_picture
-from finloop.files.scene import save_scene
-from finloop.files.table import load_table, save_table
-from finloop.sprites import (
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features.metrics import table1
+from finloop.features.table import FEATURES, features, wrap_deg
+from finloop.features.table import Settings as FeatureSettings
+from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.picture import load_picture
+from finloop.io.scene import save_scene
+from finloop.io.table import load_table, save_table
+from finloop.sprites import atlas as sprites_atlas
+from finloop.sprites import pick as sprites_pick
+from finloop.sprites.metrics import (
+    complete,
+    contact_sheet,
+    faults,
+    is_still,
+    loop_numbers,
+    numbers,
+    table1_after,
+)
+from finloop.sprites.orient import (
     SPRITES,
     Choice,
     Gallery,
@@ -39,7 +49,7 @@ from finloop.sprites import (
     placed,
     sprite_table,
 )
-from finloop.sprites_pick import (
+from finloop.sprites.pick import (
     beats,
     closure,
     cycle_heading,
@@ -51,16 +61,7 @@ from finloop.sprites_pick import (
     together,
     turns,
 )
-from finloop.sprites_report import (
-    complete,
-    contact_sheet,
-    faults,
-    is_still,
-    loop_numbers,
-    numbers,
-    table1_after,
-)
-from finloop.sprites_turn import Placed, aligned, reflection, rotation, trimmed, turned
+from finloop.sprites.turn import Placed, aligned, reflection, rotation, trimmed, turned
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 

@@ -10,10 +10,10 @@ from fontTools.svgLib.path import parse_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.curve import area
+from finloop.curve.contour import area
 from finloop.errors import FinloopError
-from finloop.files.svg import FLATNESS, load_svg
-from finloop.files.svg_guard import MOST_BYTES, MOST_DRAWN, MOST_NESTED
+from finloop.io.svg import FLATNESS, load_svg
+from finloop.io.svg_guard import MOST_BYTES, MOST_DRAWN, MOST_NESTED
 
 DRAWINGS = Path(__file__).parents[1] / "data/drawings"
 SIDE = 100

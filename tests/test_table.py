@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.files.table import (
+from finloop.io.table import (
     Column,
     Schema,
     lists_to_array,

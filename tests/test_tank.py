@@ -9,17 +9,17 @@ import pandas as pd
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.files.cutouts import Cutout
-from finloop.render import Painter, Turned, picture
-from finloop.sprites import placed as placed_cutout
-from finloop.sprites_turn import turned
-from finloop.tank import film_bodies, heights, poses
-from finloop.tank_body import AROUND, RINGS, normals, surface, triangles, typical_width
-from finloop.tank_camera import CAMERAS, VIEW_DEG, Room, views
-from finloop.tank_display import choose_window
-from finloop.tank_fish import Fish
-from finloop.tank_light import Floor, Surface
-from finloop.tank_skin import Skins
+from finloop.io.cutouts import Cutout
+from finloop.render.painter import Painter, Turned, picture
+from finloop.sprites.orient import placed as placed_cutout
+from finloop.sprites.turn import turned
+from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
+from finloop.tank.camera import CAMERAS, VIEW_DEG, Room, views
+from finloop.tank.display import choose_window
+from finloop.tank.fish import Fish
+from finloop.tank.light import Floor, Surface
+from finloop.tank.skin import Skins
+from finloop.tank.swim import film_bodies, heights, poses
 
 P, LENGTH = 33, 60.0
 S = np.linspace(0, 1, P)

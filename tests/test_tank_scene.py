@@ -15,21 +15,21 @@ from scratch import content, prepare
 from test_tank import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
 
 import stages.tank
-from finloop.animate_edit import EDIT
+from finloop.animate.edit_list import EDIT
 from finloop.errors import FinloopError
-from finloop.extract_table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features import FEATURES
-from finloop.files.cutouts import CutoutWriter
-from finloop.files.gltf import Glb
-from finloop.files.picture import load_picture, save_picture
-from finloop.files.scene import save_scene
-from finloop.files.table import save_table
-from finloop.files.video import FACTS_NAME, VideoFacts, read_frames, save_facts
-from finloop.files.viewer import _script
-from finloop.tank_camera import views
-from finloop.tank_display import choose_window
-from finloop.tank_gltf import shapes, tank_glb, upright
-from finloop.tank_scene import Scene
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import CutoutWriter
+from finloop.io.gltf import Glb
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.scene import save_scene
+from finloop.io.table import save_table
+from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
+from finloop.io.viewer import _script
+from finloop.tank.camera import views
+from finloop.tank.display import choose_window
+from finloop.tank.gltf import shapes, tank_glb, upright
+from finloop.tank.scene import Scene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 
@@ -290,7 +290,7 @@ def test_what_is_wrong_is_said_and_what_was_there_stays(folder, monkeypatch):
     with pytest.raises(FinloopError, match=r"no data.animate.loops.parquet"):
         stages.tank.main()
     ready(folder, "tank.seconds=0.04")
-    monkeypatch.setattr("finloop.files.viewer._PACKAGE", "no-such-package")
+    monkeypatch.setattr("finloop.io.viewer._PACKAGE", "no-such-package")
     with pytest.raises(FinloopError, match="no-such-package"):
         stages.tank.main()
     assert set(content(Path("data/tank"))) == {"still.png"} and not Path("reports/tank").exists()

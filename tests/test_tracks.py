@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from finloop.extract_tracks import Linker, Spot
+from finloop.extract.tracks import Linker, Spot
 
 GATE, RATIO = 60.0, 1.4
 LONG = 40  # of a toy fish's box

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.files import atomic, video
-from finloop.files.video import (
+from finloop.io import atomic, video
+from finloop.io.video import (
     VideoFacts,
     VideoWriter,
     load_facts,

@@ -8,7 +8,7 @@ from stages.run import run  # isort: skip
 
 from pathlib import Path
 
-from finloop.files.atomic import whole_file
+from finloop.io.atomic import whole_file
 from stages.params import complaint, read
 from stages.params.whole import problems
 

@@ -15,7 +15,7 @@ from hydra.errors import HydraException
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.errors import FinloopError
-from finloop.files.atomic import whole_file
+from finloop.io.atomic import whole_file
 from stages.params import CONF, PARAMS
 
 

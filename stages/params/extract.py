@@ -12,7 +12,7 @@ Ratio = Annotated[float, Field(ge=1)]
 
 @dataclass(frozen=True)
 class Extract:
-    """The fields are those of `finloop.extract.Settings`."""
+    """The fields are those of `finloop.extract.film.Settings`."""
 
     background: Literal["median", "threshold", "mog2"]
     polarity: Literal["auto", "dark", "bright", "both"]

@@ -10,7 +10,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 @dataclass(frozen=True)
 class Features:
-    """The fields are those of `finloop.features.Settings`."""
+    """The fields are those of `finloop.features.table.Settings`."""
 
     delta_s: Positive
     turn_threshold_deg: Positive

@@ -10,7 +10,7 @@ Seconds = Annotated[float, Field(ge=0)]
 
 @dataclass(frozen=True)
 class Gateways:
-    """The fields are those of `finloop.gateways.Settings`."""
+    """The fields are those of `finloop.gateways.find.Settings`."""
 
     top_in: Annotated[int, Field(ge=1, le=100)]
     top_out: Annotated[int, Field(ge=1, le=100)]

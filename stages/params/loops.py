@@ -10,7 +10,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 @dataclass(frozen=True)
 class Loops:
-    """The fields are those of `finloop.loops.Settings`, and the position table's own."""
+    """The fields are those of `finloop.loops.find.Settings`, and the position table's own."""
 
     threshold: Annotated[float, Field(ge=0)]
     least_s: Positive

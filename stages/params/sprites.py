@@ -10,7 +10,7 @@ Positive = Annotated[float, Field(gt=0)]
 
 @dataclass(frozen=True)
 class Sprites:
-    """The fields are those of `finloop.sprites.Settings`, and the atlas's own."""
+    """The fields are those of `finloop.sprites.orient.Settings`, and the atlas's own."""
 
     straight: str | None
     slide: str | None

@@ -1,0 +1,164 @@
+"""The tank: where the centre of a fish may be, which way leads round a wall, what is in sight."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt, label
+from skimage.graph import route_through_array
+
+from finloop.animate.edit_list import Goal
+from finloop.errors import FinloopError
+
+_LOOK_PX = 2.0  # step along a line of sight
+_CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
+
+
+@dataclass(frozen=True)
+class Tank:
+    """`arena` (h, w): where animals can be. `legal`: where their centre can be, so that no part of
+    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each.
+    """
+
+    arena: NDArray[np.bool_]
+    legal: NDArray[np.bool_]
+    nearest: NDArray[np.int32]
+
+    def into(self, x: float, y: float) -> tuple[float, float]:
+        """The point itself where it is legal, else the legal pixel nearest to it."""
+        row, column = self._pixel(x, y)
+        if self.legal[row, column]:
+            return x, y
+        return float(self.nearest[1, row, column]), float(self.nearest[0, row, column])
+
+    def _pixel(self, x: float, y: float) -> tuple[int, int]:
+        height, width = self.legal.shape
+        return min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
+
+    def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
+        """The target where it is in sight, else the farthest point in sight of the way to it."""
+        if in_sight(self.legal, x, y, to_x, to_y):
+            return to_x, to_y
+        cell = max(1, -(-max(self.legal.shape) // _CELLS))
+        free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
+        cost = np.where(free, 1.0, 1e6)
+        last = np.array(cost.shape) - 1
+        ends = [
+            tuple(np.minimum((int(row) // cell, int(column) // cell), last))
+            for row, column in (self._pixel(x, y), self._pixel(to_x, to_y))
+        ]
+        way, _ = route_through_array(cost, ends[0], ends[1], geometric=True)
+        seen = (to_x, to_y)
+        for row, column in reversed(way):
+            seen = float(column * cell + cell // 2), float(row * cell + cell // 2)
+            if in_sight(self.legal, x, y, *seen):
+                break
+        return seen
+
+    def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
+        """Whether every point between two is legal."""
+        return in_sight(self.legal, x, y, to_x, to_y)
+
+    def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
+        """A legal pixel, all equally likely."""
+        height, width = self.legal.shape
+        while True:
+            row, column = int(rng.integers(height)), int(rng.integers(width))
+            if self.legal[row, column]:
+                return float(column), float(row)
+
+
+@njit(cache=True, nogil=True)
+def inside(legal: NDArray[np.bool_], x: float, y: float) -> bool:
+    """Whether the pixel that holds a point is there and legal."""
+    column, row = round(x), round(y)
+    return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
+
+
+@njit(cache=True, nogil=True)
+def in_sight(legal: NDArray[np.bool_], x: float, y: float, to_x: float, to_y: float) -> bool:
+    """Whether every point between two is legal."""
+    far = np.hypot(to_x - x, to_y - y)
+    steps = int(far / _LOOK_PX) + 1
+    for i in range(steps + 1):
+        share = i / steps
+        if not inside(legal, x + share * (to_x - x), y + share * (to_y - y)):
+            return False
+    return True
+
+
+def tank(arena: NDArray[np.bool_], reach_px: float) -> Tank:
+    """The tank for a fish no part of which is farther than `reach_px` from its centre.
+
+    Raises
+    ------
+    FinloopError
+        If such a fish does not fit in.
+    """
+    clearance = cv2.distanceTransform(
+        np.pad(arena, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
+    )[1:-1, 1:-1]
+    parts, pools = label(clearance > reach_px + 1)
+    if pools == 0:
+        rows, columns = (int(arena.any(axis).sum()) for axis in (1, 0))
+        raise FinloopError(
+            f"the tank ({columns} × {rows} px) is smaller than the fish, which reaches "
+            f"{reach_px:.0f} px from its centre",
+            f"a tank at least {2 * reach_px + 4:.0f} px wide everywhere",
+            "give the arena its real size (clip.arena), or film the fish from farther away",
+        )
+    legal = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
+    nearest = distance_transform_edt(~legal, return_distances=False, return_indices=True)
+    return Tank(arena, legal, nearest.astype(np.int32))
+
+
+def goal_name(number: int) -> str:
+    """A, B … Z, A2, B2 …"""
+    again, letter = divmod(number, 26)
+    return chr(ord("A") + letter) + (str(again + 1) if again else "")
+
+
+def place_goals(
+    given: Sequence[Sequence[float]], unit: str, tank: Tank, touch_px: float
+) -> list[Goal]:
+    """Goals from the configuration, in pixels.
+
+    `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
+    left. A fish touches what is within `touch_px` of a legal centre.
+
+    Raises
+    ------
+    FinloopError
+        If there is none, one is no pair of numbers, or one cannot be reached; all are named.
+    """
+    rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
+    left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
+    wanted = f"one or more goals inside the tank, which is {left}-{right} × {top}-{bottom} px"
+    if not given:
+        raise FinloopError(
+            "animate.goals is empty", wanted, "name some: animate.goals=[[0.2,0.3],[0.8,0.7]]"
+        )
+    goals, problems = [], []
+    for name, pair in zip(map(goal_name, count()), given, strict=False):
+        if len(pair) != 2:
+            problems.append(f"{name}: {pair} is not x, y")
+            continue
+        x, y = map(float, pair)
+        if unit == "tank":
+            x, y = left + x * (right - left), top + y * (bottom - top)
+        goals.append(Goal(name, x, y))
+        if not inside(tank.arena, x, y):
+            problems.append(f"{name}: ({x:.0f}, {y:.0f}) px is outside the tank")
+        elif np.hypot(*np.subtract(tank.into(x, y), (x, y))) > touch_px:
+            problems.append(f"{name}: ({x:.0f}, {y:.0f}) px lies where the fish does not fit in")
+    if problems:
+        raise FinloopError(
+            "animate.goals cannot be reached:\n    " + "\n    ".join(problems),
+            wanted,
+            "move the goals (animate.goals, animate.goals_in), or make animate.goal_radius larger",
+        )
+    return goals

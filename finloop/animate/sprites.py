@@ -1,0 +1,190 @@
+"""Sprites as the network mode plays them: cycles to swim by, turns of any depth (Fig. 18)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.motion import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
+from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.features.table import orientations_of
+
+Ints = NDArray[np.int64]
+Floats = NDArray[np.float64]
+
+_FLOOR = 0.01  # of a turn; so much at least is turned at every tick, so that it never stands still
+_MORE, _LESS = 1.5, 0.6  # a turn is drawn by frames that turned between 1/_MORE and 1/_LESS of it
+
+
+@dataclass(frozen=True)
+class TurnFrames:
+    """The frames of one turn: `up` to the strongest bend, `down` after it.
+
+    up_area, down_area: relative motion areas; up_deg, down_deg: change of heading to the next
+    frame, towards the turn; hold_deg: the same while the strongest bends are held.
+    """
+
+    up: Ints
+    down: Ints
+    up_area: Floats
+    down_area: Floats
+    up_deg: Floats
+    down_deg: Floats
+    hold_deg: float
+
+    def back(self, depth: int) -> int:
+        """The frame of `down` with which a turn that went up to `depth` goes on."""
+        after = np.flatnonzero(self.down_area <= self.up_area[depth])
+        return int(after[0]) if after.size else len(self.down) - 1
+
+    def undone(self, sprite: int) -> Ints:
+        """The frames of `down` by which a fish that a sprite shows bent is straight again."""
+        if sprite in self.down:
+            return self.down[int(np.flatnonzero(self.down == sprite)[0]) + 1 :]
+        return self.down[self.back(int(np.flatnonzero(self.up == sprite)[0])) :]
+
+    def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
+        """Frames of a turn, and the change of heading with each as the film shows it.
+
+        The change to a frame is that from the one before; the first is entered from swimming.
+        """
+        back = self.back(depth)
+        frames = np.concatenate(
+            [self.up[: depth + 1], np.full(held, self.up[depth]), self.down[back:]]
+        )
+        degrees = np.concatenate(
+            [
+                [0.0],
+                self.up_deg[:depth],
+                np.full(held, self.hold_deg),
+                self.up_deg[depth : depth + 1],
+                self.down_deg[back:-1],
+            ]
+        )
+        return frames, np.maximum(degrees, 0.0)
+
+
+@dataclass(frozen=True)
+class Sprites:
+    """All sequences. Numbers are rows of the table of sprites.
+
+    cycles: frames of the cycle that each straight state plays; entry: per cycle and sprite, where
+    to enter the cycle after it; following: the sprite after each one of its sequence, that of a
+    turn's last one itself; cycle_speed: of the straight cycle in the film, body lengths/s;
+    orientations: that every sprite is drawn in.
+    """
+
+    cycles: dict[int, Ints]
+    entry: dict[int, Ints]
+    following: Ints
+    turns: dict[int, TurnFrames]
+    cycle_speed: float
+    orientations: int
+
+
+@dataclass(frozen=True)
+class TurnPlan:
+    """frames (n,); share (n,) of the turn done after each tick, rising strictly to 1.
+
+    area: of the strongest frame; film_deg: by how much the film turned over these frames.
+    """
+
+    frames: Ints
+    share: Floats
+    area: float
+    film_deg: float
+
+
+def plan_turn(frames: TurnFrames, angle_deg: float, area: float, most: int) -> TurnPlan:
+    """The turn by `angle_deg` > 0 whose strongest frame comes nearest to the relative motion area.
+
+    At most `most` ticks are held. Where the film's frames turned by far less or more than is
+    wanted, a deeper or shallower bend is taken.
+    """
+    depth = max(1, int(np.abs(frames.up_area - area).argmin()))
+    depth = min(depth, len(frames.up) - 1)
+    while True:
+        bare = frames.steps(depth, 0)[1].sum()
+        held = int(np.clip(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0, most))
+        film = bare + held * frames.hold_deg
+        if angle_deg > _MORE * film and depth < len(frames.up) - 1:
+            depth += 1
+        else:
+            break
+    while depth > 1 and angle_deg < _LESS * frames.steps(depth, 0)[1].sum():
+        depth, held = depth - 1, 0
+    numbers, degrees = frames.steps(depth, held)
+    film = float(degrees.sum())
+    share = np.cumsum(degrees + _FLOOR * max(film, 1.0))
+    return TurnPlan(numbers, share / share[-1], float(frames.up_area[depth]), film)
+
+
+def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int) -> TurnPlan:
+    """A turn to `side` by a fish that a sprite of some turn shows bent already.
+
+    A bend to the same side is gone on from; one too deep is undone, one to the other side, too, and
+    twice as fast as filmed, before the turn.
+    """
+    bent = next((s for s, t in turns.items() if sprite in t.up or sprite in t.down), 0)
+    if not bent:
+        return plan
+    step = np.diff(plan.share, prepend=0.0)
+    here = np.flatnonzero(plan.frames == sprite)
+    undone = turns[bent].undone(sprite)
+    if bent != side:
+        frames = np.concatenate([undone[::2], plan.frames])
+        step = np.concatenate([np.full(len(frames) - len(step), _FLOOR), step])
+    elif here.size and here[0] + 1 < len(plan.frames):
+        frames, step = plan.frames[here[0] + 1 :], step[here[0] + 1 :]
+    elif undone.size:
+        frames, step = undone, np.ones(len(undone))
+    else:
+        return plan
+    share = np.cumsum(step)
+    return TurnPlan(frames, share / share[-1], plan.area, plan.film_deg)
+
+
+def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
+    """Sequences of a table of sprites.
+
+    pose (n, n): distance between what the film shows after sprite i, and sprite j of the same
+    orientation.
+    """
+    parts = {
+        name: table[table["sequence"] == name] for name in ("straight", "slide", "left", "right")
+    }
+    straight = parts["straight"].index.to_numpy()
+    slide = parts["slide"].index.to_numpy()
+    cycles = {STRAIGHT: straight, ACCELERATE: straight, DECELERATE: straight, SLIDE: slide}
+    following = np.arange(len(table))
+    for part in parts.values():
+        following[part.index[:-1]] = part.index[1:]
+    following[straight[-1]], following[slide[-1]] = straight[0], slide[0]
+    entry = {state: pose[:, cycle].argmin(1) for state, cycle in cycles.items()}
+    return Sprites(
+        cycles,
+        entry,
+        following,
+        {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
+        float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
+        * rate_hz,
+        orientations_of(table),
+    )
+
+
+def _turn_frames(part: pd.DataFrame, side: int) -> TurnFrames:
+    area = part["motion_area_rel"].to_numpy(float)
+    degrees = side * part["turn_deg"].to_numpy(float)
+    number = part.index.to_numpy()
+    held = (part["phase"] != "out").to_numpy()
+    peak = int(np.where(held, area, -1.0).argmax())
+    return TurnFrames(
+        number[: peak + 1],
+        number[peak + 1 :],
+        area[: peak + 1],
+        area[peak + 1 :],
+        degrees[: peak + 1],
+        degrees[peak + 1 :],
+        float(np.maximum(degrees[held], 0.0).mean()),
+    )

@@ -1,0 +1,196 @@
+"""The motion model of a fish: state and control now, state Δ later (fish paper §3.1-3.2, Fig. 6).
+
+Glossary: Δ the time between two states (the paper: 5 frames at 25 Hz); *state* motion area and
+swimming type (Eq. 2); *control* what happens over the next Δ: displacement and included angle
+(Eqs. 1, 3); the model is Eq. 4: state(t + Δ) = BPN(state(t), control(t)). `finloop.bpn.train`
+learns it; using it needs numpy alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from finloop.errors import FinloopError
+
+INPUTS = {
+    "motion_area_rel": "1",
+    "swimming_type": "1",
+    "displacement": "body length",
+    "included_angle_deg": "deg",
+}
+OUTPUTS = {"motion_area_rel": "1", "swimming_type": "1"}
+"""Columns of the feature table and their units, in the order of the model's inputs, outputs."""
+
+OUTPUT_LOW, OUTPUT_HIGH = np.array([0.0, -1.0]), np.array([1.0, 1.0])
+MARGIN = 0.05  # targets lie in [MARGIN, 1 - MARGIN]: a sigmoid reaches neither 0 nor 1
+TAIL = 0.01  # share of displacements, of angles, that lies outside the scaled range
+LEAST_TRAIN, LEAST_HELD_OUT = 20, 5  # rows
+
+Numbers = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class MotionModel:
+    """A trained network 4-hidden-2, sigmoid in both layers; scaling is part of it.
+
+    Attributes
+    ----------
+    delta_s
+        The time Δ in seconds from the state that goes in to the state that comes out.
+    input_low, input_high
+        (4,) what becomes -1 and 1 before the first layer; inputs beyond are clipped to it.
+    output_low, output_high
+        (2,) the range of the outputs; margin: low is learnt as `margin`, high as 1 - `margin`.
+    hidden_weights, hidden_bias, output_weights, output_bias
+        (4, hidden), (hidden,), (hidden, 2), (2,).
+    """
+
+    delta_s: float
+    input_low: Numbers
+    input_high: Numbers
+    output_low: Numbers
+    output_high: Numbers
+    margin: float
+    hidden_weights: Numbers
+    hidden_bias: Numbers
+    output_weights: Numbers
+    output_bias: Numbers
+
+    @property
+    def hidden(self) -> int:
+        """The number of hidden units."""
+        return len(self.hidden_bias)
+
+    def predict(self, inputs: NDArray[np.floating]) -> Numbers:
+        """Eq. 4: (n, 4) states and controls, see INPUTS → (n, 2) states Δ later, see OUTPUTS.
+
+        Motion area in [0, 1]; swimming type as a real number in [-1, 1]: `type_class` rounds it.
+        """
+        scaled = to_scale(inputs, self.input_low, self.input_high)
+        hidden = expit(scaled @ self.hidden_weights + self.hidden_bias)
+        raw = expit(hidden @ self.output_weights + self.output_bias)
+        share = (raw - self.margin) / (1 - 2 * self.margin)
+        span = self.output_high - self.output_low
+        return np.clip(self.output_low + share * span, self.output_low, self.output_high)
+
+
+def to_scale(values: NDArray[np.floating], low: Numbers, high: Numbers) -> Numbers:
+    """Values (n, k) clipped to [low, high] and brought to [-1, 1]."""
+    return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
+
+
+def type_class(swimming_type: NDArray[np.floating]) -> NDArray[np.int8]:
+    """The nearest of -1 right, 0 straight, 1 left."""
+    return np.rint(swimming_type).astype(np.int8)
+
+
+def input_range(inputs: Numbers) -> tuple[Numbers, Numbers]:
+    """The range (low, high), (4,) each, that the inputs are scaled by.
+
+    Area and type have theirs; displacement and angle take theirs from the rows (n, 4), without the
+    TAIL, so that one wild frame does not squeeze the rest. 0° stays in the middle.
+    """
+    near, far = np.quantile(inputs[:, 2], [TAIL, 1 - TAIL])
+    wide = np.quantile(np.abs(inputs[:, 3]), 1 - TAIL)
+    low, high = np.array([0.0, -1.0, near, -wide]), np.array([1.0, 1.0, far, wide])
+    constant = high - low < 1e-9
+    return low - 0.5 * constant, high + 0.5 * constant
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """What there is to learn from: inputs (n, 4), outputs (n, 2), and where each row is from."""
+
+    inputs: Numbers
+    outputs: Numbers
+    track_id: NDArray[np.int64]
+    frame: NDArray[np.int64]  # of the inputs; the outputs are delta_frames later
+    delta_frames: int
+
+    def __len__(self) -> int:
+        """The number of rows."""
+        return len(self.frame)
+
+
+def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:
+    """Rows of a feature table where all inputs and outputs exist, both ends in the same track."""
+    now = features[["track_id", "frame", *INPUTS]]
+    later = features[["track_id", "frame", *OUTPUTS]]
+    later = later.assign(frame=later["frame"] - delta_frames)
+    both = now.merge(later, on=["track_id", "frame"], suffixes=("", "_later")).dropna()
+    both = both.sort_values(["track_id", "frame"])
+    return Rows(
+        both[list(INPUTS)].to_numpy(float),
+        both[[f"{name}_later" for name in OUTPUTS]].to_numpy(float),
+        both["track_id"].to_numpy(np.int64),
+        both["frame"].to_numpy(np.int64),
+        delta_frames,
+    )
+
+
+def split_by_blocks(
+    rows: Rows, block_frames: int, held_out: float, rng: np.random.Generator
+) -> tuple[Mask, Mask]:
+    """Rows to learn from and rows held out, (n,) each, by stretches of time across all tracks.
+
+    A row whose window t … t + Δ reaches from one side into the other is in neither.
+    """
+    if block_frames < rows.delta_frames:  # a window would reach over a whole block
+        raise FinloopError(
+            f"bpn.block_s is {block_frames} frames, and Δ, features.delta_s, {rows.delta_frames}",
+            "blocks that are at least as long as Δ, better ten times",
+            "a larger bpn.block_s",
+        )
+    first, last = rows.frame // block_frames, (rows.frame + rows.delta_frames) // block_frames
+    if len(np.unique(first)) < 2:
+        raise FinloopError(
+            f"the film has rows to learn from in {len(np.unique(first))} block(s) of "
+            f"{block_frames} frames",
+            "at least two: one to learn from, one to hold out",
+            "a smaller bpn.block_s, or a longer film",
+        )
+    chosen = _chosen(first, held_out, rng)
+    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
+    return _enough(~begins & ~ends, begins & ends)
+
+
+def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tuple[Mask, Mask]:
+    """Rows to learn from and rows held out, (n,) each, by whole tracks."""
+    tracks = len(np.unique(rows.track_id))
+    if tracks < 2:
+        raise FinloopError(
+            f"the film has {tracks} track(s) to learn from",
+            "at least two for bpn.split=tracks: one to learn from, one to hold out",
+            "bpn.split=blocks, which splits by time",
+        )
+    held = np.isin(rows.track_id, _chosen(rows.track_id, held_out, rng))
+    return _enough(~held, held)
+
+
+def _chosen(group: NDArray[np.int64], share: float, rng: np.random.Generator) -> list[int]:
+    """Random groups that hold about that share of the rows; never none, never all."""
+    groups, counts = np.unique(group, return_counts=True)
+    chosen: list[int] = []
+    missing = share * len(group)
+    for number in rng.permutation(len(groups)):
+        nearer = abs(missing - counts[number]) < missing
+        if nearer and len(chosen) < len(groups) - 1:
+            chosen.append(int(groups[number]))
+            missing -= counts[number]
+    return chosen or [int(groups[counts.argmin()])]
+
+
+def _enough(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
+    if train.sum() < LEAST_TRAIN or held_out.sum() < LEAST_HELD_OUT:
+        raise FinloopError(
+            f"{train.sum()} rows to learn from and {held_out.sum()} held out",
+            f"at least {LEAST_TRAIN} and {LEAST_HELD_OUT}: frames t whose fish is still tracked "
+            "at t + Δ, on the same side of the split",
+            "a longer film with longer tracks; another bpn.held_out; with bpn.split=blocks "
+            "another bpn.block_s, well above features.delta_s",
+        )
+    return train, held_out

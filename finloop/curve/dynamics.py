@@ -1,0 +1,137 @@
+"""Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
+
+`solve` is the one way in. In the φ basis K is circulant: an FFT decouples it exactly, which is the
+method "modal"; what it finds measures every other method. The parameter of a curve runs from 0 to
+1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
+
+An open curve moves as one half of `curve.wavelet.mirrored`: K keeps the mirror image one, and its
+ends are free.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.curve.integrate import METHOD
+from finloop.curve.oscillator import Numbers, Oscillators, driven, moved
+from finloop.curve.problem import (
+    Found,
+    How,
+    Material,
+    Motion,
+    Problem,
+    checked,
+    force_at,
+    velocity_at_start,
+)
+from finloop.curve.stiffness import eigenvalues, stiffness
+from finloop.curve.wavelet import back, forward
+
+Array = NDArray[np.float64]
+
+
+def solve(problem: Problem, method: str = "modal", how: How | None = None) -> Motion:
+    """The motion of `problem`.
+
+    "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
+    "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis.
+
+    Raises
+    ------
+    FinloopError
+        If the problem or the method's settings make no sense; the message says which and why.
+    """
+    how = how or How()
+    problem = checked(problem, method)
+    exact = modal(problem, how)
+    if method == "modal":
+        return Motion(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
+    found = {"decoupled": decoupled, **METHOD}[method](problem, how)
+    off = np.abs(found.displacement - exact.displacement).max()
+    size = np.abs(exact.displacement).max()
+    error = float(off / size) if size else float(off)
+    return Motion(problem.times, found.displacement, found.velocity, error, found.facts)
+
+
+def oscillators(material: Material, k: Array) -> Oscillators:
+    """The material's ρ and C = s₁M + s₂K for stiffnesses k (m,)."""
+    mass = material.density or 1.0  # of C, see Material
+    damping = material.mass_damping * mass + material.stiffness_damping * k
+    return Oscillators(material.density, damping, k)
+
+
+# --- in a basis in which K is, or is taken to be, diagonal
+
+
+class Basis(NamedTuple):
+    """Coefficients (m, d) of points (n, d), points (…, n, d) of coefficients; K's diagonal (m,)."""
+
+    to: Callable[[Array], Numbers]
+    points: Callable[[Numbers], Array]
+    k: Array
+
+
+def modal(problem: Problem, how: How) -> Found:
+    """Exact: K of the φ basis is circulant, so Fourier's modes do not know of each other.
+
+    A force of place and time couples them again; then `driven` goes on until it is sure of
+    `how.tolerance`.
+    """
+    n = len(problem.rest)
+    basis = Basis(
+        lambda points: np.fft.rfft(points, axis=0),
+        lambda modes: np.fft.irfft(modes, n, axis=-2),
+        eigenvalues(problem.wavelet, n, problem.material.elastic),
+    )
+    return _in(basis, problem, how)
+
+
+def decoupled(problem: Problem, how: How) -> Found:
+    """Eq. 3.16: the wavelet basis, off-diagonals of K dropped; that error is not small."""
+    n, levels = len(problem.rest), how.levels
+    basis = Basis(
+        lambda points: forward(points, problem.wavelet, levels),
+        lambda coefficients: back(np.asarray(coefficients, float), problem.wavelet, levels),
+        stiffness(problem.wavelet, n, levels, problem.material.elastic).diagonal(),
+    )
+    return _in(basis, problem, how)
+
+
+def _in(basis: Basis, problem: Problem, how: How) -> Found:
+    of = oscillators(problem.material, basis.k)
+    u, v = basis.to(problem.displacement), basis.to(velocity_at_start(problem))
+    estimate = 0.0
+    if callable(problem.force):
+
+        def push(time: float, places: Numbers) -> Numbers:
+            return basis.to(force_at(problem, time, basis.points(places)))
+
+        places, speeds, estimate = driven(of, u, v, problem.times, push, how.tolerance)
+    else:
+        none = problem.force is None
+        q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
+        places, speeds = moved(of, u, v, problem.times - problem.times[0], q)
+    facts = {f"{name}_roots": float(count) for name, count in of.cases().items()}
+    return Found(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
+
+
+# --- what the laws speak of
+
+
+def energy(problem: Problem, motion: Motion) -> Array:
+    """Kinetic and elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
+    n = len(problem.rest)
+    k = eigenvalues(problem.wavelet, n, problem.material.elastic)
+    twice = np.full(len(k), 2.0)  # rfft leaves out the mirror images
+    twice[[0, -1]] = 1
+    modes = np.abs(np.fft.rfft(motion.displacement, axis=1)) ** 2
+    elastic = np.einsum("tmd,m->t", modes, twice * k) / n**2
+    kinetic = problem.material.density * (motion.velocity**2).sum(axis=(1, 2)) / n
+    return (elastic + kinetic) / 2
+
+
+def momentum(problem: Problem, motion: Motion) -> Array:
+    """ρ ∫ u̇, (t, d); without force it fades by e^(−s₁ t)."""
+    return problem.material.density * motion.velocity.mean(axis=1)

@@ -1,0 +1,225 @@
+"""The paper's step-by-step ways through Eq. 3.3 (§3.3), in the wavelet basis, where K is sparse.
+
+Runge–Kutta on the first-order system (3.15); with ρ = 0, Euler's steps on C q̇ + K q = Q, C⁻¹ by
+Schulz iteration or by sparse factors. `curve.dynamics.solve` calls them.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from finloop.curve.problem import Found, How, Problem, force_at, velocity_at_start
+from finloop.curve.stiffness import damping, mass, stiffness
+from finloop.curve.wavelet import back, forward
+from finloop.errors import FinloopError
+
+ITERATIONS = 100
+"""Most of Schulz; a matrix that can be inverted in float64 needs fewer."""
+
+Array = NDArray[np.float64]
+
+
+def matrices(problem: Problem, how: How) -> tuple[csr_array, csr_array]:
+    """C and K (n, n) in the wavelet basis."""
+    n, material = len(problem.rest), problem.material
+    k = stiffness(problem.wavelet, n, how.levels, material.elastic)
+    m = mass(n, material.density or 1.0)
+    return damping(m, k, material.mass_damping, material.stiffness_damping), k
+
+
+def _push(problem: Problem, how: How) -> Callable[[float, Array], Array]:
+    """Q in the wavelet basis, from time and coefficients (n, d)."""
+    if not callable(problem.force):
+        constant = forward(
+            force_at(problem, 0.0, problem.displacement), problem.wavelet, how.levels
+        )
+        return lambda time, q: constant
+
+    def push(time: float, q: Array) -> Array:
+        points = back(q, problem.wavelet, how.levels)
+        return forward(force_at(problem, time, points), problem.wavelet, how.levels)
+
+    return push
+
+
+def runge_kutta(problem: Problem, how: How) -> Found:
+    """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
+
+    Raises
+    ------
+    FinloopError
+        If the formula gives up.
+    """
+    c, k = matrices(problem, how)
+    push, shape = _push(problem, how), problem.displacement.shape
+    density = problem.material.density
+    velocity = velocity_at_start(problem)
+    start = forward(np.stack([problem.displacement, velocity]), problem.wavelet, how.levels)
+
+    def slope(time: float, state: Array) -> Array:
+        q, rate = state.reshape(2, *shape)
+        return np.concatenate(
+            [rate.ravel(), ((push(time, q) - k @ q - c @ rate) / density).ravel()]
+        )
+
+    scale = float(np.abs(start).max()) or 1.0
+    state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
+    # From time to time: what scipy puts between its steps is less exact than they are.
+    for begin, end in pairwise(problem.times):
+        found = solve_ivp(
+            slope,
+            (begin, end),
+            state,
+            how.integrator,
+            rtol=how.rtol,
+            atol=how.rtol * scale,
+            first_step=None if step is None else min(step, end - begin),
+        )
+        if not found.success:
+            raise FinloopError(
+                f"{how.integrator} gave up: {found.message}",
+                "an equation that it can follow",
+                "take the method modal, or a larger how.rtol",
+            )
+        state, step = found.y[:, -1], float(np.diff(found.t).max())
+        evaluations += found.nfev
+        kept.append(state)
+    states = np.stack(kept).reshape(-1, 2, *shape)
+    q, rate = (back(states[:, i], problem.wavelet, how.levels) for i in (0, 1))
+    return Found(q, rate, {"evaluations": float(evaluations)})
+
+
+def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
+    """X ← 2X − XCX from Cᵀ / ‖CᵀC‖: the inverse (n, n), iterations, and max |I − XC|.
+
+    The paper's norm is not said; the largest row sum is at least the largest eigenvalue, which is
+    what convergence takes.
+
+    Raises
+    ------
+    FinloopError
+        If it does not converge: the matrix is singular, or nearly.
+    """
+    unit = np.eye(len(matrix))
+    x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
+    for iteration in range(ITERATIONS):
+        rest = unit - x @ matrix
+        residual = float(np.abs(rest).max())
+        if residual <= tolerance:
+            return x, iteration, residual
+        x = x + rest @ x
+    raise FinloopError(
+        f"Schulz iteration left a residual of {residual:.2g} after {ITERATIONS} steps",
+        f"{tolerance:g}: a matrix far from singular",
+        "raise mass_damping, or take how.inverse sparse",
+    )
+
+
+def _inverse(matrix: csr_array, how: How) -> tuple[Callable[[Array], Array], dict[str, float]]:
+    """What multiplies by the matrix' inverse, and what it took."""
+    if how.inverse == "schulz":
+        x, iterations, residual = schulz(matrix.toarray())
+        facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
+        return lambda right: x @ right, facts
+    if how.inverse == "sparse":
+        factors = splu(csc_array(matrix))
+        return lambda right: factors.solve(np.ascontiguousarray(right)), {
+            "factors_nonzero": float(factors.nnz)
+        }
+    raise FinloopError(f"how.inverse {how.inverse!r}", "sparse or schulz", "choose one of the two")
+
+
+def _even_step(problem: Problem, how: How) -> float:
+    """Δt of Euler's steps."""
+    gaps = np.diff(problem.times)
+    if how.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
+        raise FinloopError(
+            f"{len(problem.times)} times, not evenly apart, or {how.substeps} substeps",
+            "two or more even times and at least 1 substep for Euler's steps",
+            "take even times, or the method modal",
+        )
+    return float(gaps.mean()) / how.substeps
+
+
+def _marched(
+    problem: Problem, how: How, step: float, advance: Callable[[float, Array, Array], Array]
+) -> Array:
+    """Coefficients (t, n, d) from `advance` of time, q and Q."""
+    push = _push(problem, how)
+    q = forward(problem.displacement, problem.wavelet, how.levels)
+    kept = [q]
+    for index in range(1, len(problem.times)):
+        for number in range(how.substeps):
+            time = problem.times[index - 1] + number * step
+            q = advance(time, q, push(time, q))
+        kept.append(q)
+    return np.stack(kept)
+
+
+def _euler(problem: Problem, how: How, implicit: bool) -> Found:
+    step = _even_step(problem, how)
+    c, k = matrices(problem, how)
+    if not implicit:
+        stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
+        material = problem.material
+        fastest = stiffest / (material.mass_damping + material.stiffness_damping * stiffest)
+        if step * fastest > 2:
+            raise FinloopError(
+                f"explicit Euler with steps of {step:.3g}",
+                f"steps of {2 / fastest:.3g} at most: longer ones may grow without end",
+                f"set how.substeps to {int(np.ceil(how.substeps * step * fastest / 2))} or more, "
+                "or take implicit-euler",
+            )
+    solve, facts = _inverse(csr_array(c + step * k) if implicit else c, how)
+    exact_solve = solve if not implicit else _inverse(c, How(inverse="sparse"))[0]
+
+    def advance(time: float, q: Array, force: Array) -> Array:
+        if implicit:
+            return solve(c @ q + step * force)
+        return q + step * solve(force - k @ q)
+
+    coefficients = _marched(problem, how, step, advance)
+    push = _push(problem, how)
+    rates = np.stack(
+        [
+            exact_solve(push(time, q) - k @ q)
+            for time, q in zip(problem.times, coefficients, strict=True)
+        ]
+    )
+    steps = how.substeps * (len(problem.times) - 1)
+    u, v = (back(values, problem.wavelet, how.levels) for values in (coefficients, rates))
+    return Found(u, v, {"steps": float(steps), **facts})
+
+
+def explicit_euler(problem: Problem, how: How) -> Found:
+    """§3.3: q(t + Δt) = q + Δt C⁻¹(Q − K q); ρ = 0.
+
+    Raises
+    ------
+    FinloopError
+        If Δt is too long for it to stay finite, or the times are not even.
+    """
+    return _euler(problem, how, implicit=False)
+
+
+def implicit_euler(problem: Problem, how: How) -> Found:
+    """q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q); ρ = 0. Stable at any Δt; Q is that of t.
+
+    Raises
+    ------
+    FinloopError
+        If the times are not even.
+    """
+    return _euler(problem, how, implicit=True)
+
+
+METHOD: dict[str, Callable[[Problem, How], Found]] = {
+    "runge-kutta": runge_kutta,
+    "explicit-euler": explicit_euler,
+    "implicit-euler": implicit_euler,
+}

@@ -1,0 +1,165 @@
+"""What moves a curve, and what comes of it (curve paper §3.1): the words of `curve.dynamics`.
+
+Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
+s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+
+METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
+
+Array = NDArray[np.float64]
+Field = Callable[[float, Array], Array]
+"""Q (n, d) from time and places (n, d) of the points."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """ρ, e₀, and s₁, s₂ of C = s₁M + s₂K (Eq. 3.5).
+
+    With ρ = 0 (§3.3) M of C is I: of ρI nothing would be left, and K alone cannot be inverted.
+    """
+
+    density: float = 1.0
+    elastic: float = 1.0
+    mass_damping: float = 0.0
+    stiffness_damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A curve let go at times[0], n a power of two; `force` (n, d), (d,), a Field or none."""
+
+    rest: Array
+    displacement: Array
+    material: Material
+    times: Array
+    velocity: Array | None = None
+    force: Array | Field | None = None
+    wavelet: str = "coif2"
+
+
+@dataclass(frozen=True)
+class How:
+    """What the methods that are not exact need.
+
+    `levels` of the wavelet basis (all but modal); `rtol` and `integrator` (scipy's) of
+    runge-kutta; `substeps` of Euler from one time to the next, and how it inverts C, by "sparse"
+    factors or by "schulz"; `tolerance` of modal for a force of place and time.
+    """
+
+    levels: int = 3
+    rtol: float = 1e-6
+    integrator: str = "RK45"
+    substeps: int = 10
+    inverse: str = "sparse"
+    tolerance: float = 1e-9
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacements and velocities (t, n, d), and how far they are from the exact ones.
+
+    `error`: the farthest displacement from the exact one, in the farthest exact displacement. Of
+    the method modal it is its own estimate, 0 where it is a closed form. `facts`: steps, residuals,
+    what else a method counts.
+    """
+
+    times: Array
+    displacement: Array
+    velocity: Array
+    error: float
+    facts: dict[str, float] = field(default_factory=dict)
+
+
+class Found(NamedTuple):
+    """Of a method: displacements, velocities (t, n, d), what it counted."""
+
+    displacement: Array
+    velocity: Array
+    facts: dict[str, float]
+
+
+def checked(problem: Problem, method: str) -> Problem:
+    """The problem with arrays in place of what may be left out; refuses what makes no sense."""
+    material, times = problem.material, np.asarray(problem.times, np.float64)
+    u = np.asarray(problem.displacement, np.float64)
+    v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
+    rest = np.asarray(problem.rest, np.float64)
+    force = problem.force
+    if force is not None and not callable(force):
+        force = np.asarray(force, np.float64)
+    numbers = np.array(list(vars(material).values()), np.float64)
+    given = [rest, u, v, times, numbers, *([force] if isinstance(force, np.ndarray) else [])]
+    massless = material.density == 0
+    refusals = (
+        (
+            method not in METHODS,
+            f"the method {method!r}",
+            f"one of {', '.join(METHODS)}",
+        ),
+        (
+            not all(np.isfinite(values).all() for values in given),
+            "numbers that are not finite in a curve, a material, the times or a force",
+            "finite numbers",
+        ),
+        (
+            not (u.ndim == 2 and u.shape == v.shape == rest.shape),
+            f"a rest shape of shape {rest.shape}, displacements {u.shape}, velocities {v.shape}",
+            "the same shape (n, d)",
+        ),
+        (
+            isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
+            f"a force of shape {getattr(force, 'shape', ())}",
+            f"{u.shape}, or {u.shape[1:]} for the same one at every point",
+        ),
+        (
+            times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
+            "times that do not rise",
+            "rising times, the first one of the start",
+        ),
+        (
+            bool((numbers < 0).any()),
+            f"a material with a negative number: {material}",
+            "density, elastic and both dampings of 0 or more",
+        ),
+        (
+            massless and material.mass_damping == 0,
+            "a curve without mass (density 0) and without mass_damping",
+            "mass_damping above 0: without it C cannot be inverted, a shift meets no resistance",
+        ),
+        (
+            massless and method == "runge-kutta",
+            "runge-kutta on Eq. 3.15, which divides by the density, 0",
+            "a density above 0, or one of the Euler methods, modal or decoupled",
+        ),
+        (
+            not massless and method.endswith("euler"),
+            f"{method} with density {material.density:g}",
+            "density 0: these methods are of C q̇ + K q = Q (§3.3)",
+        ),
+    )
+    for wrong, came, wanted in refusals:
+        if wrong:
+            raise FinloopError(came, wanted, "change it in the problem, or take another method")
+    return Problem(rest, u, material, times, v, force, problem.wavelet)
+
+
+def force_at(problem: Problem, time: float, displacement: Array) -> Array:
+    """Q (n, d) at a time and displacements (n, d)."""
+    force = problem.force
+    if callable(force):
+        return np.broadcast_to(force(time, problem.rest + displacement), displacement.shape)
+    return np.zeros_like(displacement) + (0 if force is None else force)
+
+
+def velocity_at_start(problem: Problem) -> Array:
+    """u̇ (n, d) at times[0]."""
+    return np.zeros_like(problem.displacement) if problem.velocity is None else problem.velocity

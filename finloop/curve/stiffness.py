@@ -1,0 +1,210 @@
+"""Stiffness of a curve in wavelet bases (curve paper §3.2, Eqs. 3.3–3.14; Tables 1, 2; Fig. 3).
+
+Glossary: μ_l, ν_l = ∫ φ'(x − l) φ'(x), ∫ ψ'(x − l) ψ'(x), the *connection coefficients*; *n*
+functions round the curve, a power of two; e₀ *elastic*, ρ *density*, s₁, s₂ damping (Eq. 3.5).
+
+The curve's parameter runs from 0 to 1 (§2.2), so φ of n functions is φ(n x − k) √n and
+K = e₀ n² μ: its low eigenvalues tend to e₀ (2πk)² as n grows, whatever the wavelet. A point of a
+curve is its coefficient times √n, the same for all, so M, C, K act on points unchanged.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array, eye_array
+
+from finloop.curve.filters import filter_bank
+from finloop.curve.wavelet import back, check, forward, most_levels, scales
+from finloop.errors import FinloopError
+
+_ALMOST = 1e-6  # how far from a bound an eigenvalue of the tabled filters is taken to lie on it
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Connection:
+    """Connection coefficients in true scale, for l = 0 … P − 1; μ_l = μ_{−l}, ν_l = ν_{−l}.
+
+    `autocorrelation`: α_n = 2 Σ h_i h_{i+n}, n = 0 … P. The tables print `mu / mu[0]` and
+    `nu / nu[0]`.
+    """
+
+    wavelet: str
+    autocorrelation: Array
+    mu: Array
+    nu: Array
+
+
+@cache
+def connection(wavelet: str) -> Connection:
+    """μ from the null space of Eq. 3.11, scaled by Σ l² μ_l = −2; ν by Eq. 3.14.
+
+    The scale is ∫ φ'' x² = 2, integrated by parts, as Beylkin has it. (3.14) holds for l = 0 too:
+    ν₀ = 7 μ₀.
+
+    Raises
+    ------
+    FinloopError
+        If the wavelet is not orthogonal, or φ has no derivative that is square integrable (φ is
+        not in H¹): then μ is infinite, though (3.11) may have a solution.
+    """
+    low = filter_bank(wavelet)[2]
+    taps = len(low)
+    if not np.allclose(filter_bank(wavelet)[0], low[::-1], rtol=0, atol=1e-10):
+        raise FinloopError(
+            f"the wavelet {wavelet} is not orthogonal",
+            "an orthogonal wavelet: only then is M = ρI",
+            "take db4, coif2, sym8, …",
+        )
+    alpha = 2 * np.correlate(low, low, "full")[taps - 1 :]
+    smooth = smoothness(alpha)
+    if smooth <= 1:
+        raise FinloopError(
+            f"φ of the wavelet {wavelet} lies in H^s for s < {smooth:.2f} only: its derivative is "
+            "not square integrable, so its stiffness is infinite",
+            "a wavelet with φ in H¹",
+            "take a smoother one: db3 or longer, coif1, sym4, …",
+        )
+    size = taps - 1  # μ_l is 0 from the support on
+    transfer = _transfer(alpha, size)
+    half = transfer[size - 1 :, size - 1 :].copy()
+    half[:, 1:] += transfer[size - 1 :, size - 2 :: -1]  # μ_l = μ_{−l}
+    mu = np.linalg.svd(4 * half - np.eye(size))[2][-1]
+    mu *= -2 / (2 * (np.arange(size) ** 2 @ mu))
+    nu = -mu
+    even = mu[::2]
+    nu[: len(even)] += 8 * even
+    for table in (alpha, mu, nu):
+        table.setflags(write=False)
+    return Connection(wavelet, alpha, mu, nu)
+
+
+def _transfer(alpha: Array, size: int) -> Array:
+    """T_lk = α_{2l − k} / 2 for |l|, |k| < size: what refinement makes of inner products."""
+    at = np.arange(1 - size, size)
+    far = np.abs(2 * at[:, None] - at)
+    return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
+
+
+def smoothness(alpha: Array) -> float:
+    """φ lies in H^s for all s below this, but at most 2; from α of its filter (Villemoes 1992).
+
+    Sequences whose moments 0 … 3 vanish stay so under T if φ reproduces lines; T shrinks them by
+    4^−s a step at most. 0.5 stands for a φ that does not reproduce lines: that has a jump or worse.
+    """
+    size = len(alpha) + 1  # room for four moments of the shortest
+    at = np.arange(1 - size, size) / size
+    moments = np.linalg.qr(np.stack([at**p for p in range(4)], axis=1), "complete")[0]
+    kept = moments[:, 4:]
+    moved = _transfer(alpha, size) @ kept
+    if np.abs(moments[:, :4].T @ moved).max() > _ALMOST:
+        return 0.5
+    rate = float(np.abs(np.linalg.eigvals(kept.T @ moved)).max())
+    exponent = min(-np.log2(rate) / 2, 2.0)
+    return exponent if abs(exponent - 1) > _ALMOST else 1.0
+
+
+def _round(band: Array, n: int) -> Array:
+    """A symmetric band (l ≥ 0) folded round n places: the first row of its circulant."""
+    at = np.arange(1 - len(band), len(band))
+    row = np.zeros(n)
+    np.add.at(row, at % n, band[np.abs(at)])
+    return row
+
+
+def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Array:
+    """First row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
+
+    n may be shorter than the wavelet, as the control points of Fig. 7 are: φ is folded round.
+
+    Raises
+    ------
+    FinloopError
+        As `connection`; if n is no power of two.
+    """
+    most_levels(n)
+    return elastic * n**2 * _round(connection(wavelet).mu, n)
+
+
+def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Array:
+    """Of K, (n // 2 + 1,), in the order of `numpy.fft.rfft`; errors as `first_row`.
+
+    The first is 0: a shift strains nothing.
+    """
+    values = np.fft.rfft(first_row(wavelet, n, elastic)).real.copy()
+    values[0] = 0  # exactly
+    return np.maximum(values, 0)
+
+
+def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
+    """K in the φ basis, (n, n); errors as `first_row`."""
+    return _symmetric(first_row(wavelet, n, elastic)[None], [slice(0, n)], n)
+
+
+def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
+    """K in the wavelet basis, (n, n), every block: q_w in the order of `curve.wavelet.forward`.
+
+    A step at one scale is 2, 4, … steps at finer ones, so the first row of a scale holds all of
+    its rows; blocks below the diagonal are the transposes.
+
+    Raises
+    ------
+    FinloopError
+        As `first_row`; if n cannot be halved so often, or the wavelet is longer than the curve.
+    """
+    check(n, wavelet, levels)
+    row = first_row(wavelet, n, elastic)
+    places = scales(n, levels)
+    units = np.zeros((n, len(places)))
+    units[[place.start for place in places], range(len(places))] = 1
+    functions = back(units, wavelet, levels)
+    moved = np.zeros_like(functions)
+    for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly zero, as with no FFT
+        moved += row[l] * np.roll(functions, l, axis=0)
+    generators = forward(moved, wavelet, levels).T
+    return _symmetric(generators, places, n)
+
+
+def _symmetric(generators: Array, places: list[slice], n: int) -> csr_array:
+    """The matrix of the first rows of every scale, the blocks left of the diagonal by symmetry."""
+    rows, columns, values = [], [], []
+    for number, here in enumerate(places):
+        count = here.stop - here.start
+        steps = np.arange(count, dtype=np.int32)
+        for there in places[number:]:
+            size = there.stop - there.start
+            part = generators[number, there]
+            if there is here:
+                part = (part + np.roll(part[::-1], 1)) / 2  # to the last digit
+            at = np.flatnonzero(part).astype(np.int32)
+            row = np.repeat(steps + here.start, len(at))
+            column = ((at + (size // count) * steps[:, None]) % size + there.start).ravel()
+            value = np.tile(part[at], count)
+            rows.append(row)
+            columns.append(column)
+            values.append(value)
+            if there is not here:
+                rows.append(column)
+                columns.append(row)
+                values.append(value)
+    entries = tuple(map(np.concatenate, (rows, columns)))
+    return csr_array((np.concatenate(values), entries), shape=(n, n))
+
+
+def mass(n: int, density: float) -> csr_array:
+    """M = ρI, (n, n): the functions are orthonormal."""
+    return csr_array(density * eye_array(n))
+
+
+def damping(m: csr_array, k: csr_array, s1: float, s2: float) -> csr_array:
+    """C = s₁M + s₂K (Eq. 3.5)."""
+    return csr_array(s1 * m + s2 * k)
+
+
+def off_diagonal(matrix: csr_array) -> float:
+    """Share of Σ K_ij² that lies off the diagonal; §3.3 speaks of less than 0.15."""
+    total = float((matrix.data**2).sum())
+    return 1 - float((matrix.diagonal() ** 2).sum()) / total

@@ -1,0 +1,269 @@
+"""Distance maps of a film (fish paper §4.1, Fig. 9): every pair (Eq. 5), or like with like (Eq. 6).
+
+Glossary: x (n, k) float32, a picture a row, about their mean; *kind* (n,) a number that frames of
+one orientation and swimming type share (Eq. 7); *area* (n,) the motion area (Eq. 8).
+
+‖a − b‖² = ‖a‖² + ‖b‖² − 2ab makes of a map a matrix product. What cancels in it is made good:
+pictures are taken about their mean, and pairs so close that float32 would lose them are measured
+again.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.distance.picture import FILM
+from finloop.errors import FinloopError
+from finloop.io.table import Column, Schema
+
+EXACT = 1e-4
+"""No distance between pictures of values 0 … 1 is farther off than this."""
+
+_SIDE = 1024  # of a block of the full map; smaller ones suffer where threads wait for each other
+_BAND = 128  # frames of a band; more would compute more pairs that differ too much in area
+_LOSS = 16 * np.finfo(np.float32).eps  # in a squared distance, of ‖a‖² + ‖b‖²; half was seen
+_GATHERED = 2**22  # numbers gathered at a time for pairs measured one by one
+_MANY = 1 / 64  # of a block: if more pairs are close, the whole block again is cheaper
+
+Ints = NDArray[np.intp]
+Picture = NDArray[np.float32]
+
+PAIRS = Schema(
+    (Column("i", "int32", "1"), Column("j", "int32", "1"), Column("distance", "float32", "1"))
+)
+STEPS = Schema(
+    (
+        Column("track_id", "int32", "1"),
+        Column("frame", "int32", "1"),
+        Column("step", "float32", "1", nullable=True),
+    )
+)
+
+
+@dataclass(frozen=True)
+class MapFacts:
+    """How a distance map was made, and its unit: the median natural step.
+
+    `keep` [median natural steps] None: all pairs that Eq. 6 compares are stored.
+    """
+
+    pose: str
+    size: int
+    area_threshold: float
+    keep: float | None
+    step_median: float
+    step_p95: float
+
+
+class Block(NamedTuple):
+    """A rectangle of a map: ranges of its rows and its columns."""
+
+    rows: slice
+    columns: slice
+
+
+class Pairs(NamedTuple):
+    """Pairs of pictures by their numbers in x, and their distances (Eq. 5)."""
+
+    a: Ints
+    b: Ints
+    distance: NDArray[np.float32]
+
+
+def about_mean(pictures: Picture) -> Picture:
+    """x of pictures (n, …), which are changed in place: no second copy of a long film."""
+    x = pictures.reshape(len(pictures), -1)
+    x -= x.mean(axis=0)
+    return x
+
+
+def between(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
+    """Eq. 5 between pictures a[k] and b[k], one by one."""
+    found = np.empty(len(a), np.float32)
+    lot = max(1, _GATHERED // x.shape[1])
+    for start in range(0, len(a), lot):
+        here = slice(start, start + lot)
+        found[here] = np.linalg.norm(x[a[here]] - x[b[here]], axis=1)
+    return found
+
+
+# --- Eq. 5, all pairs
+
+
+def full(pictures: Picture) -> Picture:
+    """Eq. 5 for all pairs of pictures (n, …), as (n, n)."""
+    x = pictures.reshape(len(pictures), -1)
+    x = x - x.mean(axis=0)
+    norms = _norms(x)
+    found = np.empty((len(x), len(x)), np.float32)
+    for rows in _lots(0, len(x), _SIDE):
+        for columns in _lots(rows.start, len(x), _SIDE):  # the map is symmetric
+            block = _squared(x, norms, Block(rows, columns))
+            if rows == columns:
+                np.fill_diagonal(block, np.inf)  # not to be measured again
+            _sharpen(x, norms, Block(rows, columns), block)
+            if rows == columns:
+                np.fill_diagonal(block, 0)
+            np.sqrt(block, out=block)
+            found[rows, columns] = block
+            found[columns, rows] = block.T
+    return found
+
+
+def _lots(start: int, stop: int, most: int) -> Iterator[slice]:
+    yield from (slice(a, min(a + most, stop)) for a in range(start, stop, most))
+
+
+def _norms(x: Picture) -> NDArray[np.float32]:
+    """Squared norms (n,), summed in float64: einsum's float32 sums lose three digits."""
+    return np.einsum("nk,nk->n", x, x, dtype=np.float64).astype(np.float32)
+
+
+def _squared(x: Picture, norms: NDArray[np.float32], at: Block) -> Picture:
+    """Squares of Eq. 5 in a block, as a matrix product leaves them."""
+    other = x[at.columns].T
+    if at.rows == at.columns:
+        other = other.copy()  # numpy takes a slow way for a product with the same memory
+    block = x[at.rows] @ other
+    block *= -2
+    block += norms[at.rows, None] + norms[at.columns]
+    return np.maximum(block, 0, out=block)
+
+
+def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) -> None:
+    """Measure again, in place, what is too close for float32: its root would be off by EXACT.
+
+    An error e of a square d² is one of e / 2d of its root.
+    """
+    share = _LOSS / (2 * EXACT)
+    if block.min() >= (share * (norms[at.rows].max() + norms[at.columns].max())) ** 2:
+        return
+    lost = norms[at.rows, None] + norms[at.columns]
+    lost *= share
+    close = block < np.square(lost, out=lost)
+    count = np.count_nonzero(close)
+    if count > _MANY * block.size:  # a fish that does not move
+        wide = x[at.rows].astype(np.float64), x[at.columns].astype(np.float64)
+        squares = [np.einsum("nk,nk->n", w, w) for w in wide]
+        exact = squares[0][:, None] + squares[1] - 2 * (wide[0] @ wide[1].T)
+        block[close] = np.maximum(exact[close], 0)
+    elif count:
+        a, b = np.nonzero(close)
+        block[close] = between(x, a + at.rows.start, b + at.columns.start) ** 2
+
+
+# --- Eq. 6: like with like
+
+
+def kinds(features: pd.DataFrame, pose: str) -> Ints:
+    """Eq. 7 for every row of the feature table: frames are compared if their numbers are equal.
+
+    The orientation counts only where fish are compared as filmed: it tells that pictures differ
+    because one is the other turned.
+    """
+    swims = features["swimming_type"].to_numpy(np.intp)
+    return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
+
+
+def alike(kind: Ints, area: NDArray[np.floating], threshold: float) -> NDArray[np.bool_]:
+    """State(i, j) of Eq. 6 for all pairs, (n, n): True where Eqs. 7 and 8 are 1, not MAX."""
+    return (kind[:, None] == kind) & _near(area, area, threshold)
+
+
+def _near(a: NDArray[np.floating], b: NDArray[np.floating], threshold: float) -> NDArray[np.bool_]:
+    """Eq. 8, in float64."""
+    return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
+
+
+def order(kind: Ints, area: NDArray[np.floating]) -> Ints:
+    """The rows by kind, then area: in this order Eq. 6 is a band along the diagonal."""
+    return np.lexsort((area, kind))
+
+
+def bands(kind: Ints, area: NDArray[np.floating], threshold: float) -> Iterator[Block]:
+    """Blocks that hold every pair a < b that Eq. 6 compares, each once; frames are in `order`."""
+    area = area.astype(float)
+    edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
+    for start, stop in pairwise(edges):
+        for rows in _lots(start, stop, _BAND):
+            # A hair wider than the threshold: the exact test comes after the product.
+            far = np.nextafter(area[rows.stop - 1] + threshold, np.inf)
+            end = start + int(np.searchsorted(area[start:stop], far, "right"))
+            yield from (Block(rows, c) for c in _lots(rows.start, end, 8 * _BAND))
+
+
+def computed(blocks: Iterable[Block]) -> int:
+    """How many pairs a < b lie in blocks."""
+    count = 0
+    for rows, columns in blocks:
+        a = np.arange(rows.start, rows.stop)
+        count += int((columns.stop - np.maximum(a + 1, columns.start)).clip(0).sum())
+    return count
+
+
+def similar(
+    x: Picture, kind: Ints, area: NDArray[np.floating], threshold: float, most: float = np.inf
+) -> Iterator[Pairs]:
+    """Eq. 6: the pairs a < b that Eqs. 7 and 8 let through and that are at most `most` apart.
+
+    `x` is of `about_mean`, its frames in `order`. Other pairs are not computed, but for a few at
+    the rim of a band. Pairs come block by block, so that memory does not grow with their number.
+    """
+    norms = _norms(x)
+    for at in bands(kind, area, threshold):
+        block = _squared(x, norms, at)
+        rows, columns = (np.arange(part.start, part.stop) for part in at)
+        wanted = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)
+        block[~wanted] = np.inf
+        _sharpen(x, norms, at, block)
+        a, b = np.nonzero(wanted & (block <= most**2))
+        yield Pairs(rows[a], columns[b], np.sqrt(block[a, b]))
+
+
+def pair_table(found: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
+    """PAIRS of pairs of frames that are `rows` of the feature table: i < j, sorted by i, then j."""
+    row = rows.astype(np.int32)  # at once: of a long film there are tens of millions
+    parts = [(row[a], row[b], distance) for a, b, distance in found]
+    a, b, distance = map(np.concatenate, zip(*parts, strict=True))
+    del parts
+    i, j = np.minimum(a, b), np.maximum(a, b)
+    del a, b
+    first = np.argsort(i * np.int64(len(rows)) + j)
+    return pd.DataFrame({"i": i[first], "j": j[first], "distance": distance[first]})
+
+
+# --- natural steps
+
+
+def step_table(features: pd.DataFrame, x: Picture, place: Ints) -> pd.DataFrame:
+    """STEPS: Eq. 5 from every row of the feature table, at x[place], to its track's next frame."""
+    here = features[["track_id", "frame"]]
+    follows = here["track_id"].diff().eq(0) & here["frame"].diff().eq(1)
+    after = np.flatnonzero(follows)
+    step = np.full(len(here), np.nan, np.float32)
+    step[after - 1] = between(x, place[after - 1], place[after])
+    return here.assign(step=step)
+
+
+def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
+    """Median and 95th percentile of the natural steps (STEPS).
+
+    Raises
+    ------
+    FinloopError
+        If the film does not move, or no frame follows another: nothing could be measured in steps.
+    """
+    step = steps["step"].dropna()
+    if not len(step) or step.median() == 0:
+        raise FinloopError(
+            f"of {len(step)} steps from a frame to the next at least half change nothing",
+            "a film in which the fish moves, each frame once",
+            "film or take a clip without doubled frames (dvc exp run -S clip.source=...), or raise "
+            "distance.size where the fish is small",
+        )
+    return float(step.median()), float(step.quantile(0.95))

@@ -1,0 +1,234 @@
+"""Drawing one carp in one pose: exact coverage, colours, shadow. Pure functions over arrays."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, Look, half_width, width_table
+
+Float = NDArray[np.float64]
+Image = NDArray[np.float32]
+
+OVERSAMPLE = 3
+BLUR_PX = 0.6  # of the lens
+GLOSS = 20.0  # grey levels of the light reflected by the back
+
+# Root of a fin (s, share of the half width), length and breadth (body lengths), angle to the tail's
+# direction when closed and when open (radians).
+PECTORAL = (0.235, 0.78, 0.195, 1.05, 0.10, 1.12)
+PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A fish cut out, sharp; pixel (0, 0) of the arrays is (x0, y0) of the picture.
+
+    Attributes
+    ----------
+    colour : (rows, columns, 3) premultiplied RGB
+    opacity : (rows, columns) 0-1
+    coverage : (rows, columns) share of each pixel inside the silhouette of body and fins
+    """
+
+    x0: int
+    y0: int
+    colour: Image
+    opacity: Image
+    coverage: Image
+
+    def area_px(self) -> float:
+        """Area of the silhouette."""
+        return float(self.coverage.sum(dtype=np.float64))
+
+    def centre_px(self) -> tuple[float, float]:
+        """Mass centre of the silhouette, x and y in the picture."""
+        area = self.area_px()
+        across = self.coverage.sum(axis=0, dtype=np.float64)
+        down = self.coverage.sum(axis=1, dtype=np.float64)
+        return (
+            self.x0 + float(across @ np.arange(len(across))) / area,
+            self.y0 + float(down @ np.arange(len(down))) / area,
+        )
+
+
+def _tangents(line: Float) -> Float:
+    """Unit tangents at the points of a polyline, towards its start (the head)."""
+    step = line[:-1] - line[1:]
+    step /= np.linalg.norm(step, axis=1, keepdims=True)
+    at = np.vstack([step[:1], step[:-1] + step[1:], step[-1:]])
+    return at / np.linalg.norm(at, axis=1, keepdims=True)
+
+
+def _body_coordinates(
+    line: Float, rows: int, columns: int, reach: Image
+) -> tuple[NDArray[np.intp], Image, Image, Image]:
+    """Foot of each picture point on the midline: flat index, s, v (same unit as `line`), left x.
+
+    A distance transform gives the nearest midline pixel; three fixed-point steps on the midline
+    itself make of it the exact foot of the perpendicular. Only points within `reach` of the
+    midline (given at each of its points) are returned.
+    """
+    last = len(line) - 1
+    fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
+    nodes = np.arange(last + 1)
+    fx, fy = np.interp(fine, nodes, line[:, 0]), np.interp(fine, nodes, line[:, 1])
+    ix, iy = np.rint(fx).astype(int), np.rint(fy).astype(int)
+    seeds = np.ones((rows, columns), np.uint8)
+    seeds[iy, ix] = 0
+    far, labels = cv2.distanceTransformWithLabels(
+        seeds, cv2.DIST_L2, 3, labelType=cv2.DIST_LABEL_PIXEL
+    )
+    guess = np.zeros(int(labels.max()) + 1, np.float32)
+    guess[labels[iy, ix]] = fine
+    index = np.flatnonzero(far < reach.max())
+    q = guess[labels.reshape(-1)[index]]
+    near = far.reshape(-1)[index] < reach[np.rint(q).astype(np.int32)]
+    index, q = index[near], q[near]
+    py, px = np.divmod(index, columns)
+    px, py = px.astype(np.float32), py.astype(np.float32)
+
+    node = np.hstack([line, _tangents(line)]).astype(np.float32)
+    length = np.float32(np.linalg.norm(np.diff(line, axis=0), axis=1).mean())
+    slope = np.diff(node, axis=0)
+    for _ in range(3):
+        i = np.clip(q.astype(np.int32), 0, last - 1)
+        part = q - i
+        here, by = node[i], slope[i]
+        turned = np.clip(part, 0, 1)
+        tx, ty = here[:, 2] + turned * by[:, 2], here[:, 3] + turned * by[:, 3]
+        dx = px - here[:, 0] - part * by[:, 0]
+        dy = py - here[:, 1] - part * by[:, 1]
+        q = np.clip(q - (dx * tx + dy * ty) / length, -3, last + 3)
+    v = dx * ty - dy * tx  # the left of the tangent (tx, ty) is (ty, -tx), as y points down
+    return index, q / np.float32(last), v, ty
+
+
+def draw(
+    line: Float,
+    fins: tuple[float, float],
+    look: Look,
+    light: tuple[float, float] = (-0.6, -0.8),
+    oversample: int = OVERSAMPLE,
+    gloss: float = GLOSS,
+) -> Drawing:
+    """Draw a fish along its midline.
+
+    Parameters
+    ----------
+    line : (65, 2)
+        Midline, pixels, head to tail, equal arc length.
+    fins : left, right
+        How far the pectoral fins are open, 0-1.
+    look
+        The fish's colours.
+    light
+        Where the light comes from, unit vector, screen x and y; it models the flanks.
+    oversample
+        Subpixels in each direction of a pixel.
+    gloss
+        Grey levels of the light that the wet back reflects.
+    """
+    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+    pad = 0.30 * length if max(fins) > 0.02 else 0.13 * length
+    x0, y0 = np.floor(line.min(axis=0) - pad - 2).astype(int)
+    x1, y1 = np.ceil(line.max(axis=0) + pad + 3).astype(int)
+    rows, columns = (y1 - y0) * oversample, (x1 - x0) * oversample
+    # Subpixel i of pixel p lies at p + (i + 0.5) / oversample - 0.5.
+    fine = (line - (x0, y0) + 0.5) * oversample - 0.5
+    unit = length * oversample
+
+    picture = np.zeros((rows, columns, 4), np.float32)
+    cover = np.zeros((rows, columns), np.float32)
+    tangent = _tangents(line)
+    for root, side, size, breadth, closed, opened in (PECTORAL, PELVIC):
+        for sign, open_ in ((1, fins[0]), (-1, fins[1])):
+            if open_ > 0.02:
+                at = root * (len(line) - 1)
+                i = int(at)
+                node = fine[i] + (at - i) * (fine[i + 1] - fine[i])
+                t = tangent[i]
+                left = np.array([t[1], -t[0]])
+                width = float(half_width(np.array([root]))[0]) * look.girth
+                angle = closed + (opened - closed) * open_
+                along = -t * np.cos(angle) + sign * left * np.sin(angle)
+                lead = t * np.sin(angle) + sign * left * np.cos(angle)
+                _fin(
+                    picture, cover, look.fin,
+                    node + sign * left * width * side * unit,
+                    along * size * unit,
+                    lead * size * breadth * (0.45 + 0.55 * open_) * unit,
+                )  # fmt: skip
+
+    # The distance transform is a few per cent off, so reach a little farther than the outline.
+    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
+    index, s, v, left_x = _body_coordinates(fine, rows, columns, reach.astype(np.float32))
+    v = v / np.float32(unit)
+    grid, squared, steep = width_table()
+    w2 = np.interp(s, grid, squared).astype(np.float32) * look.girth**2
+    dw2 = np.interp(s, grid, steep).astype(np.float32) * look.girth**2
+    # Signed distance to the outline w(s)^2 - v^2 = 0, to first order.
+    inside = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
+    part = np.clip(inside * np.float32(unit) + 0.5, 0, 1)
+    keep = part > 0
+    index, s, v, part, left_x = index[keep], s[keep], v[keep], part[keep], left_x[keep]
+    w2 = w2[keep]
+
+    colour = _sample(look.skin, s, v / np.float32(look.girth))
+    across = v / np.sqrt(np.maximum(w2, 1e-6))
+    lean = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
+    colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * lean)[:, None]
+    # The wet back shines where it faces the light, most where the body is thick.
+    shine = np.exp(-(((across - 0.38 * lean) / 0.20) ** 2)) * np.clip(w2 / 0.0081, 0, 1)
+    colour[:, :3] += (gloss * shine)[:, None]
+    opacity = colour[:, 3] * part
+    flat, flat_cover = picture.reshape(-1, 4), cover.reshape(-1)
+    under = flat[index] * (1 - opacity)[:, None]
+    under[:, :3] += colour[:, :3] * opacity[:, None]
+    under[:, 3] += opacity
+    flat[index] = under
+    flat_cover[index] = np.maximum(flat_cover[index], part)
+
+    whole = (int(x1 - x0), int(y1 - y0))
+    drawn = np.asarray(cv2.resize(picture, whole, interpolation=cv2.INTER_AREA), np.float32)
+    covered = np.asarray(cv2.resize(cover, whole, interpolation=cv2.INTER_AREA), np.float32)
+    return Drawing(int(x0), int(y0), drawn[..., :3], drawn[..., 3], covered)
+
+
+def _sample(skin: Image, s: Image, v: Image) -> Image:
+    """Skin colours at body coordinates: (n, 4)."""
+    rows, columns = skin.shape[:2]
+    wide = 128  # remap wants a picture; its sides may not exceed 32767
+    short = -len(s) % wide
+    x = np.pad(s * columns - 0.5, (0, short)).reshape(-1, wide).astype(np.float32)
+    y = (0.5 - v / (2 * SKIN_HALF)) * rows - 0.5
+    y = np.pad(y, (0, short)).reshape(-1, wide).astype(np.float32)
+    picked = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(picked.reshape(-1, 4)[: len(s)])
+
+
+def _fin(picture: Image, cover: Image, fin: Image, root: Float, along: Float, lead: Float) -> None:
+    """Lay a fin (premultiplied picture and coverage) under what follows; changes both arrays."""
+    side = fin.shape[0]
+    # Fin picture (column, row) -> drawing: root + along * c + lead * -(2 r - 1) * FIN_HALF.
+    to = np.column_stack([along / side, -2 * FIN_HALF * lead / side])
+    shift = root + lead * FIN_HALF + to @ np.array([0.5, 0.5])
+    corners = np.array([[0, 0], [side, 0], [0, side], [side, side]]) @ to.T + shift
+    low = np.maximum(np.floor(corners.min(axis=0)).astype(int), 0)
+    high = np.minimum(np.ceil(corners.max(axis=0)).astype(int) + 1, cover.shape[::-1])
+    matrix = np.column_stack([to, shift - low])
+    size = (int(high[0] - low[0]), int(high[1] - low[1]))
+    window = np.s_[low[1] : high[1], low[0] : high[0]]
+    new = cv2.warpAffine(np.ascontiguousarray(fin[..., :4]), matrix, size)
+    picture[window] = new + picture[window] * (1 - new[..., 3:4])
+    reach = cv2.warpAffine(np.ascontiguousarray(fin[..., 4]), matrix, size)
+    cover[window] = np.maximum(cover[window], reach)
+
+
+def blurred(drawing: Drawing, sigma_px: float = BLUR_PX) -> tuple[Image, Image]:
+    """Premultiplied colour and opacity as the lens sees them."""
+    return (
+        np.asarray(cv2.GaussianBlur(drawing.colour, (0, 0), sigma_px), np.float32),
+        np.asarray(cv2.GaussianBlur(drawing.opacity, (0, 0), sigma_px), np.float32),
+    )

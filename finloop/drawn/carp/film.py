@@ -1,0 +1,231 @@
+"""A drawn top-view film of carp with exact ground truth, from a seed.
+
+Coordinates are pixels, centres at integers, x right, y down. Angles and bends are + for left, that
+is anticlockwise as seen on screen.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blurred, draw
+from finloop.drawn.carp.motion import Motion, crowded, midline, room_of, simulate
+from finloop.drawn.carp.skin import Look, floor, look
+
+Float = NDArray[np.float64]
+Image = NDArray[np.float32]
+Row = dict[str, Any]
+
+SHADOW_OFFSET = (0.050, 0.075)  # of the shadow on the floor, body lengths right and down
+SHADOW_BLUR = 0.040
+_GREY = np.array([0.299, 0.587, 0.114], np.float32)  # BT.601
+NOISE_PAD = 160  # the noise bank is that much larger than a frame, to start anywhere within it
+
+
+@dataclass(frozen=True)
+class CarpFilm:
+    """What to film; the ranges are the caller's to check, except `fits`."""
+
+    frames: int = 1500
+    fish: int = 1
+    width_px: int = 960
+    height_px: int = 720
+    body_length_px: float = 110.0
+    frame_rate_hz: float = 25.0
+    noise: float = 2.5  # deviation of the grey level
+    light_drift: float = 0.03  # of the light, at most, relative
+    fins: float = 0.25  # share of the time that the pectoral fins are open
+    shadow: float = 0.15  # share of the light that the shadow takes
+    seed: int = 1
+    colour: bool = True
+
+    def fits(self) -> bool:
+        """Whether the tank is large enough for so many fish of this size to swim freely."""
+        return not crowded(self.fish, room_of(self.width_px, self.height_px, self.body_length_px))
+
+
+def _streams(params: CarpFilm) -> list[np.random.Generator]:
+    """Independent randomness for motion, floor, skin, noise: none disturbs another."""
+    return [np.random.default_rng(s) for s in np.random.SeedSequence(params.seed).spawn(5)]
+
+
+def motion(params: CarpFilm) -> Motion:
+    """Poses of all fish in all frames (small: about 80 bytes a fish and frame)."""
+    room = room_of(params.width_px, params.height_px, params.body_length_px)
+    return simulate(
+        params.frames, params.fish, room, params.frame_rate_hz, params.fins, _streams(params)[0]
+    )
+
+
+def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Float:
+    """Midline of a fish in a frame, (65, 2) pixels, head to tail."""
+    at = (frame, fish)
+    return params.body_length_px * midline(
+        poses.x[at], poses.y[at], poses.axis[at], poses.beat[at],
+        poses.amplitude[at], poses.bend[at], poses.ripple[at],
+    )  # fmt: skip
+
+
+def looks(params: CarpFilm) -> list[Look]:
+    """Colours of every fish, at the resolution that the drawing needs."""
+    rngs = _streams(params)[2].spawn(params.fish)
+    columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
+    first = int(_streams(params)[4].integers(4))
+    return [look(rng, columns, first + i) for i, rng in enumerate(rngs)]
+
+
+def light(params: CarpFilm) -> Float:
+    """Light of each frame, 1 on the whole; swings slowly within ± `light_drift`."""
+    phase = _streams(params)[4].uniform(0, 2 * np.pi, 4)[1:]
+    time_s = np.arange(params.frames) / params.frame_rate_hz
+    slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
+    slow += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
+    slow += 0.10 * np.sin(2 * np.pi * time_s / 6.1 + phase[2])
+    return 1 + params.light_drift * slow
+
+
+def empty_tank(params: CarpFilm) -> Image:
+    """The tank without fish or noise at light 1: (height, width, 3), or 1 channel if grey."""
+    empty = floor(params.width_px, params.height_px, _streams(params)[1])
+    return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
+
+
+def bend_of(line: Float) -> float:
+    """Signed area between a midline (head to tail) and its chord, / length², + for a left bend."""
+    x, y = line[:, 0], line[:, 1]
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
+
+
+def heading_of(line: Float) -> float:
+    """Direction from a third of the midline to the head, degrees in (-180, 180]."""
+    at = (len(line) - 1) / 3
+    i = int(at)
+    third = line[i] + (at - i) * (line[i + 1] - line[i])
+    dx, dy = line[0] - third
+    return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
+
+
+def curvature_of(line: Float) -> float:
+    """Direction of the midline at the head minus at the tail, degrees, + for a left bend."""
+    step = line[:-1] - line[1:]
+    angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))
+    return float(np.degrees(angle[0] - angle[-1]))
+
+
+def _row(fish: int, frame: int, line: Float, drawing: Drawing, poses: Motion) -> Row:
+    x, y = drawing.centre_px()
+    return {
+        "fish_id": fish,
+        "frame": frame,
+        "x_px": x,
+        "y_px": y,
+        "head_x_px": float(line[0, 0]),
+        "head_y_px": float(line[0, 1]),
+        "tail_x_px": float(line[-1, 0]),
+        "tail_y_px": float(line[-1, 1]),
+        "heading_deg": heading_of(line),
+        "body_length_px": float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()),
+        "bend": bend_of(line),
+        "curvature_deg": curvature_of(line),
+        "swimming_type": int(poses.swimming_type[frame, fish]),
+        "mask_area_px": drawing.area_px(),
+        "fins_open": float(poses.fins[frame, fish].mean()),
+        "backbone_x_px": line[:, 0].astype(np.float32),
+        "backbone_y_px": line[:, 1].astype(np.float32),
+    }
+
+
+def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
+    """Sensor noise to cut frames from: the grey level's deviation is exactly `noise`.
+
+    Colour noise (weaker, as after a camera's own denoising) is added so that it leaves grey as is.
+    """
+    shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
+    grey = rng.standard_normal(shape, np.float32)
+    if not params.colour:
+        return np.asarray(grey[..., None] * params.noise, np.float32)
+    tint = 0.5 * rng.standard_normal((*shape, 3), np.float32)
+    tint -= (tint @ _GREY)[..., None]
+    return np.asarray((grey[..., None] + tint) * params.noise, np.float32)
+
+
+def _shade(picture: Image, drawing: Drawing, params: CarpFilm) -> tuple[slice, slice]:
+    """Darken the floor under a fish; returns the window that changed."""
+    sigma = SHADOW_BLUR * params.body_length_px
+    pad = int(np.ceil(3 * sigma))
+    soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
+    soft = cv2.GaussianBlur(soft, (0, 0), sigma)
+    dx, dy = (round(part * params.body_length_px) for part in SHADOW_OFFSET)
+    window, inner = _window(picture, drawing.x0 + dx - pad, drawing.y0 + dy - pad, soft.shape)
+    picture[window] *= 1 - params.shadow * soft[inner][..., None]
+    return window
+
+
+def _window(
+    picture: Image, x0: int, y0: int, shape: tuple[int, ...]
+) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
+    """Part of the picture that a patch at (x0, y0) covers, and the part of the patch within."""
+    left, top = max(x0, 0), max(y0, 0)
+    right = min(x0 + shape[1], picture.shape[1])
+    low = min(y0 + shape[0], picture.shape[0])
+    return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
+
+
+def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
+    """Frames with their truth, one after another.
+
+    Yields
+    ------
+    frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
+    rows : one dictionary a fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
+    """
+    poses, skins, lamp = motion(params), looks(params), light(params)
+    noise_rng = _streams(params)[3]
+    empty = empty_tank(params)
+    vignette = cv2.blur(empty.mean(axis=2), (61, 61))
+    vignette = np.asarray(vignette / vignette.max(), np.float32)
+    bank = _noise_bank(params, noise_rng)
+    work = empty.copy()
+    for frame in range(params.frames):
+        lines = [midline_px(params, poses, frame, i) for i in range(params.fish)]
+        drawn = []
+        for i, line in enumerate(lines):
+            left, right = poses.fins[frame, i]
+            drawn.append(draw(line, (float(left), float(right)), skins[i]))
+        changed = [_shade(work, drawing, params) for drawing in drawn]
+        for drawing in drawn:
+            colour, opacity = blurred(drawing)
+            if not params.colour:
+                colour = (colour @ _GREY)[..., None]
+            window, inner = _window(work, drawing.x0, drawing.y0, opacity.shape)
+            lit = vignette[window][..., None]
+            work[window] = work[window] * (1 - opacity[inner][..., None]) + colour[inner] * lit
+            changed.append(window)
+        y, x = noise_rng.integers(0, NOISE_PAD, 2)
+        sign = 1 - 2 * int(noise_rng.integers(2))
+        grain = bank[y : y + params.height_px, x : x + params.width_px]
+        picture = cv2.addWeighted(work, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
+        for window in changed:
+            work[window] = empty[window]
+        rows = [_row(i, frame, lines[i], drawn[i], poses) for i in range(params.fish)]
+        yield np.asarray(picture), rows
+
+
+def still(params: CarpFilm, frames: list[int], size_px: int) -> NDArray[np.uint8]:
+    """Cut-outs of the first fish in the given frames, side by side: a strip for a picture."""
+    wanted, parts = set(frames), []
+    for number, (picture, rows) in enumerate(film(params)):
+        if number in wanted:
+            x, y = round(rows[0]["x_px"]), round(rows[0]["y_px"])
+            half = size_px // 2
+            top = min(max(y - half, 0), picture.shape[0] - size_px)
+            left = min(max(x - half, 0), picture.shape[1] - size_px)
+            parts.append(picture[top : top + size_px, left : left + size_px])
+        if number >= max(wanted):
+            break
+    return np.concatenate(parts, axis=1)

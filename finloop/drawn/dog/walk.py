@@ -1,0 +1,247 @@
+"""A drawn dog that walks to the right, with the truth about every limb of every frame.
+
+The model of curve paper §4.2, Fig. 9: diagonal pairs; a foot is planted for half a cycle and goes
+straight back under the body at one speed, then swings forward, slow at both ends of its range and
+most rapid in between. In subcycles A and B (phases 0…½) the left fore and right hind limb swing;
+the extremes lie on key frames 1 and 1'. The dog heads to the right of the screen, so its right
+limbs are the near ones.
+
+*Body frame*: that of the course, which is steady: x forward, y down, px; the origin is on the
+ground below the middle of the trunk.
+"""
+
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.drawn.dog.shape import (
+    EAR,
+    FAR_OFFSET,
+    HEAD,
+    LIMBS,
+    NECK,
+    TAIL,
+    TAIL_ROOT,
+    posed,
+    reaches,
+    smooth,
+)
+from finloop.errors import FinloopError
+
+Array = NDArray[np.float64]
+
+NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
+FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D
+REACH = (-1.0, 1.22)  # of tail and nose from the middle of the trunk
+QUADRATURE = 401
+ROUND = 1.5  # power of the way in the height of a swinging foot: 1 = a corner, 2 = a parabola
+
+
+@dataclass(frozen=True)
+class DogFilm:
+    """What is drawn. Lengths are in trunks (hip to shoulder) unless they say px.
+
+    Attributes
+    ----------
+    cycles
+        Of the gait in the film; they begin at phase 0, key frame 1.
+    stride
+        Way of a foot under the body; the dog gets on by 2 of it each cycle.
+    lift
+        Height of a foot in mid-swing.
+    bob
+        How far the body rises and falls about its mean; it is lowest with the limbs apart.
+    swing_fore, swing_hind
+        γ of the clocks of the swinging foot in its two halves.
+    pan
+        Share of the dog's way that the camera follows.
+    noise
+        Deviation of the grey level.
+    """
+
+    frames: int = 72
+    frame_rate_hz: float = 24.0
+    cycles: float = 3.0
+    width_px: int = 480
+    height_px: int = 320
+    trunk_px: float = 170.0
+    stride: float = 0.40
+    lift: float = 0.08
+    bob: float = 0.008
+    swing_fore: tuple[float, float] = (-0.8, 0.8)
+    swing_hind: tuple[float, float] = (-0.6, 0.6)
+    pan: float = 0.95
+    noise: float = 2.0
+    seed: int = 1
+
+    @property
+    def frequency_hz(self) -> float:
+        """Cycles per second."""
+        return self.cycles * self.frame_rate_hz / self.frames
+
+    @property
+    def body_length_px(self) -> float:
+        """From the rump to the tip of the nose as it stands."""
+        return 1.82 * self.trunk_px
+
+    def __post_init__(self) -> None:
+        if not (self.frames >= 2 and self.cycles > 0):
+            raise FinloopError(
+                f"a film of {self.frames} frames and {self.cycles:g} cycles",
+                "at least 2 frames, and cycles above 0",
+                "ask for more",
+            )
+        if not all(abs(gamma) <= 1 for gamma in (*self.swing_fore, *self.swing_hind)):
+            raise FinloopError(
+                f"clocks of a swing with γ = {self.swing_fore} and {self.swing_hind}",
+                "-1 … 1: beyond that a foot turns back",
+                "choose them nearer to 0",
+            )
+        course = course_px(self)
+        left, right = (course[[0, -1], 0] + np.multiply(self.trunk_px, REACH)).tolist()
+        if left < 0 or right > self.width_px or 1.5 * self.trunk_px > course[0, 1]:
+            raise FinloopError(
+                f"a trunk of {self.trunk_px:g} px in a picture of {self.width_px}×{self.height_px}",
+                "the whole dog in every frame",
+                "make the trunk shorter, the picture larger, or let the camera follow (pan=1)",
+            )
+        phase = np.linspace(0, 1, 200)
+        for name in NAMES:
+            if not reaches(LIMBS[name[:4]], foot(self, name, phase), bob(self, phase)).all():
+                raise FinloopError(
+                    f"a stride of {self.stride:g} with a lift of {self.lift:g} trunks",
+                    f"what the limb {name} can reach",
+                    "shorten the stride, or lower the lift or the bob",
+                )
+
+
+def phases(dog: DogFilm) -> Array:
+    """Phase of each frame, 0 … `cycles`: it does not wrap."""
+    return np.arange(dog.frames) * dog.cycles / dog.frames
+
+
+def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
+    """γ of the foot's own clock in subcycles A, B, C, D."""
+    swing = dog.swing_fore if name.startswith("fore") else dog.swing_hind
+    return (*swing, 0.0, 0.0) if name in FIRST else (0.0, 0.0, *swing)
+
+
+def swings(name: str, phase: Array) -> NDArray[np.bool_]:
+    """Whether the foot is off the ground."""
+    return np.asarray((np.mod(phase, 1.0) < 0.5) == (name in FIRST))
+
+
+def progress(dog: DogFilm, name: str, phase: Array) -> Array:
+    """How far a limb is on its way through its half of the cycle, 0 … 1 by its clocks."""
+    quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
+    which = quarter.astype(int) % 4
+    gamma = np.array(gammas(dog, name))[which]
+    return (which % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
+
+
+def foot(dog: DogFilm, name: str, phase: Array) -> Array:
+    """Foot (…, 2) in the body frame, from where it rests, in trunks: up is negative.
+
+    In the swing it rises and comes down evenly over its way, but rounds the top.
+    """
+    part, up = progress(dog, name, phase), swings(name, phase)
+    x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
+    y = np.where(up, -dog.lift * (1 - np.abs(2 * part - 1) ** ROUND), 0.0)
+    return np.stack([x, y], axis=-1)
+
+
+def bob(dog: DogFilm, phase: Array) -> Array:
+    """Where the body is (…, 2) against its mean, in trunks: up is negative."""
+    return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
+
+
+def limb(dog: DogFilm, name: str, phase: Array, n: int) -> Array:
+    """Contours (…, n, 2) of a limb in the body frame, px; point i is always the same of the skin.
+
+    Clockwise, of equal arc length in the limb at rest.
+    """
+    far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
+    shape = LIMBS[name[:4]]
+    return dog.trunk_px * (posed(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
+
+
+def feet_px(dog: DogFilm, name: str, phase: Array) -> Array:
+    """Point of the sole (…, 2) below the foot's joint, in the body frame, px; at rest y is 0."""
+    far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
+    sole = np.array([LIMBS[name[:4]].joints[3][0], 0.0])
+    return dog.trunk_px * (foot(dog, name, phase) + sole + far)
+
+
+def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Array:
+    """Contour (n, 2) of body, head, ear or tail in the body frame, px; it nods, it wags."""
+    return dog.trunk_px * (_carried(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
+
+
+def spot(dog: DogFilm, phase: float, where: tuple[float, float]) -> Array:
+    """The eye or nose (2,) in the body frame, px."""
+    return dog.trunk_px * (_carried(HEAD, np.array(where), phase) + bob(dog, np.array(phase)))
+
+
+def _carried(nodes: tuple[tuple[float, float], ...], points: Array, phase: float) -> Array:
+    """Points of a part, turned about the part's root as the phase has it."""
+    nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
+    if nodes in (HEAD, EAR):
+        root, angle = NECK, nod
+    elif nodes == TAIL:
+        root, angle = TAIL_ROOT, 0.16 * np.sin(2 * np.pi * phase)
+    else:
+        return points
+    away = (points - root) @ [1, 1j] * np.exp(1j * angle)
+    out = np.array(root) + np.stack([away.real, away.imag], axis=-1)
+    if nodes == EAR:  # it lags behind the head, the more the lower
+        low = np.clip(points[:, 1] + 1.36, 0, None)
+        out[:, 0] += 0.12 * np.sin(4 * np.pi * phase - 1.6) * low
+    return out
+
+
+def course_px(dog: DogFilm) -> Array:
+    """Origin of the body frame (frames, 2) in the picture, px."""
+    way = 2 * dog.stride * dog.trunk_px * phases(dog) * (1 - dog.pan)
+    middle = 0.47 * dog.width_px - way[-1] / 2
+    return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
+
+
+def camera_px(dog: DogFilm) -> Array:
+    """How far the camera has moved to the right (frames,), px of the ground."""
+    return 2 * dog.stride * dog.trunk_px * phases(dog) * dog.pan
+
+
+def truth(dog: DogFilm, n: int) -> dict[str, Array]:
+    """Exact contours (frames, n, 2) of the limbs by id, in the body frame, px (see `limb`)."""
+    return {name: limb(dog, name, phases(dog), n) for name in NAMES}
+
+
+def support(name: str) -> tuple[tuple[float, float], ...]:
+    """Phases (from, to) in which the foot is planted."""
+    return ((0.5, 1.0),) if name in FIRST else ((0.0, 0.5),)
+
+
+def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
+    """γ by limb and subcycle ("A", "B") that fits the exact contours best.
+
+    Not quite the clock's of the foot (`gammas`): the points go on arcs, and the body bobs. With
+    d = c_from − c_to, least squares in the residual c − c_to − f(τ) d give
+
+        γ = ∫ τ(1 − τ) d·(c_to + (1 − τ) d − c) dτ / ∫ τ²(1 − τ)² d·d dτ.
+
+    """
+    tau = np.linspace(0, 1, QUADRATURE)
+    weight = tau * (1 - tau)
+    out = dict[str, dict[str, float]]()
+    for name in NAMES:
+        out[name] = {}
+        for which, label in enumerate("AB"):
+            # The last phase is of this quarter still: the foot lands in it.
+            phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
+            c = limb(dog, name, phase, n).reshape(len(tau), -1)
+            d = c[0] - c[-1]
+            off = (c[-1] + (1 - tau)[:, None] * d - c) @ d
+            out[name][label] = float(np.sum(weight * off) / np.sum(weight**2) / (d @ d))
+    return out

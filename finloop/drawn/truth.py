@@ -1,0 +1,34 @@
+"""The ground truth of a drawn film: one row per fish per frame, sorted by frame, then fish.
+
+Beside the columns that speak for themselves: `bend` is the signed area between the midline and its
+chord per squared body length, `curvature_deg` the direction of the midline at the head minus that
+at the tail, both + for a bend to the left; `mask_area_px` the drawn coverage, body and fins;
+`backbone_*_px` the midline from head to tail in equal steps.
+"""
+
+from finloop.io.table import Column, Schema
+
+POINTS = 65
+"""Points of a true midline."""
+
+TRUTH = Schema(
+    (
+        Column("fish_id", "int32", "1"),
+        Column("frame", "int32", "1"),
+        Column("x_px", "float64", "px"),
+        Column("y_px", "float64", "px"),
+        Column("head_x_px", "float64", "px"),
+        Column("head_y_px", "float64", "px"),
+        Column("tail_x_px", "float64", "px"),
+        Column("tail_y_px", "float64", "px"),
+        Column("heading_deg", "float64", "deg"),
+        Column("body_length_px", "float64", "px"),
+        Column("bend", "float64", "1"),
+        Column("curvature_deg", "float64", "deg"),
+        Column("swimming_type", "int8", "1"),
+        Column("mask_area_px", "float64", "px²"),
+        Column("fins_open", "float32", "1"),
+        Column("backbone_x_px", "float32", "px", length=POINTS),
+        Column("backbone_y_px", "float32", "px", length=POINTS),
+    )
+)

@@ -1,0 +1,167 @@
+"""What other programs take: the fish alone, without its tank, and an edit list that needs no store.
+
+Coordinates in px, x right, y down, pixel centres at integers.
+"""
+
+import math
+from collections.abc import Iterable, Iterator
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import EDIT, SPRITE
+from finloop.features.table import orientations_of
+from finloop.io.table import Column, Schema
+from finloop.render.painter import Box, Gallery, Painter, Placed
+
+Image = NDArray[np.uint8]
+_WHITE = 255
+RIM = 3  # px that colour reaches out under transparent pixels
+_FAINT = 16  # alpha below which a pixel is too coarse to tell its own colour
+
+_SHOWN = (
+    Column("track_id", "int32", "1"),
+    Column("frame", "int32", "1"),
+    Column("atlas", "string", "1", nullable=True),
+)
+READABLE = Schema(
+    EDIT.columns
+    + _SHOWN
+    + tuple(Column(f"partner_{one.name}", one.dtype, one.unit, nullable=True) for one in _SHOWN)
+)
+"""An edit list that says what it shows: the film's track and frame (a sprite's, too, is one), and
+the name that a sprite has in the atlas."""
+
+
+class Alone:
+    """A fish without its tank: painted over black and over white, which tells its alpha.
+
+    Over black a pixel is F, premultiplied by alpha a; over white it is F + 255 − a.
+    """
+
+    def __init__(self, height: int, width: int, channels: int) -> None:
+        """A canvas of that size, of 1 or 3 channels."""
+        black = np.zeros((height, width, channels), np.uint8)
+        self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
+
+    def show(self, one: Placed) -> Box:
+        """Paint this fish, and no other; where it is."""
+        self.white.show(one)
+        return self.black.show(one)
+
+    def cut(self, box: Box) -> Image:
+        """What was painted there, (h, w, 4) RGBA uint8 premultiplied by alpha.
+
+        Both canvases are rounded: a colour may exceed its alpha by 1.
+        """
+        over_black, over_white = (one.canvas[box.of] for one in (self.black, self.white))
+        through = over_white.astype(np.float32) - over_black
+        alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
+        rgb = over_black if over_black.shape[2] == 3 else over_black.repeat(3, axis=2)
+        return np.concatenate([rgb, alpha], axis=2)
+
+
+def way(rows: Iterable[Placed], alone: Alone) -> Box:
+    """The smallest box of the canvas that holds all fish, and the rim of their colour."""
+    boxes = [box for one in rows if not (box := alone.show(one)).empty]
+    if not boxes:
+        return Box(0, 0, 1, 1)
+    return _rimmed(Box.around(boxes)).within(alone.black.canvas.shape)
+
+
+def cut_out(rows: Iterable[Placed], alone: Alone, crop: Box) -> Iterator[Image]:
+    """Row by row the fish on nothing: the part `crop` of the canvas, RGBA with straight alpha.
+
+    The array is drawn on again: take a copy to keep it. `crop` is that of `way`, or a smaller one.
+    """
+    frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
+    last = Box(0, 0, 0, 0)
+    for one in rows:
+        frame[last.of] = 0
+        box = _common(_rimmed(alone.show(one)), crop)
+        last = Box(0, 0, 0, 0)
+        if not box.empty:
+            last = Box(
+                box.top - crop.top, box.left - crop.left,
+                box.bottom - crop.top, box.right - crop.left,
+            )  # fmt: skip
+            frame[last.of] = straight(alone.cut(box))
+        yield frame
+
+
+def straight(pixels: Image) -> Image:
+    """Premultiplied RGBA with straight alpha, coloured under and beyond its edge as beside it.
+
+    A faint pixel's own colour is rounded too coarsely (at alpha 1 it is 0 or 255): it gets the mean
+    around it, as transparent pixels within `RIM` do. Else 4:2:0 and filters would bring noise, or
+    black, into the edge.
+    """
+    alpha = pixels[..., 3:].astype(np.float32)
+    around = cv2.boxFilter(pixels.astype(np.float32), -1, (2 * RIM + 1,) * 2, borderType=0)
+    own, mean = (
+        255 * of[..., :3] / np.maximum(of[..., 3:], 1e-6)
+        for of in (pixels.astype(np.float32), around)
+    )
+    colour = np.where(alpha < _FAINT, mean, own)
+    return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)
+
+
+def _rimmed(box: Box) -> Box:
+    """With room for the colour that is bled under the edge of the fish."""
+    return Box(box.top - RIM, box.left - RIM, box.bottom + RIM, box.right + RIM)
+
+
+def _common(a: Box, b: Box) -> Box:
+    return Box(
+        max(a.top, b.top), max(a.left, b.left), min(a.bottom, b.bottom), min(a.right, b.right)
+    )
+
+
+def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[Placed], int]:
+    """A sequence of sprites on the spot, headed right: one row a step; half the canvas [px].
+
+    The mass centre is the middle pixel of a square canvas, 2 half + 1 px wide.
+    """
+    rows = sprites[sprites["sequence"] == sequence]
+    steps = [
+        gallery.turned(SPRITE, int(sprite) * orientations_of(rows), 0.0, float(scale))
+        for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
+    ]
+    half = RIM + max(math.ceil(one.scale * math.hypot(*one.picture.near.shape)) for one in steps)
+    return [Placed(half, half, one, None, 0.0) for one in steps], half
+
+
+def readable(edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame) -> pd.DataFrame:
+    """An edit list (schema EDIT) with what every row shows (schema READABLE).
+
+    tracks: track_id and frame of every cut-out; sprites: schema SPRITES.
+    """
+    shown = _shown(edit["kind"], edit["source"], tracks, sprites)
+    partner = _shown(edit["partner_kind"], edit["partner"], tracks, sprites)
+    return pd.concat([edit, shown, partner.add_prefix("partner_")], axis=1)
+
+
+def _shown(
+    kind: pd.Series, source: pd.Series, tracks: pd.DataFrame, sprites: pd.DataFrame
+) -> pd.DataFrame:
+    number = source.fillna(0).to_numpy(int)
+    is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
+    sprite, turned = np.divmod(np.where(is_sprite, number, 0), orientations_of(sprites))
+    cutout = np.where(is_sprite, 0, number)
+    picked = sprites.iloc[sprite]
+    names = [
+        f"{sequence}/{orientation + 1:02d}/{step:02d}"
+        for sequence, orientation, step in zip(
+            picked["sequence"], turned, picked["step"], strict=True
+        )
+    ]
+    where = {
+        name: np.where(is_sprite, picked[name].to_numpy(), tracks[name].to_numpy()[cutout])
+        for name in ("track_id", "frame")
+    }
+    return pd.DataFrame(
+        {name: pd.Series(of, kind.index, dtype="Int32").mask(none) for name, of in where.items()}
+        | {"atlas": pd.Series(names, kind.index, dtype=object).where(is_sprite, None)}
+    )

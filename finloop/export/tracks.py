@@ -1,0 +1,108 @@
+"""Tracks as poses: named points of every fish in every frame, for programs that study behaviour."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.io.table import lists_to_array
+
+HEAD, TAIL, CENTRE = "head", "tail", "centre"
+USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
+"""The columns of a table of tracks that poses are made of."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Points of fish, a row per fish per frame, sorted by frame.
+
+    individual: (rows,) number of the fish in `individuals`; frame: (rows,), below `frames`; places:
+    (rows, keypoints, 2) px; confidence: (rows, keypoints), 0 … 1.
+    """
+
+    individuals: tuple[str, ...]
+    keypoints: tuple[str, ...]
+    frames: int
+    individual: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    places: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+
+
+def poses(
+    tracks: pd.DataFrame,
+    features: pd.DataFrame,
+    frames: int,
+    body_points: int,
+    least_frames: int,
+    most: int,
+) -> Poses:
+    """Head, points of the backbone at equal distances, tail and mass centre of every track.
+
+    How sure head, body and tail are is how sure it is which end is the head; the mass centre does
+    not ask for that.
+
+    Parameters
+    ----------
+    tracks
+        The columns `USED` of the table of tracks.
+    features
+        track_id, frame, head_x_px, head_y_px, head_confidence of the feature table, in any order.
+    frames
+        Of the clip; those without a fish count too.
+    body_points
+        Between head and tail, at least 0.
+    least_frames, most
+        Tracks that are shorter are left out; and of the others all but the longest so many.
+
+    Raises
+    ------
+    FinloopError
+        If no track is long enough.
+    """
+    length = tracks.groupby("track_id").size()
+    kept = length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
+    if kept.empty:
+        longest = length.max() if len(length) else 0
+        raise FinloopError(
+            f"no track has {least_frames} frames; the longest has {longest}",
+            "at least one track to export",
+            "lower export.tracks_least_s",
+        )
+    ids = np.sort(kept)
+    rows = tracks[tracks["track_id"].isin(ids)].merge(
+        features, on=["track_id", "frame"], validate="one_to_one"
+    )
+    rows = rows.sort_values(["frame", "track_id"], ignore_index=True)
+    line = np.stack(
+        [lists_to_array(rows["backbone_x_px"]), lists_to_array(rows["backbone_y_px"])], -1
+    ).astype(float)
+    line = _head_first(line, rows[["head_x_px", "head_y_px"]].to_numpy(float))
+    centre = rows[["x_px", "y_px"]].to_numpy(float)
+    sure = rows["head_confidence"].to_numpy(float)[:, None]
+    body = [f"body_{n}" for n in range(1, body_points + 1)]
+    return Poses(
+        tuple(f"track_{number}" for number in ids),
+        (HEAD, *body, TAIL, CENTRE),
+        frames,
+        np.searchsorted(ids, rows["track_id"].to_numpy()),
+        rows["frame"].to_numpy(np.int64),
+        np.concatenate([_along(line, body_points + 2), centre[:, None]], axis=1),
+        np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),
+    )
+
+
+def _head_first(line: NDArray[np.float64], head: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lines (rows, n, 2), turned round where they end at the head (rows, 2)."""
+    first, last = (np.linalg.norm(line[:, end] - head, axis=1) for end in (0, -1))
+    return np.where((first <= last)[:, None, None], line, line[:, ::-1])
+
+
+def _along(line: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """`count` points at equal steps of lines (rows, n, 2) whose own points are at equal steps."""
+    at = np.linspace(0, line.shape[1] - 1, count)
+    low = np.minimum(at.astype(int), line.shape[1] - 2)
+    share = (at - low)[:, None]
+    return (1 - share) * line[:, low] + share * line[:, low + 1]

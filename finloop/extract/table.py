@@ -1,0 +1,50 @@
+"""The table of tracks that `extract` hands on: its schema, and what else is known of the clip."""
+
+from dataclasses import dataclass
+
+from finloop.io.table import Column, Schema
+
+OUTLINE_POINTS = 128
+
+
+@dataclass(frozen=True)
+class SceneFacts:
+    """What later stages may want to know of the tank and its fish.
+
+    points: of a backbone. Contrast, noise and threshold in grey levels of the difference image.
+    """
+
+    polarity: str
+    noise_grey: float
+    threshold_grey: float
+    typical_area_px: float
+    typical_length_px: float
+    typical_contrast_grey: float
+    points: int
+
+
+def tracks_schema(points: int) -> Schema:
+    """The table of tracks: a row per fish per frame, beside the cut-out of the same number."""
+
+    def line(name: str) -> Column:
+        return Column(name, "float32", "px", length=points)
+
+    def ring(name: str) -> Column:
+        return Column(name, "float32", "px", length=OUTLINE_POINTS)
+
+    return Schema(
+        (
+            Column("track_id", "int32", "1"),
+            Column("frame", "int32", "1"),
+            Column("x_px", "float64", "px"),
+            Column("y_px", "float64", "px"),
+            Column("area_px", "float32", "px²"),
+            Column("contrast", "float32", "grey level"),
+            Column("length_px", "float32", "px"),
+            line("backbone_x_px"),
+            line("backbone_y_px"),
+            line("half_width_px"),
+            ring("outline_x_px"),
+            ring("outline_y_px"),
+        )
+    )

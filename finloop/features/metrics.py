@@ -1,0 +1,155 @@
+"""Numbers about a feature table: Table 1, errors against ground truth, plausibility."""
+
+import numpy as np
+import pandas as pd
+from scipy.stats import spearmanr
+
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
+from finloop.features.table import delta_of, orientations_of, wrap_deg
+from finloop.io.table import lists_to_array
+
+_MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
+
+
+def table1(features: pd.DataFrame) -> pd.DataFrame:
+    """Table 1 of the fish paper: what each orientation shows, in per cent of its frames.
+
+    The largest motion areas are relative to the clip's largest of that type of turn. Per row
+    straight + right + left is 100, and the amounts sum to 100 (the paper's own do not: 101.45 in
+    row 23, 99.87). Shares and areas of an orientation without frames are empty.
+    """
+    rows = []
+    for number in range(1, orientations_of(features) + 1):
+        here = features[features["orientation"] == number]
+        row: dict[str, float] = {"orientation": number}
+        for word, kind in (("straight", STRAIGHT), ("right", RIGHT), ("left", LEFT)):
+            of_kind = here["swimming_type"] == kind
+            row[f"{word}_pct"] = 100 * of_kind.mean() if len(here) else np.nan
+            if kind != STRAIGHT:
+                largest = features.loc[features["swimming_type"] == kind, "motion_area"].max()
+                area = here.loc[of_kind, "motion_area"].max() / largest
+                row[f"max_area_{word}"] = (0.0 if np.isnan(area) else area) if len(here) else np.nan
+        row["amount_pct"] = 100 * len(here) / len(features)
+        rows.append(row)
+    return pd.DataFrame(rows)
+
+
+def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
+    """Flat numbers about the table, for metrics.json."""
+    lengths = features.groupby("track_id").size()
+    kinds = features["swimming_type"]
+    return {
+        "fish_frames": len(features),
+        "tracks": len(lengths),
+        f"fish_frames_in_tracks_of_{long}_frames": int(lengths[lengths >= long].sum()),
+        "body_length_median_px": float(features["body_length_px"].median()),
+        "straight_pct": float(100 * (kinds == STRAIGHT).mean()),
+        "left_pct": float(100 * (kinds == LEFT).mean()),
+        "right_pct": float(100 * (kinds == RIGHT).mean()),
+        "orientations_seen": int(features["orientation"].nunique()),
+        "motion_area_max_body_lengths_2": float(features["motion_area"].max()),
+        "displacement_median_body_lengths": float(features["displacement"].median()),
+        "head_confidence_min": float(features["head_confidence"].min()),
+        "head_confidence_below_0_9_pct": float(100 * (features["head_confidence"] < 0.9).mean()),
+        **forwards(features),
+    }
+
+
+def forwards(features: pd.DataFrame) -> dict[str, float]:
+    """How often a moving fish is headed within 90° of its way; a swap of head and tail is not.
+
+    The way is the displacement over Δ, the heading that in the middle of it.
+    """
+    delta = delta_of(features)
+    start = np.flatnonzero(features["displacement"] > _MOVING)
+    if start.size == 0:
+        return {"moving_fish_frames": 0}
+    x, y = features["x_px"].to_numpy(), features["y_px"].to_numpy()
+    way = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))
+    off = np.abs(wrap_deg(features["heading_deg"].to_numpy()[start + delta // 2] - way))
+    return {
+        "moving_fish_frames": int(start.size),
+        "headed_along_travel_pct": float(100 * (off <= 90).mean()),
+        "heading_off_travel_median_deg": float(np.median(off)),
+    }
+
+
+def against_truth(
+    features: pd.DataFrame, backbones: np.ndarray, truth: pd.DataFrame
+) -> dict[str, float]:
+    """Errors against the drawn carp's ground truth, for metrics.json.
+
+    `backbones` (rows, n, 2) head first, of the table's rows. Each row is compared with the fish of
+    the same frame that is nearest. A backbone's error is the mean distance of its points from the
+    true points at the same shares of the length, so errors along the body count too.
+    """
+    pairs = _nearest(features, truth)
+    found, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
+    length = true["body_length_px"].to_numpy(float)
+    lines = np.stack(
+        [lists_to_array(true["backbone_x_px"]), lists_to_array(true["backbone_y_px"])], -1
+    )
+    lines = _resampled(lines, backbones.shape[1])
+    mine = backbones[pairs[:, 0]]
+    swapped = np.hypot(*(mine - lines).transpose(2, 0, 1)).mean(1) > np.hypot(
+        *(mine[:, ::-1] - lines).transpose(2, 0, 1)
+    ).mean(1)
+    along = np.where(swapped[:, None, None], mine[:, ::-1], mine)
+    apart = np.hypot(*(along - lines).transpose(2, 0, 1)).mean(1) / length
+    centre = np.hypot(
+        found["x_px"].to_numpy() - true["x_px"].to_numpy(),
+        found["y_px"].to_numpy() - true["y_px"].to_numpy(),
+    )
+    off = np.abs(wrap_deg(found["heading_deg"].to_numpy() - true["heading_deg"].to_numpy()))
+    measured = found["body_length_px"].to_numpy(float)
+    area = found["motion_area"].to_numpy()
+    agree = found["swimming_type"].to_numpy() == true["swimming_type"].to_numpy()
+    return {
+        "truth_fish_frames": len(truth),
+        "truth_found_pct": float(100 * len(pairs) / len(truth)),
+        "truth_centre_error_median_px": float(np.median(centre)),
+        "truth_centre_error_p95_px": float(np.quantile(centre, 0.95)),
+        "truth_backbone_error_mean_pct": float(100 * apart.mean()),
+        "truth_backbone_error_p95_pct": float(100 * np.quantile(apart, 0.95)),
+        "truth_body_length_bias_pct": float(100 * (measured / length - 1).mean()),
+        "truth_heading_error_median_deg": float(np.median(off)),
+        "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
+        "truth_head_tail_swaps": int(swapped.sum()),
+        "truth_identity_changes": _identity_changes(found["track_id"], true["fish_id"]),
+        "truth_swimming_type_agreement_pct": float(100 * agree.mean()),
+        **{
+            f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == kind].mean())
+            for word, kind in (("straight", STRAIGHT), ("left", LEFT), ("right", RIGHT))
+            if (true["swimming_type"] == kind).any()
+        },
+        "truth_motion_area_bend_rank_correlation": _rank(area, true["bend"].abs()),
+        "truth_motion_area_curvature_rank_correlation": _rank(area, true["curvature_deg"].abs()),
+    }
+
+
+def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
+    """How often a track passes from one fish to another."""
+    same_track = np.diff(track.to_numpy()) == 0
+    return int((same_track & (np.diff(fish.to_numpy()) != 0)).sum())
+
+
+def _rank(a: np.ndarray, b: pd.Series) -> float:
+    return float(spearmanr(a, b.to_numpy()).statistic)
+
+
+def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
+    """Pairs (k, 2) of row numbers: each found fish and the true fish nearest to it in its frame."""
+    found = features[["frame", "x_px", "y_px"]].assign(found=np.arange(len(features)))
+    true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
+    both = found.merge(true, on="frame", suffixes=("", "_true"))
+    both["apart"] = np.hypot(both["x_px"] - both["x_px_true"], both["y_px"] - both["y_px_true"])
+    best = both.loc[both.groupby("found")["apart"].idxmin()]
+    return best[["found", "true"]].to_numpy()
+
+
+def _resampled(lines: np.ndarray, points: int) -> np.ndarray:
+    """Lines (rows, m, 2) of equal steps, as (rows, points, 2)."""
+    at = np.linspace(0, lines.shape[1] - 1, points)
+    low = np.minimum(at.astype(int), lines.shape[1] - 2)
+    share = (at - low)[:, None]
+    return (1 - share) * lines[:, low] + share * lines[:, low + 1]

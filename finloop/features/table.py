@@ -1,0 +1,185 @@
+"""Tracks → the feature table, one row per fish per frame (fish paper §2.2-2.3, Fig. 7, Table 1).
+
+Glossary: Δ the time over which motion is measured (the paper: 5 frames at 25 Hz); *included angle*
+the change of heading over the next Δ; *bend* the signed motion area. Angles are degrees,
+anticlockwise as seen on screen, 0 = to the right.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.features.area import bend
+from finloop.features.head import head_first
+from finloop.features.swimming_type import swimming_type, turn
+from finloop.io.table import Column, Schema, lists_to_array
+
+HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
+
+
+@dataclass(frozen=True)
+class Settings:
+    """See conf/features/default.yaml."""
+
+    delta_s: float
+    turn_threshold_deg: float
+    bend_threshold: float
+    release: float
+    orientations: int
+
+
+USED = (
+    "track_id", "frame", "x_px", "y_px", "length_px",
+    "backbone_x_px", "backbone_y_px", "half_width_px",
+)  # fmt: skip
+"""The columns of a table of tracks that features are made of."""
+
+FEATURES = Schema(
+    (
+        Column("track_id", "int32", "1"),
+        Column("frame", "int32", "1"),
+        Column("time_s", "float64", "s"),
+        Column("x_px", "float64", "px"),
+        Column("y_px", "float64", "px"),
+        Column("head_x_px", "float32", "px"),
+        Column("head_y_px", "float32", "px"),
+        Column("tail_x_px", "float32", "px"),
+        Column("tail_y_px", "float32", "px"),
+        Column("heading_deg", "float32", "deg"),
+        Column("orientation", "int8", "1"),
+        Column("orientations", "int8", "1"),
+        Column("body_length_px", "float32", "px"),
+        Column("motion_area", "float32", "body length²"),
+        Column("motion_area_rel", "float32", "1"),
+        Column("bend", "float32", "body length²"),
+        Column("displacement", "float32", "body length", nullable=True),
+        Column("included_angle_deg", "float32", "deg", nullable=True),
+        Column("swimming_type", "int8", "1"),
+        Column("head_confidence", "float32", "1"),
+    )
+)
+
+
+def delta_frames(delta_s: float, rate_hz: float) -> int:
+    """Δ in whole frames, at least 1."""
+    return max(1, round(delta_s * rate_hz))
+
+
+def delta_of(features: pd.DataFrame) -> int:
+    """Δ in frames of a feature table: so many displacements are empty at the end of a track."""
+    return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
+
+
+def wrap_deg(angle: NDArray[np.floating]) -> NDArray[np.float64]:
+    """The same angle in (−180, 180]."""
+    return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
+
+
+def orientation(heading_deg: NDArray[np.floating], orientations: int) -> NDArray[np.int8]:
+    """Orientation number of so many (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
+    sector = 360 / orientations
+    return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
+
+
+def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> NDArray[np.float64]:
+    """The heading in [0, 360) that an orientation, 1 … orientations, is centred on."""
+    return (np.asarray(number, float) - 1) * (360 / orientations)
+
+
+def orientations_of(table: pd.DataFrame) -> int:
+    """How many orientations a table of features, or of sprites, tells apart."""
+    return int(table["orientations"].iloc[0])
+
+
+def heading(backbone: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Direction (rows,) in degrees of the head of backbones (rows, n, 2) that run head to tail.
+
+    The chord from one third of the body to the head end: the part that does not bend.
+    """
+    at = HEAD_SHARE * (backbone.shape[1] - 1)
+    low, share = int(at), at - int(at)
+    third = (1 - share) * backbone[:, low] + share * backbone[:, low + 1]
+    dx, dy = (backbone[:, 0] - third).T
+    return wrap_deg(np.degrees(np.arctan2(-dy, dx)))
+
+
+def features(
+    tracks: pd.DataFrame, rate_hz: float, settings: Settings
+) -> tuple[pd.DataFrame, NDArray[np.float32]]:
+    """The feature table of a table of tracks, and the backbones head first.
+
+    Returns
+    -------
+    table : columns of `FEATURES`, sorted by track_id, frame; backbones : (rows, n, 2) px beside it.
+    """
+    tracks = tracks.sort_values(["track_id", "frame"], ignore_index=True)
+    parts, lines = [], []
+    for _, track in tracks.groupby("track_id"):
+        backbone, confidence = oriented(track, rate_hz)
+        parts.append(_of_track(track, backbone, confidence, rate_hz, settings))
+        lines.append(backbone.astype(np.float32))
+    table = pd.concat(parts, ignore_index=True)
+    table["motion_area"] = table["bend"].abs()
+    largest = table["motion_area"].max()
+    table["motion_area_rel"] = table["motion_area"] / (largest if largest > 0 else 1.0)
+    return table[[column.name for column in FEATURES.columns]], np.concatenate(lines)
+
+
+def oriented(
+    tracks: pd.DataFrame, rate_hz: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
+    backbone = np.stack(
+        [lists_to_array(tracks["backbone_x_px"]), lists_to_array(tracks["backbone_y_px"])], -1
+    ).astype(float)
+    first, confidence = head_first(backbone, lists_to_array(tracks["half_width_px"]), rate_hz)
+    return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
+
+
+def _of_track(
+    track: pd.DataFrame,
+    backbone: NDArray[np.float64],
+    confidence: NDArray[np.float64],
+    rate_hz: float,
+    settings: Settings,
+) -> pd.DataFrame:
+    length = track["length_px"].to_numpy(float)
+    direction = heading(backbone)
+    bent = bend(backbone, length)
+    delta = delta_frames(settings.delta_s, rate_hz)
+    kind = swimming_type(
+        turn(direction, delta),
+        bent,
+        turn_threshold_deg=settings.turn_threshold_deg,
+        bend_threshold=settings.bend_threshold,
+        release=settings.release,
+    )
+    place = track[["x_px", "y_px"]].to_numpy(float)
+    moved = np.full(len(track), np.nan)
+    turned = np.full(len(track), np.nan)
+    moved[:-delta] = np.hypot(*(place[delta:] - place[:-delta]).T) / np.median(length)
+    turned[:-delta] = wrap_deg(direction[delta:] - direction[:-delta])
+    return pd.DataFrame(
+        {
+            "track_id": track["track_id"].to_numpy(),
+            "frame": track["frame"].to_numpy(),
+            "time_s": track["frame"].to_numpy() / rate_hz,
+            "x_px": place[:, 0],
+            "y_px": place[:, 1],
+            "head_x_px": backbone[:, 0, 0],
+            "head_y_px": backbone[:, 0, 1],
+            "tail_x_px": backbone[:, -1, 0],
+            "tail_y_px": backbone[:, -1, 1],
+            "heading_deg": direction,
+            "orientation": orientation(direction, settings.orientations),
+            "orientations": settings.orientations,
+            "body_length_px": length,
+            "bend": bent,
+            "displacement": moved,
+            "included_angle_deg": turned,
+            "swimming_type": kind,
+            "head_confidence": confidence,
+        }
+    )

@@ -1,0 +1,98 @@
+"""From contours and their period to the cycle of a gait: which frame is at which phase.
+
+Phase 0 is key 1 (curve paper, Fig. 9): of an animal from the side its right fore and left hind
+limbs are foremost then, the others hindmost; of a fish its tail is farthest to the left.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.gait.feet import aligned, feet
+from finloop.gait.film import Filmed, hips
+from finloop.gait.limbs import Limbs, Seen, limbs
+from finloop.gait.outline import Swim, steady
+from finloop.gait.period import Period, period, periodic
+
+OUTLINE = "outline"
+
+
+def of_swim(swim: Swim) -> Filmed:
+    """The steady frames of a swimming fish, lengths in body lengths.
+
+    Raises
+    ------
+    FinloopError
+        If its motion does not repeat.
+    """
+    points, phase = steady([swim])
+    return Filmed({OUTLINE: points}, phase, 1.0, "mirror")
+
+
+def of_regions(
+    frames: list[dict[str, Seen]],
+    frame_rate_hz: float,
+    n: int,
+    split: float = 0.25,
+    first: int = 0,
+) -> tuple[Filmed, Period, Limbs]:
+    """The steady frames of an animal from the side, its limbs in the frame of the body, px.
+
+    `first` is the first frame's number. Found twice: the course of the body can only be smoothed
+    over a cycle when that is known.
+
+    Raises
+    ------
+    FinloopError
+        As `gait.limbs.limbs`; if the motion does not repeat.
+    """
+    found = limbs(frames, n, None, first)
+    beat = _beat(found, frame_rate_hz)
+    found = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
+    beat = _beat(found, frame_rate_hz)
+    shown = {name: points[beat.steady] for name, points in found.points.items()}
+    film = Filmed(
+        shown,
+        aligned(beat.phase[beat.steady], feet(shown), split),
+        found.length_px,
+        "swap",
+    ).complete()
+    return replace(film, offsets=hips(film)), beat, found
+
+
+def _beat(found: Limbs, frame_rate_hz: float) -> Period:
+    points = found.points
+    signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
+    beat = period(_filled(signal), frame_rate_hz, ahead(points))
+    return periodic(beat, f"the limbs {', '.join(points)}")
+
+
+def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """What is greatest at key 1 (frames,): right fore and left hind limbs ahead, others behind.
+
+    Of other ids, right ones ahead.
+    """
+    total = np.zeros(len(next(iter(points.values()))))
+    for name, of in points.items():
+        x = of[..., 0].mean(axis=1)
+        sign = 1 if ("right" in name) != ("hind" in name) else -1
+        total += sign * _filled((x - np.nanmean(x))[:, None])[:, 0]
+    return total
+
+
+def _filled(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Columns with NaN filled by straight lines: one limb that is missing stops no other."""
+    if np.isfinite(signal).all():
+        return signal
+    at = np.arange(len(signal))
+    out = signal.copy()
+    for column in out.T:
+        seen = np.isfinite(column)
+        if not seen.any():
+            raise FinloopError(
+                "a limb that no frame shows", "each limb in half of the frames", "leave it out"
+            )
+        column[:] = np.interp(at, at[seen], column[seen])
+    return out

@@ -1,0 +1,113 @@
+"""Which point of one pose goes to which of another where parts turn, as limbs and tails do.
+
+Of all ways to number a closed contour anew the one is taken that is most like the other contour
+when it may be turned. Contours are complex here, a = x + iy about their mean, and likeness is
+|z| + UPRIGHT · Re z with z = Σ a_i conj(b_j): |z| is what the best turn makes of it; the second
+part settles contours that look the same turned, such as an eye, which should not turn.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve, Drawing, clockwise, resampled
+from finloop.errors import FinloopError
+from finloop.gait.model import Symmetry, partner, reversal
+
+UPRIGHT = 0.02
+FINE = 8
+"""Start points tried between two points of a contour."""
+
+Points = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+Ints = NDArray[np.int64]
+
+
+def corresponding(
+    one: Drawing, two: Drawing, symmetry: Symmetry, points: int
+) -> tuple[dict[str, Points], dict[str, Points]]:
+    """Contours (points, 2) of both keys by id, row i of each belonging to row i of the others.
+
+    In a swap left and right limbs belong together too: all four of a pair are numbered after the
+    first of them in drawing order.
+
+    Raises
+    ------
+    FinloopError
+        If a limb is closed and its partner or its other pose open.
+    """
+    first, second = dict[str, Points](), dict[str, Points]()
+    for name, curve in one.curves.items():
+        other = partner(name, one.curves) if symmetry == "swap" else name
+        kinds = {which.closed for which in (curve, one.curves[other], two.curves[name])}
+        if len(kinds) > 1:
+            raise FinloopError(
+                f"of {name!r} and {other!r} one is closed, the other open",
+                "contours that are closed in every pose, left and right, or open in every pose",
+                "close them all, or none",
+            )
+        model = first.get(other, resampled(clockwise(curve), points).points)
+        first[name] = renumbered(model, curve) if other in first else model
+        second[name] = renumbered(model, two.curves[name])
+    return first, second
+
+
+def renumbered(model: Points, curve: Curve) -> Points:
+    """The curve at as many points as `model` (n, 2), numbered as is most like it.
+
+    A closed one starts anywhere, between points too: half a step of all points would show as
+    feet that slide.
+    """
+    a, n = _complex(model), len(model)
+    if not curve.closed:
+        points = resampled(curve, n).points
+        ways = [points, points[::-1]]
+        return max(ways, key=lambda way: float(likeness(a @ _complex(way).conj())))
+    points = resampled(clockwise(curve), n * FINE).points
+    ways = [points[start::FINE] for start in range(FINE)]
+    # Entry s is Σ a_(i+s) conj(b_i): point 0 of the curve goes to point s of the model.
+    b = np.stack([_complex(way) for way in ways])
+    alike = likeness(np.fft.ifft(np.fft.fft(a) * np.fft.fft(b).conj()))
+    start, shift = np.unravel_index(int(alike.argmax()), alike.shape)
+    return np.roll(ways[int(start)], int(shift), axis=0)
+
+
+def mirror_orders(
+    one: Mapping[str, Points],
+    two: Mapping[str, Points],
+    closed: Mapping[str, bool],
+) -> dict[str, Ints]:
+    """The orders of `gait.model.four_keys` that make 1' most like 2 and 2' most like 1.
+
+    Those are the keys that the cycle blends with each other. An id and its partner share one.
+    """
+    orders = dict[str, Ints]()
+    for name in one:
+        other = partner(name, one)
+        if other in orders:
+            orders[name] = orders[other]
+            continue
+        pairs = [
+            (_complex(here[name]), _complex(there[other] * [1, -1]))
+            for here, there in ((two, one), (one, two))
+        ]
+        n = len(one[name])
+        if closed[name]:
+            product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
+            orders[name] = reversal(n, int(np.sum([likeness(z) for z in product], axis=0).argmax()))
+        else:
+            ways = (np.arange(n), np.arange(n)[::-1])
+            orders[name] = max(
+                ways, key=lambda way: float(sum(likeness(a @ b[way].conj()) for a, b in pairs))
+            )
+    return orders
+
+
+def likeness(product: Complex) -> Points:
+    """Of z = Σ a conj(b), any shape: large where the contours are alike, best if not turned."""
+    return np.abs(product) + UPRIGHT * product.real
+
+
+def _complex(points: Points) -> Complex:
+    return (points - points.mean(axis=0)) @ np.array([1, 1j])

@@ -1,0 +1,189 @@
+"""Outlines of a swimming fish in the frame of its body, and its tail beat (for curve paper §4.2).
+
+The body frame goes along with the fish: x ahead, y to its right (down on the screen when the fish
+heads for screen right), in body lengths. It follows the *course*, place and direction smoothed over
+a beat; so the way is dropped, but the yaw of the head, the wave of the body and what else repeats
+with the beat stay. The axis y = 0 is the one a mirrored key frame is mirrored in.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve, clockwise
+from finloop.errors import FinloopError
+from finloop.gait.period import Period, course, period, rated, started
+from finloop.io.table import lists_to_array
+
+Float = NDArray[np.float64]
+
+POINTS = 128
+STRAIGHT = 0.03
+"""Body lengths: what is bent more than this without its beat (see `bent`) turns."""
+
+TAIL = 1 / 16  # of the contour on either side of the tail end: whose sideways motion is the beat
+
+
+@dataclass(frozen=True)
+class Swim:
+    """One track: contours (frames, n, 2) in the body frame, body lengths, and their beat.
+
+    Point 0 is the snout, n / 2 the tail end; clockwise as seen. Phase 0 is where the tail is
+    farthest to the left. Without a beat each frame has its own pose taken out.
+    """
+
+    points: Float
+    period: Period
+    length_px: float
+
+
+def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Float, Float]:
+    """Outlines (frames, m, 2) and backbones (frames, k, 2), head first, of one track, px.
+
+    The same frames of the table of tracks and of the feature table, which knows the head.
+    """
+    outline = np.stack([lists_to_array(track[f"outline_{c}_px"]) for c in "xy"], -1)
+    backbone = np.stack([lists_to_array(track[f"backbone_{c}_px"]) for c in "xy"], -1)
+    head = features[["head_x_px", "head_y_px"]].to_numpy(float)
+    if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
+        raise FinloopError(
+            f"{len(track)} frames of a track and {len(features)} of its features do not match",
+            "the same frames of both",
+            "make both anew: dvc repro features",
+        )
+    far = np.linalg.norm(backbone[:, [0, -1]] - head[:, None], axis=-1)
+    first = far[:, 0] <= far[:, 1]
+    return outline.astype(float), np.where(first[:, None, None], backbone, backbone[:, ::-1])
+
+
+def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = POINTS) -> Swim:
+    """Contours in the body frame and the tail beat of consecutive frames of one fish.
+
+    `outline_px` (frames, m, 2) run either way round, `backbone_px` (frames, k, 2) head first; `n`
+    points of a contour, an even number.
+    """
+    points = contours(outline_px, backbone_px[:, 0], n)
+    length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
+    centre, angle = pose(points, backbone_px)
+    own = in_frame(points, centre, angle) / length
+    beat = period(sideways(own), frame_rate_hz, -tail(own))
+    if not beat.cycles:
+        return Swim(own, beat, length)
+    smooth = course(np.column_stack([centre, angle]), beat.phase)
+    kept = in_frame(points, smooth[:, :2], smooth[:, 2]) / length
+    flat = kept.reshape(len(kept), -1)
+    straight = bent(course(flat, beat.phase).reshape(kept.shape)) <= STRAIGHT
+    found = rated(flat, beat.phase, beat.steady & straight, frame_rate_hz)
+    if not found.cycles:
+        return Swim(own, replace(found, why=f"it turns: where it is straight, {found.why}"), length)
+    return Swim(kept, started(found, -tail(kept)), length)
+
+
+def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
+    """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
+
+    What lies between two stretches of them is left out by whole cycles, so the phase counts the
+    cycles that are shown; each stretch begins a cycle of its own.
+
+    Raises
+    ------
+    FinloopError
+        If no track is periodic; the reasons are counted.
+    """
+    points, phase = list[Float](), list[Float]()
+    begin = 0.0
+    for one in swims:
+        if one.period.why:
+            continue
+        where = np.flatnonzero(one.period.steady)
+        for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1):
+            own = one.period.phase[run]
+            points.append(one.points[run])
+            phase.append(own - np.floor(own[0]) + begin)
+            begin = np.floor(phase[-1][-1]) + 1
+    if not points:
+        why = Counter(re.sub(r"[\d.]+ cycles", "… cycles", one.period.why) for one in swims)
+        raise FinloopError(
+            "no track has a steady tail beat: "
+            + "; ".join(f"{count} of {len(swims)}: {what}" for what, count in why.most_common()),
+            "a fish that beats its tail evenly for two beats or more, swimming straight",
+            "take film of steady swimming, at ten frames a beat or more",
+        )
+    return np.concatenate(points), np.concatenate(phase)
+
+
+def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
+    """Outlines (frames, m, 2) as (frames, n, 2): clockwise, equal arc lengths, from the snout.
+
+    `snout_px` (frames, 2); point 0 is the place on the outline nearest to it, between its points.
+    """
+    out = np.empty((len(outline_px), n, 2))
+    for one, snout, into in zip(outline_px, snout_px, out, strict=True):
+        ring = clockwise(Curve(one, True)).points
+        ends = np.roll(ring, -1, axis=0)
+        way = ends - ring
+        square = np.maximum((way**2).sum(axis=1), 1e-12)
+        share = np.clip(((snout - ring) * way).sum(axis=1) / square, 0, 1)
+        near = ring + share[:, None] * way
+        i = int(((near - snout) ** 2).sum(axis=1).argmin())
+        line = np.concatenate([near[i : i + 1], np.roll(ring, -i - 1, axis=0), near[i : i + 1]])
+        along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+        wanted = np.arange(n) / n * along[-1]
+        into[:] = np.stack([np.interp(wanted, along, line[:, c]) for c in range(2)], axis=1)
+    return out
+
+
+def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
+    """Centre (frames, 2) of the area of contours and direction (frames,) of the backbones.
+
+    The direction is that of the line nearest to the backbone, towards the head; radians from x
+    towards y, not wrapped.
+    """
+    x, y = np.moveaxis(points - points[:, :1], -1, 0)
+    cross = x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y
+    sums = [((v + np.roll(v, -1, axis=1)) * cross).sum(axis=1) for v in (x, y)]
+    centre = points[:, 0] + np.stack(sums, axis=1) / (3 * cross.sum(axis=1))[:, None]
+    off = backbone - backbone.mean(axis=1, keepdims=True)
+    xx, yy, xy = (off**2).sum(axis=1).T[0], (off**2).sum(axis=1).T[1], off.prod(axis=2).sum(axis=1)
+    angle = np.arctan2(2 * xy, xx - yy) / 2
+    ahead = backbone[:, 0] - backbone[:, -1]
+    away = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
+    return centre, np.unwrap(angle + np.pi * away)
+
+
+def in_frame(points: Float, centre: Float, angle: Float) -> Float:
+    """Contours (frames, n, 2) as seen from `centre` (frames, 2), `angle` (frames,) turned to +x."""
+    cos, sin = np.cos(angle), np.sin(angle)
+    turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
+    return (points - centre[:, None]) @ turn
+
+
+def sideways(points: Float) -> Float:
+    """Midlines (frames, n / 2 + 1) of contours from the snout: how far to the right they are.
+
+    The mean of the two points as far from the snout on either side: what a tail beat moves, and
+    fins that spread on both sides do not.
+    """
+    y = points[..., 1]
+    return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
+
+
+def bent(points: Float) -> Float:
+    """How far (frames,) contours of a body frame, from the snout, are from their mirror image.
+
+    Half the RMS distance of points that belong together: 0 of a fish that is straight.
+    """
+    image = points[:, -np.arange(points.shape[1])] * [1, -1]
+    return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
+
+
+def tail(points: Float) -> Float:
+    """Sideways place (frames,) of the tail end of contours in a body frame; + is to the right."""
+    n = points.shape[1]
+    reach = max(1, round(TAIL * n))
+    return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

@@ -1,0 +1,252 @@
+"""Frequency and phase of a motion that repeats, from contours over time (for curve paper §4.2).
+
+The paper's gait cycle is cut out of the film by hand. Here: principal modes of all coordinates; at
+every frame and for every frequency a sinusoid and a straight line fitted to a window of two cycles
+(harmonic least squares); the smoothest path of best frequencies through the frames (Viterbi); the
+phase of the modes along it, together. How sure that is: each cycle is foretold from all others.
+
+Glossary: *ridge* the path of frequencies over the frames; *share* how much of what happens in a
+window its sinusoid explains, 0-1.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
+
+Float = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+CONFIDENT = 0.5
+"""From this confidence on a motion is taken for periodic."""
+
+_MODES = 6  # principal modes looked at, at most
+_VARIANCE = 0.98  # of the motion, that they hold together
+_FASTEST = 0.4  # of the frame rate: nearer to one half a beat is no longer told from its mirror
+_STEADY = 0.6  # share of a window explained from which on its frame is part of a steady motion
+_LEAST_CYCLES = 1.8  # of steady motion: a cycle can only be compared with another one
+_HARMONICS = 2  # of the cycle that others are foretold from
+_SMOOTHED = 0.75  # cycles before and after a frame that its course is taken from
+
+
+@dataclass(frozen=True)
+class Period:
+    """What repeats, how fast and how surely.
+
+    Attributes
+    ----------
+    frequency_hz : cycles a second over the steady frames; NaN if there is none
+    phase : (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
+    steady : (frames,) bool, where the motion repeats and the phase means something
+    confidence : 0-1, variance of the steady cycles that the others foretell, 0 if there are few
+    cycles : how many are steady
+    why : why the motion is not periodic; empty if it is
+    """
+
+    frequency_hz: float
+    phase: Float
+    steady: Mask
+    confidence: float
+    cycles: float
+    why: str
+
+
+def period(
+    signal: Float,
+    frame_rate_hz: float,
+    extreme: Float | None = None,
+    slowest_hz: float = 0.0,
+    fastest_hz: float = np.inf,
+) -> Period:
+    """The period of any set of coordinates (frames, k); rows with NaN are frames not seen.
+
+    Parameters
+    ----------
+    signal, frame_rate_hz
+        Coordinates in a row for each frame, and the frames a second.
+    extreme
+        (frames,): phase 0 is where the fundamental of this is greatest. Without it that of the
+        strongest mode, its largest coordinate counted positive.
+    slowest_hz, fastest_hz
+        Bounds of the search; never below one cycle in the film or above 0.4 of the frame rate.
+
+    Raises
+    ------
+    FinloopError
+        If the signal is not (frames, k), no row of it is whole, or the rate is not positive. A
+        motion that does not repeat is no error: see `why`, and `periodic`.
+    """
+    signal = _checked(signal, frame_rate_hz)
+    seen = np.asarray(np.isfinite(signal).all(axis=1))
+    frames = len(signal)
+    if frames < LEAST_FRAMES:
+        return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
+    modes = _modes(_filled(signal, seen))
+    if not modes.size:
+        return _none(frames, "nothing moves")
+    low = max(frame_rate_hz / frames, slowest_hz)
+    high = min(_FASTEST * frame_rate_hz, fastest_hz)
+    if high <= low:
+        held = frames * high / frame_rate_hz
+        return _none(frames, f"{frames} frames hold {held:.1g} of a cycle of at most {high:.3g} Hz")
+    grid = grid_of(low, high) / frame_rate_hz
+    share = shares(modes, grid)
+    path = ridge(share, grid)
+    phase = phase_along(modes, share, path, grid)
+    at = path, np.arange(frames)
+    found = rated(modes, phase, (share[at] >= _STEADY) & seen, frame_rate_hz)
+    if not found.cycles:
+        return replace(found, why=_why_not(modes, share[at], found.why))
+    followed = modes[:, 0] * _sign(signal[seen]) if extreme is None else np.asarray(extreme, float)
+    return started(found, followed)
+
+
+def rated(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
+    """The period of a motion (frames, k) of known phase (frames,): how steady and how sure it is.
+
+    Steady are the frames of `good` (frames,) in a row for a cycle or longer.
+    """
+    steady = _long_runs(good, phase)
+    inner = steady[1:] & steady[:-1]
+    cycles = float(np.diff(phase)[inner].sum())
+    if cycles < _LEAST_CYCLES:
+        return _none(len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed")
+    confidence = _foretold(signal - course(signal, phase), phase, steady)
+    why = "" if confidence >= CONFIDENT else "no cycle is much like another"
+    frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
+    return Period(float(frequency), phase, steady, confidence, cycles, why)
+
+
+def started(found: Period, extreme: Float) -> Period:
+    """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
+    used = found.steady & np.isfinite(extreme)
+    terms = _harmonics(found.phase[used], 1)
+    _, cos, sin = np.linalg.lstsq(terms, extreme[used], rcond=None)[0]
+    phase = found.phase - np.arctan2(sin, cos) / (2 * np.pi)
+    return replace(found, phase=phase - np.floor(phase.min()))
+
+
+def periodic(found: Period, name: str) -> Period:
+    """The same period, if there is one.
+
+    Raises
+    ------
+    FinloopError
+        If the motion of `name` does not repeat.
+    """
+    if found.why:
+        raise FinloopError(
+            f"the motion of {name} is not periodic: {found.why} (confidence {found.confidence:.2f},"
+            f" {found.cycles:.1f} steady cycles in {len(found.phase)} frames)",
+            f"confidence {CONFIDENT:g} or more over {_LEAST_CYCLES:g} cycles or more",
+            "take a longer film, or the part of it in which the animal moves steadily",
+        )
+    return found
+
+
+def _checked(signal: Float, frame_rate_hz: float) -> Float:
+    signal = np.asarray(signal, np.float64)
+    if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
+        raise FinloopError(
+            f"a motion of shape {signal.shape}, "
+            f"{np.count_nonzero(~np.isfinite(signal))} of its values not numbers",
+            "coordinates (frames, k), at least one frame of them whole",
+            "give the coordinates of every frame in a row, NaN where the frame shows nothing",
+        )
+    if not 0 < frame_rate_hz < np.inf:
+        raise FinloopError(
+            f"a frame rate of {frame_rate_hz:g} Hz", "a positive number", "state the film's own"
+        )
+    return signal
+
+
+def _none(frames: int, why: str) -> Period:
+    return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
+
+
+def _filled(signal: Float, seen: Mask) -> Float:
+    """The signal with frames not seen put in by straight lines."""
+    if seen.all():
+        return signal
+    at = np.arange(len(signal))
+    return np.stack([np.interp(at, at[seen], column[seen]) for column in signal.T], axis=1)
+
+
+def _modes(signal: Float) -> Float:
+    """Scores (frames, m) of the principal modes, the strongest first; none if nothing moves."""
+    centred = signal - signal.mean(axis=0)
+    left, size, _ = np.linalg.svd(centred, full_matrices=False)
+    if size[0] <= 1e-12 * max(1.0, np.abs(signal).max()):
+        return np.zeros((len(signal), 0))
+    held = np.cumsum(size**2) / (size**2).sum()
+    keep = min(_MODES, int(np.searchsorted(held, _VARIANCE)) + 1)
+    return left[:, :keep] * size[:keep]
+
+
+def _sign(signal: Float) -> float:
+    """Sign by which the largest coordinate of the strongest mode is positive."""
+    along = np.linalg.svd(signal - signal.mean(axis=0), full_matrices=False)[2][0]
+    return float(np.sign(along[np.abs(along).argmax()]))
+
+
+def _long_runs(good: Mask, phase: Float) -> Mask:
+    """Frames in runs of at least a cycle in which the phase rises."""
+    good = good & np.r_[True, np.diff(phase) > 0]
+    edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
+    kept = np.zeros(len(good), bool)
+    for start, stop in edges.reshape(-1, 2):
+        kept[start:stop] = phase[stop - 1] - phase[start] >= 1
+    return kept
+
+
+def course(values: Float, phase: Float) -> Float:
+    """Values (frames, k) smoothed over a beat: what is left of them without it.
+
+    At every frame a straight line beside a wave of the beat, by least squares over a cycle and a
+    half about it (at both ends the first and last of these); the line's value is kept. So a steady
+    turn or drift stays whole and the beat goes wholly.
+    """
+    out = np.empty_like(values)
+    span = 2 * _SMOOTHED
+    low, high = phase.min(), phase.max()
+    for t, at in enumerate(phase):
+        start = min(max(at - _SMOOTHED, low), max(high - span, low))
+        near = np.flatnonzero((phase >= start) & (phase <= start + span))
+        turn = 2 * np.pi * phase[near]
+        terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)
+        out[t] = np.linalg.lstsq(terms, values[near], rcond=None)[0][0]
+    return out
+
+
+def _harmonics(phase: Float, count: int) -> Float:
+    angle = 2 * np.pi * phase[:, None] * np.arange(1, count + 1)
+    return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])
+
+
+def _foretold(modes: Float, phase: Float, steady: Mask) -> float:
+    """Share of the modes' variance in each steady cycle that the other cycles foretell."""
+    y, at = modes[steady], phase[steady]
+    terms = _harmonics(at, _HARMONICS)
+    cycle = np.floor(at - at[0]).astype(int)
+    left = 0.0
+    for number in np.unique(cycle):
+        own = cycle == number
+        fit = np.linalg.lstsq(terms[~own], y[~own], rcond=None)[0]
+        left += float(((y[own] - terms[own] @ fit) ** 2).sum())
+    total = float(((y - y.mean(axis=0)) ** 2).sum())
+    return max(0.0, 1 - left / total)
+
+
+def _why_not(modes: Float, share: Float, why: str) -> str:
+    """Say why there are too few steady cycles; `why` where nothing more can be said."""
+    slow = np.pi * np.arange(len(modes)) / len(modes)
+    first = modes[:, 0]
+    # A motion one way, or there and back at most, holds less than a cycle.
+    terms = np.stack([np.ones(len(modes)), np.cos(slow), np.sin(slow)], axis=1)
+    left = first - terms @ np.linalg.lstsq(terms, first, rcond=None)[0]
+    if left @ left < 0.1 * (first @ first):
+        return f"the {len(modes)} frames hold no more than about half a cycle"
+    return f"at most in bursts: {why}" if share.max() >= _STEADY else "no frequency explains it"

@@ -1,0 +1,169 @@
+"""A drawing that goes, as a plain tool: two key poses and the name of a gait give a cycle.
+
+`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours belong together by
+their ids. What comes out is told by the ending: .svg, .webp, .mp4, .json, .lottie.json.
+"""
+
+import argparse
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from finloop.errors import FinloopError
+from finloop.gait.model import Gait
+from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeated, transfer
+from finloop.io.animation import ENDINGS, save_animation, writer
+from finloop.io.gait import load_gait
+from finloop.io.svg import load_svg
+from finloop.morph.layers import MOST_FRAMES
+from finloop.tool import ended
+
+SHIPPED = Path(__file__).parents[2] / "data/gaits"
+RATE = Fraction(30)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Read two key poses and a gait, write the cycle, say how it stands; the exit status."""
+    asked = _parser().parse_args(arguments)
+    return ended(asked.output, lambda: _written(asked))
+
+
+def _written(asked: argparse.Namespace) -> str:
+    """Write the cycle; how it stands, in words."""
+    writer(asked.output)  # a wrong ending is told before the work
+    gait = load_gait(found(asked.gait, SHIPPED))
+    frames, rate = timing(gait.frequency_hz, asked.frames, asked.rate)
+    if asked.cycles < 1 or asked.cycles * frames > MOST_FRAMES:
+        raise FinloopError(
+            f"{asked.cycles} cycles of {frames} frames",
+            f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
+            "stay between; SVG and Lottie repeat by themselves",
+        )
+    poses = load_svg(asked.key1), load_svg(asked.key2)
+    done = transfer(*poses, gait, frames, asked.points, asked.control)
+    save_animation(asked.output, repeated(done.morph, asked.cycles), rate, asked.size)
+    return summary(done, gait, float(frames / rate))
+
+
+def found(name: str, shipped: Path) -> Path:
+    """Where a gait lies: a shipped one by its name, any other by its path.
+
+    Raises
+    ------
+    FinloopError
+        If it is neither.
+    """
+    known = gaits(shipped)
+    if name in known:
+        return known[name]
+    if Path(name).is_file():
+        return Path(name)
+    raise FinloopError(
+        f"the gait {name!r}",
+        f"one of {', '.join(known) or 'none, as none is here'}, or the path of a gait's JSON file",
+        "choose one of these, or fit one to a film: dvc repro gait",
+    )
+
+
+def gaits(shipped: Path) -> dict[str, Path]:
+    """The shipped gaits by name."""
+    return {path.stem: path for path in sorted(shipped.glob("*.json"))}
+
+
+def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tuple[int, Fraction]:
+    """Frames of a cycle and frames per second, so that the gait keeps its tempo.
+
+    Where both are given, they are the tempo.
+    """
+    if frames is None:
+        rate = rate or RATE
+        return min(max(LEAST_FRAMES, round(float(rate) / frequency_hz)), MOST_FRAMES), rate
+    return frames, rate or Fraction(frames * frequency_hz).limit_denominator(1000)
+
+
+def summary(done: Transfer, gait: Gait, seconds: float) -> str:
+    """What a cycle consists of and how its feet stand, in a line or more."""
+    morph = done.morph
+    frames = len(morph.tau)
+    lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
+    if done.before is not None and done.after is not None:
+        way = abs(done.after.speed) * frames
+        before, after = (100 * max(of.slide.values()) for of in (done.before, done.after))
+        lines[0] += (
+            f"; the ground passes by at {way:.3g} widths of the drawing a cycle, feet slide"
+            f" {after:.2g} % of one ({before:.2g} % between the keys as drawn)"
+        )
+    elif gait.support:
+        feet = ", ".join(gait.support)
+        lines.append(f"no contour is a foot of {gait.name} ({feet}): the ground is not kept")
+    if done.lifted:
+        lines.append(
+            f"in key 2 {', '.join(done.lifted)} should stand, but their partners do:"
+            " are left and right, or the keys, exchanged?"
+        )
+    if folded := {
+        name: int((count > 0).sum()) for name, count in morph.folds.items() if any(count)
+    }:
+        lines.append("folds: " + _counted(folded, frames))
+    if done.outside:
+        lines.append("leaves the picture: " + _counted(done.outside, frames))
+    return "\n  ".join(lines)
+
+
+def _counted(counts: dict[str, int], frames: int) -> str:
+    return (
+        ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
+    )
+
+
+class _List(argparse.Action):
+    """Prints the shipped gaits and ends, as --help does."""
+
+    def __call__(
+        self,
+        parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: str | Sequence[Any] | None,
+        option_string: str | None = None,
+    ) -> None:
+        for name, path in gaits(SHIPPED).items():
+            gait = load_gait(path)
+            kind = {"swap": "left and right exchange", "mirror": "left mirrors right"}
+            print(f"{name}: {gait.frequency_hz:.3g} Hz, {kind[gait.symmetry]}; {gait.source}")
+        parser.exit()
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m finloop.gait",
+        description="Make a drawing go: two key poses and a gait give a cycle that repeats."
+        " Contours of the same id belong together; limbs are fore_left, fore_right, hind_left,"
+        " hind_right.",
+    )
+    parser.add_argument("key1", type=Path, help="limbs at their extremes, SVG")
+    parser.add_argument("key2", type=Path, help="a quarter of a cycle later, with the same ids")
+    parser.add_argument("--gait", required=True, help="a name that --list shows, or a JSON file")
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help=f"what to write: {', '.join(ENDINGS)}"
+    )
+    parser.add_argument("--list", action=_List, nargs=0, help="show the gaits and end")
+    parser.add_argument("--frames", type=int, help="of a cycle (default: as the tempo asks)")
+    parser.add_argument(
+        "--rate", "--fps", type=_rate, help=f"frames per second (default {RATE}, or as frames ask)"
+    )
+    parser.add_argument("--cycles", type=int, default=1, help="in a row (default 1)")
+    parser.add_argument("--points", type=int, default=128, help="of a contour (default 128)")
+    parser.add_argument("--control", type=int, help="control points: 4, 16, 64 … (default all)")
+    parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
+    return parser
+
+
+def _rate(text: str) -> Fraction:
+    try:
+        rate = Fraction(text)
+    except (ValueError, ZeroDivisionError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error
+    if rate <= 0:
+        raise argparse.ArgumentTypeError(f"{text} frames per second are not above 0")
+    return rate

@@ -1,0 +1,299 @@
+"""Gateways (fish paper §4.2, Fig. 14): sprite ↔ most similar frame of the film, both directions.
+
+*Row*: row of the feature table. *In*: a sprite is on screen, a row of the film is drawn next.
+*Out*: a row is on screen, a sprite is drawn next. Both ask for Eq. 5 between what would have come
+next and what does come.
+
+In the pose BODY pictures are compared with the measured heading to the right, so that a sprite
+and its own frame are equal. A sprite is drawn by the line it swims along, some degrees off that,
+and turns on while it is shown: `turn_deg` says how the film is turned to fit.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from finloop.distance.picture import BODY, film_pictures, picture
+from finloop.errors import FinloopError
+from finloop.features.table import direction_deg, orientations_of, wrap_deg
+from finloop.io.cutouts import CutoutStore
+from finloop.io.table import Column, Schema
+from finloop.sprites.pictures import following, pictures
+
+IN, OUT = "in", "out"
+_BLOCK = 256  # rows whose pictures are held at once
+_CYCLES = ("straight", "slide")
+
+GATEWAYS = Schema(
+    (
+        Column("sprite", "int16", "1"),
+        Column("orientation", "int8", "1"),
+        Column("direction", "string", "1"),
+        Column("row", "int32", "1"),
+        Column("rank", "int8", "1"),
+        Column("distance", "float32", "1"),
+        Column("turn_deg", "float32", "deg"),
+    )
+)
+"""sprite: row of the table of sprites. rank: 1 = best. orientation: 0 = any (pose BODY), or from 1,
+that in which what comes next is drawn.
+
+turn_deg: a sprite drawn at heading h and the film drawn turned by h + turn_deg, anticlockwise as
+seen, fit each other; in the pose FILM that turn of the film is 0. Out, it is row + 1 that the
+sprite stands in for; the whole film is turned alike.
+"""
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """See conf/gateways/default.yaml; `threshold` is in median natural steps."""
+
+    top_in: int
+    top_out: int
+    threshold: float
+    apart_s: float
+    least_s: float
+
+
+@dataclass(frozen=True)
+class Nearness:
+    """Eq. 5 between s sprites and the pictures of all n rows.
+
+    ahead (s, n): from what the film shows after a sprite. shown (s, n): from the sprite itself.
+    orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading that was turned to
+    the right, BODY: as measured; FILM: that of the orientation. ahead_deg, shown_deg (s,): the same
+    of the other two, with the sprite drawn at 0°.
+    """
+
+    ahead: Floats
+    shown: Floats
+    ahead_deg: Floats
+    shown_deg: Floats
+    pose_deg: Floats
+    orientation: NDArray[np.int8]
+
+
+def nearness(
+    sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame, film: CutoutStore,
+    size: int, pose: str, advance: Callable[[int], object] = lambda _: None,
+) -> Nearness:  # fmt: skip
+    """Compare all sprites with all rows, in blocks: no more than `_BLOCK` pictures are held.
+
+    Pose BODY: sprites and film with the measured heading to the right. FILM: each row as filmed,
+    with the sprites in its orientation as they are drawn. `advance(n)`: n more rows are done.
+
+    Raises
+    ------
+    FinloopError
+        If a sprite is of a frame that the feature table lacks.
+    """
+    row, after = _rows_of(sprites, features)
+    if pose == BODY:
+        orientation = np.zeros(len(features), np.int8)
+        pose_deg = features["heading_deg"].to_numpy(float)
+        ahead_deg, shown_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
+    else:
+        orientation = features["orientation"].to_numpy()
+        pose_deg = direction_deg(orientation, orientations_of(features))
+        ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
+        shown_deg = np.zeros(len(sprites))
+    ahead, shown = np.empty((2, len(sprites), len(features)))
+    for number in np.unique(orientation):
+        of_ahead, of_shown = sprite_pictures(
+            sprites, store, features, film, size, pose, int(number)
+        )
+        rows = np.flatnonzero(orientation == number)
+        for block in np.split(rows, range(_BLOCK, len(rows), _BLOCK)):
+            filmed = film_pictures(features, film, size, pose, block)
+            ahead[:, block], shown[:, block] = _far(of_ahead, filmed), _far(of_shown, filmed)
+            advance(len(block))
+    return Nearness(ahead, shown, ahead_deg, shown_deg, pose_deg, orientation)
+
+
+def sprite_pictures(
+    sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame, film: CutoutStore,
+    size: int, pose: str, number: int,
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
+    """What the film shows after every sprite, and the sprites themselves: (s, size, size, c) each.
+
+    In the orientation `number`; pose BODY: with the measured heading to the right.
+    """
+    length = float(features["body_length_px"].median())
+    if pose != BODY:
+        ahead = following(sprites, features, film, length, size, number)
+        return ahead, pictures(sprites, store, length, size, number)
+    row, after = _rows_of(sprites, features)
+    ahead = film_pictures(features, film, size, pose, after)
+    mirrored = sprites["mirrored"].to_numpy()
+    ahead[mirrored] = ahead[mirrored, ::-1]
+    count = orientations_of(sprites)
+    turn = -_heading(sprites, features["heading_deg"].to_numpy(float)[row])
+    shown = [
+        picture(store[at * count], one, length / one.scale, size, turn[at])
+        for at, one in enumerate(sprites.itertuples())
+    ]
+    return ahead, np.stack(shown)
+
+
+def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
+    """Headings (s,) of the film as they are beside the sprites drawn at 0°, mirrored with them."""
+    off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
+    return np.where(sprites["mirrored"], -off, off)
+
+
+def _rows_of(sprites: pd.DataFrame, features: pd.DataFrame) -> tuple[Ints, Ints]:
+    """The row of every sprite's frame, and of the next one; at the end of a track the same."""
+    number = pd.MultiIndex.from_frame(features[["track_id", "frame"]])
+    row = number.get_indexer(pd.MultiIndex.from_frame(sprites[["track_id", "frame"]]))
+    if (row < 0).any():
+        raise FinloopError(
+            f"{(row < 0).sum()} sprites are of frames that the feature table does not have",
+            "sprites and features of one film",
+            "run the stages from `features` on again: `dvc repro`",
+        )
+    return row, row + _left(features)[row].clip(max=1)
+
+
+def _left(features: pd.DataFrame) -> Ints:
+    """How many frames of its track come after each row."""
+    return features.groupby("track_id").cumcount(ascending=False).to_numpy()
+
+
+def _far(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
+    """Eq. 5 (n, m) by one matrix product; in float64 and rounded, so that of equal ones it is 0."""
+    one, other = (of.reshape(len(of), -1).astype(float) for of in (a, b))
+    squares = (one**2).sum(1)[:, None] + (other**2).sum(1) - 2 * one @ other.T
+    return np.sqrt(squares.clip(min=0)).round(5)
+
+
+def gateways(
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, rate_hz: float,
+    step: float, settings: Settings,
+) -> pd.DataFrame:  # fmt: skip
+    """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
+
+    `step` is the median natural step. A sprite leads to its `top_in` nearest rows in each
+    orientation, that are `apart_s` apart and have `least_s` of their track ahead. A row leads to
+    the `top_out` sprites of each sequence nearest to the next one. The last row of a track has no
+    way out, and a turn is entered by its first sprite only.
+    """
+    most = settings.threshold * step
+    ways = [
+        _ways_in(near, features, rate_hz, most, settings),
+        _ways_out(near, sprites, features, most, settings.top_out),
+    ]
+    table = pd.concat(
+        [way.assign(direction=word) for word, way in zip((IN, OUT), ways, strict=True)],
+        ignore_index=True,
+    )
+    sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
+    compared = table["row"].to_numpy() + ~leads_in
+    table["orientation"] = near.orientation[compared]
+    fits = np.where(leads_in, near.ahead_deg[sprite], near.shown_deg[sprite])
+    table["turn_deg"] = wrap_deg(fits - near.pose_deg[compared])
+    return table[[column.name for column in GATEWAYS.columns]]
+
+
+def _ways_in(
+    near: Nearness, features: pd.DataFrame, rate_hz: float, most: float, settings: Settings
+) -> pd.DataFrame:
+    """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    lasts = _left(features) >= settings.least_s * rate_hz
+    found = [_ways(*np.empty((4, 0)))]
+    for number in np.unique(near.orientation):
+        rows = np.flatnonzero(lasts & (near.orientation == number))
+        for sprite, far in enumerate(near.ahead[:, rows]):
+            order = rows[np.argsort(far, kind="stable")]
+            order = order[near.ahead[sprite, order] <= most]
+            best: list[int] = []
+            while len(order) and len(best) < settings.top_in:
+                best.append(int(order[0]))
+                late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart_s * rate_hz
+                order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
+            rank = np.arange(1, len(best) + 1)
+            found.append(_ways(np.full(len(best), sprite), best, rank, near.ahead[sprite, best]))
+    return pd.concat(found).sort_values("sprite", kind="stable")
+
+
+def _ways_out(
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, most: float, top: int
+) -> pd.DataFrame:
+    """sprite, row, rank, distance: the `top` best sprites of each sequence, for every row.
+
+    Each sequence, because it is the player that decides which one is to come.
+    """
+    row = np.flatnonzero(_left(features))
+    entered = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
+    ways = []
+    for _, sequence in sprites.iloc[entered].groupby("sequence", sort=False):
+        far = near.shown[np.ix_(sequence.index, row + 1)]
+        best = np.argsort(far, axis=0, kind="stable")[:top]
+        ways.append(
+            _ways(
+                sequence.index.to_numpy()[best].T.ravel(),
+                np.repeat(row, len(best)),
+                0,
+                np.take_along_axis(far, best, 0).T.ravel(),
+            )
+        )
+    found = pd.concat(ways).query("distance <= @most").sort_values(["row", "distance"])
+    return found.assign(rank=found.groupby("row").cumcount() + 1)
+
+
+def _ways(sprite: ArrayLike, row: ArrayLike, rank: ArrayLike, distance: ArrayLike) -> pd.DataFrame:
+    sprites, rows = np.asarray(sprite, int), np.asarray(row, int)
+    return pd.DataFrame({"sprite": sprites, "row": rows}).assign(
+        rank=np.asarray(rank, int), distance=np.asarray(distance, float)
+    )
+
+
+def nearest(
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, rate_hz: float,
+    settings: Settings,
+) -> pd.DataFrame:  # fmt: skip
+    """The table of `GATEWAYS` as it is without a threshold: what a higher one would let in."""
+    endless = replace(settings, threshold=np.inf)
+    return gateways(near, sprites, features, rate_hz, 1.0, endless)
+
+
+def numbers(
+    kept: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
+    rate_hz: float, step: float,
+) -> dict[str, float]:  # fmt: skip
+    """Flat numbers about gateways, for metrics.json; `every` is `nearest`."""
+    found: dict[str, float] = {}
+    for word in (IN, OUT):
+        far = kept.loc[kept["direction"] == word, "distance"] / step
+        found |= {
+            f"ways_{word}": len(far),
+            f"distance_{word}_median_steps": far.median(),
+            f"distance_{word}_p95_steps": far.quantile(0.95),
+            f"nearest_{word}_steps": every.loc[every["direction"] == word, "distance"].min() / step,
+        }
+    leads_in, leads_out = (kept[kept["direction"] == word] for word in (IN, OUT))
+    compared = len(near.ahead) * len(np.unique(near.orientation))
+    entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
+    out = np.isin(np.arange(len(features)), leads_out["row"])
+    return found | {
+        "sprites": len(near.ahead),
+        "sprites_in_orientations": compared,
+        "sprites_in_orientations_without_way_in": compared - entered,
+        "film_rows_led_to": leads_in["row"].nunique(),
+        "film_tracks_led_to": features["track_id"].iloc[leads_in["row"]].nunique(),
+        "film_rows_with_way_out_pct": 100 * out.mean(),
+        "film_longest_without_way_out_s": _longest(~out, features["track_id"]) / rate_hz,
+        "sprites_led_to": leads_out["sprite"].nunique(),
+    }
+
+
+def _longest(wanted: NDArray[np.bool_], track: pd.Series) -> int:
+    """The longest run of True rows within one track."""
+    run = pd.Series(~wanted).cumsum()
+    return int(pd.Series(wanted).groupby([track.to_numpy(), run.to_numpy()]).sum().max())

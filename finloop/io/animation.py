@@ -1,0 +1,113 @@
+"""Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON.
+
+Each appears under its name when it is whole. The numbers in SVG and both JSONs are those of the
+morph, digit for digit, so what was counted as free of folds is what is shown.
+"""
+
+import json
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from finloop.errors import FinloopError
+from finloop.io.animation_lottie import to_lottie
+from finloop.io.animation_svg import to_svg
+from finloop.io.atomic import whole_file
+from finloop.io.movie import Mp4Writer, WebpWriter
+from finloop.morph.layers import Morph
+from finloop.morph.paint import painted, shapes
+
+CRF, QUALITY = 18, 85
+SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room
+LARGEST_PX = 2048
+
+
+def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 512) -> None:
+    """Write a morph as the ending says; `size` [px] is the longer side of films.
+
+    Raises
+    ------
+    FinloopError
+        If the ending is not one of `ENDINGS`, the frame rate not SLOWEST … FASTEST, or the size not
+        16 … LARGEST_PX.
+    """
+    write = writer(path)
+    if not SLOWEST <= frame_rate <= FASTEST:
+        raise FinloopError(
+            f"{float(frame_rate):g} frames per second",
+            f"{SLOWEST:g} … {FASTEST} frames per second",
+            "set --fps 30",
+        )
+    if not 16 <= size <= LARGEST_PX:
+        raise FinloopError(f"a film {size} px large", f"16 … {LARGEST_PX} px", "set --size 512")
+    write(path, morph, frame_rate, size)
+
+
+def writer(path: Path) -> "Writer":
+    """What writes files of this ending; FinloopError if there is none."""
+    name = path.name.lower()
+    for ending, write in ENDINGS.items():
+        if name.endswith(ending) and name != ending:
+            return write
+    raise FinloopError(
+        f"{path} has the ending {path.suffix or 'of no format'!r}",
+        f"one of {', '.join(ENDINGS)}",
+        "name the output after the format you want",
+    )
+
+
+def plain(morph: Morph) -> dict[str, Any]:
+    """`{"frames": [{"tau": t, "layers": {id: [[x, y], …]}}]}`."""
+    layers = {name: frames.tolist() for name, frames in morph.layers.items()}
+    return {
+        "frames": [
+            {"tau": float(tau), "layers": {name: frames[k] for name, frames in layers.items()}}
+            for k, tau in enumerate(morph.tau)
+        ]
+    }
+
+
+def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
+    _save_text(path, to_svg(morph, frame_rate))
+
+
+def _save_json(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
+    _save_text(path, json.dumps(plain(morph), separators=(",", ":"), allow_nan=False))
+
+
+def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
+    animation = to_lottie(morph, frame_rate)
+    _save_text(path, json.dumps(animation, separators=(",", ":"), allow_nan=False))
+
+
+def _save_text(path: Path, text: str) -> None:
+    with whole_file(path) as part:
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
+    scale = size / max(morph.width, morph.height)
+    # Even sides, which both formats ask for.
+    height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
+    shape, movie = (height, width, 3), path.suffix.lower()
+    film: Mp4Writer | WebpWriter
+    if movie == ".mp4":
+        film = Mp4Writer(path, shape, frame_rate, CRF)
+    else:
+        film = WebpWriter(path, shape, frame_rate, width, QUALITY)
+    what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    with film:
+        for frame in range(len(morph.tau)):
+            drawn = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
+            film.write(painted(drawn, shape[:2], scale))
+
+
+Writer = Callable[[Path, Morph, Fraction, int], None]
+ENDINGS: dict[str, Writer] = {
+    ".svg": _save_svg,
+    ".lottie.json": _save_lottie,
+    ".json": _save_json,
+    ".webp": _save_film,
+    ".mp4": _save_film,
+}

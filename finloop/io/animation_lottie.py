@@ -1,0 +1,104 @@
+"""A morph as Lottie JSON (version 5.7): what apps and web pages play as vector animation.
+
+A Lottie layer for every shape, the topmost first; a keyframe for every frame with the same number
+of vertices each, straight between them in space and time.
+"""
+
+from fractions import Fraction
+from math import ceil
+from typing import Any
+
+from finloop.morph.layers import Morph
+from finloop.morph.paint import Colour, Paint, Shape, shapes
+
+Json = dict[str, Any]
+
+
+def to_lottie(morph: Morph, frame_rate: Fraction) -> Json:
+    """The animation as what `json.dumps` takes."""
+    what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    return {
+        "v": "5.7.0",
+        "fr": float(frame_rate),
+        "ip": 0,
+        "op": len(morph.tau),
+        "w": ceil(morph.width),
+        "h": ceil(morph.height),
+        "nm": "morph",
+        "ddd": 0,
+        "assets": [],
+        "layers": [_layer(morph, shape, k) for k, shape in enumerate(what[::-1], 1)],
+    }
+
+
+def _layer(morph: Morph, shape: Shape, index: int) -> Json:
+    paths = [
+        _animated_path(morph, name, closed)
+        for name, closed in zip(shape.layers, shape.closed, strict=True)
+    ]
+    items = [*paths, *_paints(shape.paint), {"ty": "tr", **_still()}]
+    return {
+        "ddd": 0,
+        "ind": index,
+        "ty": 4,
+        "nm": shape.name,
+        "sr": 1,
+        "ks": _still(),
+        "ao": 0,
+        "shapes": [{"ty": "gr", "nm": shape.name, "it": items}],
+        "ip": 0,
+        "op": len(morph.tau),
+        "st": 0,
+        "bm": 0,
+    }
+
+
+def _animated_path(morph: Morph, name: str, closed: bool) -> Json:
+    frames = morph.layers[name].tolist()
+    straight = [[0, 0]] * len(frames[0])
+    keys: list[Json] = [
+        {"t": k, "s": [{"i": straight, "o": straight, "v": points, "c": closed}]}
+        for k, points in enumerate(frames)
+    ]
+    for key in keys[:-1]:  # players take one with an easing for the start of another step
+        key |= {"i": {"x": 1, "y": 1}, "o": {"x": 0, "y": 0}}
+    return {"ty": "sh", "nm": name, "ks": {"a": 1, "k": keys}}
+
+
+def _paints(paint: Paint) -> list[Json]:
+    """Stroke before fill: what comes first lies on top."""
+    found: list[Json] = []
+    if paint.stroke is not None:
+        found.append(
+            {
+                "ty": "st",
+                "c": _colour(paint.stroke),
+                "o": _constant(100 * paint.stroke_opacity),
+                "w": _constant(paint.width),
+                "lc": 2,
+                "lj": 2,
+            }
+        )
+    if paint.fill is not None:
+        opacity = _constant(100 * paint.fill_opacity)
+        found.append({"ty": "fl", "c": _colour(paint.fill), "o": opacity, "r": 2})
+    return found
+
+
+def _still() -> Json:
+    """A transform that changes nothing."""
+    return {
+        "o": _constant(100),
+        "r": _constant(0),
+        "p": _constant([0, 0]),
+        "a": _constant([0, 0]),
+        "s": _constant([100, 100]),
+    }
+
+
+def _colour(colour: Colour) -> Json:
+    return _constant([round(c / 255, 4) for c in colour] + [1])
+
+
+def _constant(value: object) -> Json:
+    return {"a": 0, "k": value}

@@ -1,0 +1,71 @@
+"""A morph as SVG that plays by itself (SMIL), in every browser and without a script."""
+
+from fractions import Fraction
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.morph.layers import Morph
+from finloop.morph.paint import Paint, Shape, shapes
+
+Ints = NDArray[np.int64]
+
+
+def to_svg(morph: Morph, frame_rate: Fraction) -> str:
+    """The text of an SVG file; a path for every shape, its frames as values of `d`.
+
+    Points are whole numbers of the morph's grid, each after the first relative to the one before:
+    half as long as decimals, and exact.
+    """
+    grid = 10.0**morph.decimals
+    seconds = len(morph.tau) / frame_rate  # as films last
+    # What the last frame moves to in its time: nothing, or the first after there and back.
+    after = 0 if morph.tau[-1] < morph.tau.max() else -1
+    size = f"{morph.width:.10g} {morph.height:.10g}".split()
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{size[0]}" height="{size[1]}"'
+        f' viewBox="0 0 {size[0]} {size[1]}">',
+        f'<g transform="scale({1 / grid:.10g})" stroke-linejoin="round" stroke-linecap="round"'
+        ' fill-rule="evenodd">',
+    ]
+    for shape in shapes(morph.closed, morph.styles, max(morph.width, morph.height)):
+        frames, style = _frames(morph, shape, grid), _style(shape.paint, grid)
+        lines.append(
+            f"<path id={quoteattr(shape.name)} {style} d={quoteattr(frames[0])}>"
+            f'<animate attributeName="d" dur="{float(seconds):.6g}s" repeatCount="indefinite"'
+            f' values="{";".join([*frames, frames[after]])}"/></path>'
+        )
+    return "\n".join([*lines, "</g>", "</svg>"])
+
+
+def _frames(morph: Morph, shape: Shape, grid: float) -> list[str]:
+    """The path of a shape in every frame."""
+    parts = [
+        (np.round(morph.layers[name] * grid).astype(np.int64), closed)
+        for name, closed in zip(shape.layers, shape.closed, strict=True)
+    ]
+    return [
+        "".join(_path(frames[k], closed) for frames, closed in parts) for k in range(len(morph.tau))
+    ]
+
+
+def _path(points: Ints, closed: bool) -> str:
+    first, moves = points[0], np.diff(points, axis=0).ravel()
+    text = " ".join(map(str, moves.tolist())).replace(" -", "-")
+    return f"M{first[0]} {first[1]}l{text}{'z' if closed else ''}"
+
+
+def _style(paint: Paint, grid: float) -> str:
+    found = {"fill": _hex(paint.fill), "stroke": _hex(paint.stroke)}
+    if paint.fill is not None and paint.fill_opacity < 1:
+        found["fill-opacity"] = f"{paint.fill_opacity:.4g}"
+    if paint.stroke is not None:
+        found["stroke-width"] = f"{paint.width * grid:.6g}"
+        if paint.stroke_opacity < 1:
+            found["stroke-opacity"] = f"{paint.stroke_opacity:.4g}"
+    return " ".join(f'{key}="{value}"' for key, value in found.items())
+
+
+def _hex(colour: tuple[int, int, int] | None) -> str:
+    return "none" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)

@@ -1,0 +1,148 @@
+"""The cut-out store: every fish of every frame as a small picture with alpha, in one file.
+
+An Arrow IPC file, memory-mapped on reading: opening it costs nothing, any cut-out is reached at
+once, and only those looked at are decompressed (zstd, each cut-out by itself). Any Arrow reader of
+any language opens it. Pictures are (height, width, channels) uint8, channels = grey + alpha or
+RGB + alpha, colour premultiplied by alpha.
+"""
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+_INDEX = {
+    "track_id": (pa.int32(), "1"),
+    "frame": (pa.int32(), "1"),
+    "x0_px": (pa.int32(), "px"),
+    "y0_px": (pa.int32(), "px"),
+    "height_px": (pa.int16(), "px"),
+    "width_px": (pa.int16(), "px"),
+    "channels": (pa.int8(), "1"),
+}
+_SCHEMA = pa.schema(
+    [pa.field(name, kind, False, {"unit": unit}) for name, (kind, unit) in _INDEX.items()]
+    + [pa.field("pixels", pa.binary(), False, {"codec": "zstd"})]
+)
+_BATCH = 256  # cut-outs per record batch
+_CODEC = pa.Codec("zstd", compression_level=1)
+
+
+class Cutout(NamedTuple):
+    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
+
+    track_id: int
+    frame: int
+    x0_px: int
+    y0_px: int
+    pixels: NDArray[np.uint8]
+
+    def over(self, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
+        h, w = self.pixels.shape[:2]
+        tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
+        through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
+        film = self.pixels[..., :-1] + (through + 127) // 255
+        return film.reshape(tank.shape).astype(np.uint8)
+
+
+class CutoutWriter:
+    """Write cut-outs one after the other; the file appears at `path` when the block ends well."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._rows: list[tuple[Any, ...]] = []
+
+    def __enter__(self) -> "CutoutWriter":
+        self._stack = ExitStack()
+        part = self._stack.enter_context(whole_file(self._path))
+        self._file = self._stack.enter_context(pa.ipc.new_file(str(part), _SCHEMA))
+        return self
+
+    def write(self, cutout: Cutout) -> None:
+        """Append one cut-out."""
+        pixels = np.ascontiguousarray(cutout.pixels)
+        packed = _CODEC.compress(pixels, asbytes=True)
+        self._rows.append((*cutout[:4], *pixels.shape, packed))
+        if len(self._rows) >= _BATCH:
+            self._flush()
+
+    def _flush(self) -> None:
+        if self._rows:
+            columns = zip(*self._rows, strict=True)
+            arrays = [pa.array(c, f.type) for c, f in zip(columns, _SCHEMA, strict=True)]
+            self._file.write_batch(pa.record_batch(arrays, schema=_SCHEMA))
+            self._rows = []
+
+    def __exit__(self, kind: Any, *error: Any) -> bool | None:
+        if kind is None:
+            try:
+                self._flush()
+            except BaseException as failure:
+                self._stack.__exit__(type(failure), failure, failure.__traceback__)
+                raise
+        return self._stack.__exit__(kind, *error)
+
+
+@dataclass(frozen=True)
+class CutoutStore:
+    """An open store. `index`: a row per cut-out in the file's order, its place and size."""
+
+    index: pd.DataFrame
+    _pixels: pa.ChunkedArray
+
+    def __len__(self) -> int:
+        return len(self.index)
+
+    def __getitem__(self, row: int) -> Cutout:
+        """Cut-out number `row` of the index; FinloopError if it is damaged."""
+        at = self.index.iloc[row]
+        shape = (int(at.height_px), int(at.width_px), int(at.channels))
+        packed = self._pixels[row].as_buffer()
+        try:
+            raw = _CODEC.decompress(packed, decompressed_size=int(np.prod(shape)))
+        except (OSError, pa.ArrowException) as error:
+            raise FinloopError(
+                came=f"cut-out {row} of the store is damaged ({error})",
+                wanted="the file that the stage `extract` wrote",
+                do="make it again: `dvc repro --force extract`",
+            ) from error
+        pixels = np.frombuffer(raw, np.uint8).reshape(shape)
+        return Cutout(int(at.track_id), int(at.frame), int(at.x0_px), int(at.y0_px), pixels)
+
+
+@contextmanager
+def open_cutouts(path: Path) -> Iterator[CutoutStore]:
+    """Open a store for random access.
+
+    Raises
+    ------
+    FinloopError
+        If the file is missing, damaged, or no cut-out store.
+    """
+    with ExitStack() as stack:
+        try:
+            source = stack.enter_context(pa.memory_map(str(path)))
+            table = pa.ipc.open_file(source).read_all()
+        except (OSError, pa.ArrowException) as error:
+            raise FinloopError(
+                came=f"{path} cannot be read as a cut-out store ({error})",
+                wanted="the file that the stage `extract` wrote",
+                do="make it again: `dvc repro --force extract`",
+            ) from error
+        if not table.schema.equals(_SCHEMA):
+            raise FinloopError(
+                came=f"{path} has the columns {', '.join(table.column_names)}",
+                wanted=", ".join(_SCHEMA.names),
+                do="make it again: `dvc repro --force extract`",
+            )
+        yield CutoutStore(table.select(list(_INDEX)).to_pandas(), table.column("pixels"))

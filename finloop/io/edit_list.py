@@ -1,0 +1,27 @@
+"""The edit list of a mode, as the stage `animate` left it."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from finloop.animate.edit_list import EDIT
+from finloop.errors import FinloopError
+from finloop.io.table import load_table
+
+
+def load_edit(folder: Path, mode: str, stage: str) -> pd.DataFrame:
+    """The edit list `folder`/`mode`.parquet, with the columns of `EDIT`, for the stage that asks.
+
+    Raises
+    ------
+    FinloopError
+        If there is none, or it is damaged.
+    """
+    path = folder / f"{mode}.parquet"
+    if not path.exists():
+        raise FinloopError(
+            f"there is no {path}: the film has no loops, or `animate` has not run",
+            f"an edit list of the mode that {stage}.mode names",
+            f"{stage}.mode=hybrid or nn; or let more frames join: loops.threshold",
+        )
+    return load_table(path, EDIT)

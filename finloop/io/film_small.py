@@ -1,0 +1,53 @@
+"""A film of few bytes, for a page that carries it."""
+
+from fractions import Fraction
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import av
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.io.movie import Mp4Writer
+from finloop.io.video import read_frames
+
+_CRF = 28  # of a film made smaller
+_WIDTHS = (960, 640, 426)
+
+
+def small_film(path: Path, most_bytes: int) -> tuple[bytes, NDArray[np.uint8]]:
+    """The bytes of an MP4, made smaller if they are too many, and its first frame, (h, w, 3) RGB.
+
+    Raises
+    ------
+    FinloopError
+        If the film cannot be read, or is too long to become so small.
+    """
+    poster = next(iter(read_frames(path, colour=True)))
+    film = path.read_bytes()
+    for width in _WIDTHS:
+        if len(film) <= most_bytes:
+            return film, poster
+        film = _narrower(path, poster.shape, width)
+    if len(film) <= most_bytes:
+        return film, poster
+    raise FinloopError(
+        f"{path} is {len(film) / 1e6:.1f} MB even {_WIDTHS[-1]} px wide",
+        f"a film of at most {most_bytes / 1e6:.1f} MB",
+        "report.film_most_mb=… larger, or animate.seconds=… shorter",
+    )
+
+
+def _narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:
+    wide = min(width, shape[1])
+    size = wide, max(2, round(shape[0] * wide / shape[1]))
+    with av.open(str(path)) as container:
+        rate = Fraction(container.streams.video[0].average_rate or 25)
+    with TemporaryDirectory() as folder:
+        small = Path(folder) / "film.mp4"
+        with Mp4Writer(small, (size[1], size[0], 3), rate, _CRF) as writer:
+            for frame in read_frames(path, colour=True):
+                writer.write(cv2.resize(frame, size, interpolation=cv2.INTER_AREA))
+        return small.read_bytes()

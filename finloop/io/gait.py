@@ -1,0 +1,144 @@
+"""Fitted gaits as small named JSON files: numbers only, no contours."""
+
+import json
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from finloop.errors import FinloopError
+from finloop.gait.model import SYMMETRIES, Gait
+from finloop.io.atomic import whole_file
+
+DECIMALS = 6
+MOST = 1000.0  # of γ and the like: beyond ±1 a limb turns back, so more is a slip
+MOST_BYTES = 1_000_000
+_KINDS: dict[str, type | tuple[type, ...]] = {
+    "name": str, "symmetry": str, "frequency_hz": (int, float), "gamma": dict,
+    "split": (int, float), "wavelet": str, "coarse": int, "support": dict, "source": str,
+    "confidence": (int, float), "cycles": (int, float), "frames": int, "residuals": dict,
+}  # fmt: skip
+_NEEDED = ("name", "symmetry", "frequency_hz", "gamma")
+
+
+def save_gait(path: Path, gait: Gait) -> None:
+    """Write a gait, its numbers to DECIMALS digits.
+
+    Raises
+    ------
+    FinloopError
+        If the gait is not one that `load_gait` would take.
+    """
+    content = json.loads(json.dumps(_rounded(asdict(gait))))
+    _refuse(problems(content), path)
+    with whole_file(path) as part:
+        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def load_gait(path: Path) -> Gait:
+    """Read what `save_gait` wrote, or a person after its example.
+
+    Raises
+    ------
+    FinloopError
+        If the file is missing, no JSON, or its values are not those of a gait; all are listed.
+    """
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ValueError(f"larger than {MOST_BYTES} bytes")
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise FinloopError(
+            f"{path} cannot be read ({error})",
+            "a gait as the stage `gait` writes it, JSON",
+            "name one of data/gaits/, or fit one: dvc repro gait",
+        ) from error
+    _refuse(problems(content), path)
+    gamma = {
+        name: {sub: tuple(map(float, values)) for sub, values in of.items()}
+        for name, of in content["gamma"].items()
+    }
+    support = {
+        name: tuple((float(a), float(b)) for a, b in spans)
+        for name, spans in content.get("support", {}).items()
+    }
+    return Gait(**(content | {"gamma": gamma, "support": support}))
+
+
+def problems(content: Any) -> list[str]:
+    """Everything that keeps decoded JSON from being a gait."""
+    if not isinstance(content, dict):
+        return ["it holds no gait but " + type(content).__name__]
+    known = {field.name for field in fields(Gait)}
+    found = [f"{key!r} is unknown" for key in content if key not in known]
+    found += [f"{key!r} is missing" for key in _NEEDED if key not in content]
+    for key in known & content.keys():
+        value = content[key]
+        if not isinstance(value, _KINDS[key]) or isinstance(value, bool):
+            found.append(f"{key!r} is {value!r:.40}")
+    if found:
+        return sorted(found)
+    if not content["name"]:
+        found.append("'name' is empty")
+    if content["symmetry"] not in SYMMETRIES:
+        found.append(f"'symmetry' is {content['symmetry']!r}, not one of {', '.join(SYMMETRIES)}")
+    coarse = content.get("coarse", 4)
+    if not 1 <= coarse <= 2**16 or coarse & (coarse - 1):
+        found.append(f"'coarse' is {coarse}, no power of two")
+    for key, high in (("frequency_hz", 1000.0), ("split", 0.5)):
+        if key in content and not 0 < content[key] < high:
+            found.append(f"'{key}' is {content[key]!s:.20}, not between 0 and {high:g}")
+    for key, most in (("confidence", 1.0), ("cycles", 1e12), ("frames", 2.0**53)):
+        if key in content and not 0 <= content[key] <= most:
+            found.append(f"'{key}' is {content[key]!s:.20}, not from 0 to {most:g}")
+    for name, of in content["gamma"].items():
+        if not isinstance(of, dict) or set(of) != {"A", "B"}:
+            found.append(f"γ of {name!r} has not the two subcycles A and B")
+        elif not all(isinstance(v, list) and v and all(map(_number, v)) for v in of.values()):
+            found.append(
+                f"γ of {name!r} is no list of numbers from {-MOST:g} to {MOST:g} in each subcycle"
+            )
+    for name, spans in content.get("support", {}).items():
+        if not isinstance(spans, list) or not all(map(_span, spans)):
+            found.append(f"the support of {name!r} is no list of [from, to], 0 ≤ from < to ≤ 2")
+        elif _overlap(spans):
+            found.append(f"the support of {name!r} has spans that overlap")
+    if not content["gamma"]:
+        found.append("'gamma' names no contour, nor '*' for all")
+    if not all(map(_number, content.get("residuals", {}).values())):
+        found.append("'residuals' are no numbers by name")
+    return found
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= MOST
+
+
+def _span(span: Any) -> bool:
+    if not (isinstance(span, list) and len(span) == 2 and all(map(_number, span))):
+        return False
+    return 0 <= span[0] < span[1] <= min(2, span[0] + 1)
+
+
+def _overlap(spans: list[list[float]]) -> bool:
+    """Whether a foot comes to the ground while it is there, the cycle after the last too."""
+    ends = sorted(spans)
+    following = [*ends[1:], *([a + 1, b + 1] for a, b in ends[:1])]
+    return any(here[1] > there[0] for here, there in zip(ends, following, strict=True))
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _rounded(one) for key, one in value.items()}
+    if isinstance(value, list | tuple):
+        return [_rounded(one) for one in value]
+    return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value
+
+
+def _refuse(found: list[str], path: Path) -> None:
+    if found:
+        raise FinloopError(
+            f"{path} is no gait: " + "; ".join(found[:8]) + " …" * (len(found) > 8),
+            "a gait as the stage `gait` writes it",
+            "correct it after the example of data/gaits/",
+        )

@@ -1,0 +1,88 @@
+"""glTF 2.0 in one binary file (.glb), written from arrays: what the scene of the tank needs.
+
+Each array becomes an accessor of its own, in a buffer view of its own, aligned to four bytes.
+"""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.io.atomic import whole_file
+
+_KINDS = {"float32": 5126, "uint32": 5125, "uint16": 5123}
+_SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
+_ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
+_LINEAR, _CLAMP = 9729, 33071
+
+
+class Glb:
+    """A document that grows: every `add_…` gives the number by which others name the thing."""
+
+    def __init__(self, generator: str) -> None:
+        self._data = bytearray()
+        self._document: dict[str, Any] = {"asset": {"version": "2.0", "generator": generator}}
+
+    def add(self, kind: str, thing: dict[str, Any]) -> int:
+        """Add to the document's list of this kind ("nodes", "meshes", "materials" …)."""
+        known = self._document.setdefault(kind, [])
+        known.append(thing)
+        return len(known) - 1
+
+    def use(self, extension: str) -> None:
+        """Declare an extension; a reader may do without."""
+        used = self._document.setdefault("extensionsUsed", [])
+        if extension not in used:
+            used.append(extension)
+
+    def show(self, nodes: list[int]) -> None:
+        """The scene that a reader shows."""
+        self._document["scene"] = self.add("scenes", {"nodes": nodes})
+
+    def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
+        """An accessor of an array (n,) or (n, 2 … 4): float32, uint16 or uint32."""
+        array = np.ascontiguousarray(array)
+        if not np.isfinite(array).all():
+            raise ValueError("numbers that are none cannot be written")
+        width = 1 if array.ndim == 1 else array.shape[1]
+        view = {"target": _ELEMENT_BUFFER} if indices else {"target": _ARRAY_BUFFER}
+        accessor = {
+            "bufferView": self._view(array.tobytes(), view if indices or vertices else {}),
+            "componentType": _KINDS[array.dtype.name],
+            "count": len(array),
+            "type": _SHAPES[width],
+        }
+        if not indices:  # positions and times must have their bounds
+            flat = array.reshape(len(array), width)
+            accessor |= {"min": flat.min(0).tolist(), "max": flat.max(0).tolist()}
+        return self.add("accessors", accessor)
+
+    def add_texture(self, coded: bytes, mime: str) -> int:
+        """A texture of a PNG or JPEG file's bytes, smooth, not repeated."""
+        sampler = {"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMP, "wrapT": _CLAMP}
+        image = self.add("images", {"bufferView": self._view(coded, {}), "mimeType": mime})
+        return self.add("textures", {"source": image, "sampler": self.add("samplers", sampler)})
+
+    def _view(self, data: bytes, more: dict[str, int]) -> int:
+        self._data += b"\0" * (-len(self._data) % 4)
+        view = {"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data)} | more
+        self._data += data
+        return self.add("bufferViews", view)
+
+    def encoded(self) -> bytes:
+        """The file's bytes."""
+        data = bytes(self._data) + b"\0" * (-len(self._data) % 4)
+        document = self._document | {"buffers": [{"byteLength": len(data)}]}
+        text = json.dumps(document, separators=(",", ":")).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = [(b"JSON", text), (b"BIN\0", data)]
+        body = b"".join(len(d).to_bytes(4, "little") + name + d for name, d in chunks)
+        return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
+
+
+def save_glb(path: Path, coded: bytes) -> None:
+    """Write what `Glb.encoded` gives, whole or not at all."""
+    with whole_file(path) as part:
+        part.write_bytes(coded)

@@ -1,0 +1,111 @@
+"""The motion model as ONNX, for programs without this one: physical units go in and come out.
+
+The scaling is part of the graph. 32-bit numbers, which every runtime takes. Another evaluator,
+ONNX's own, runs the finished graph before the file appears.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+from onnx import TensorProto, helper, numpy_helper
+from onnx.reference import ReferenceEvaluator
+
+from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel, Numbers
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
+OPSET, IR_VERSION = 17, 8  # of 2022: what runtimes in use today understand
+TOLERANCE = 1e-4  # of the range of an output; 32-bit rounding makes about a hundredth of it
+
+
+def to_onnx(model: MotionModel) -> onnx.ModelProto:
+    """The graph of `MotionModel.predict`: (n, 4) float → (n, 2) float."""
+    reach = (model.input_high - model.input_low) / 2
+    span = (model.output_high - model.output_low) / (1 - 2 * model.margin)
+    constants = {
+        "input_low": model.input_low,
+        "input_high": model.input_high,
+        "input_middle": (model.input_low + model.input_high) / 2,
+        "input_scale": 1 / reach,
+        "hidden_weights": model.hidden_weights,
+        "hidden_bias": model.hidden_bias,
+        "output_weights": model.output_weights,
+        "output_bias": model.output_bias,
+        "output_span": span,
+        "output_offset": model.output_low - model.margin * span,
+        "output_low": model.output_low,
+        "output_high": model.output_high,
+    }
+    chain = [
+        ("Max", ["input_low"]),
+        ("Min", ["input_high"]),
+        ("Sub", ["input_middle"]),
+        ("Mul", ["input_scale"]),
+        ("Gemm", ["hidden_weights", "hidden_bias"]),
+        ("Sigmoid", []),
+        ("Gemm", ["output_weights", "output_bias"]),
+        ("Sigmoid", []),
+        ("Mul", ["output_span"]),
+        ("Add", ["output_offset"]),
+        ("Max", ["output_low"]),
+        ("Min", ["output_high"]),
+    ]
+    names = [INPUT_NAME, *(f"step_{number}" for number in range(1, len(chain))), OUTPUT_NAME]
+    nodes = [
+        helper.make_node(kind, [names[number], *more], [names[number + 1]])
+        for number, (kind, more) in enumerate(chain)
+    ]
+    graph = helper.make_graph(
+        nodes,
+        "fish_motion",
+        [helper.make_tensor_value_info(INPUT_NAME, TensorProto.FLOAT, ["rows", len(INPUTS)])],
+        [helper.make_tensor_value_info(OUTPUT_NAME, TensorProto.FLOAT, ["rows", len(OUTPUTS)])],
+        [numpy_helper.from_array(v.astype(np.float32), name) for name, v in constants.items()],
+    )
+    proto = helper.make_model(
+        graph, opset_imports=[helper.make_opsetid("", OPSET)], producer_name="finloop"
+    )
+    proto.ir_version = IR_VERSION
+    facts = {
+        "inputs": ", ".join(f"{name} [{unit}]" for name, unit in INPUTS.items()),
+        "outputs": ", ".join(f"{name} [{unit}]" for name, unit in OUTPUTS.items()),
+        "delta_s": repr(float(model.delta_s)),
+    }
+    helper.set_model_props(proto, facts)
+    return proto
+
+
+def save_onnx(path: Path, model: MotionModel) -> None:
+    """Write `model` as ONNX, if the graph gives the same numbers as the model."""
+    proto = to_onnx(model)
+    onnx.checker.check_model(proto, full_check=True)
+    off = largest_difference(proto, model)
+    if not off <= TOLERANCE:
+        raise FinloopError(
+            f"the ONNX export is off by {off:g} of the range of an output",
+            f"the numbers of the model itself, to {TOLERANCE:g}",
+            "train with a smaller bpn.learning_rate: weights this large have no 32-bit likeness",
+        )
+    with whole_file(path) as part:
+        part.write_bytes(proto.SerializeToString(deterministic=True))
+
+
+def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
+    """The largest difference between graph and model, in ranges of the output.
+
+    At the corners of the input range and beyond, and at points spread over it.
+    """
+    points = _probes(model.input_low, model.input_high)
+    given = points.astype(np.float32)
+    answers: Any = ReferenceEvaluator(proto).run(None, {INPUT_NAME: given})
+    span = model.output_high - model.output_low
+    return float(np.abs((answers[0] - model.predict(points)) / span).max())
+
+
+def _probes(low: Numbers, high: Numbers) -> Numbers:
+    shares = np.random.default_rng(0).uniform(-0.1, 1.1, (1000, len(low)))
+    corners = np.stack(np.meshgrid(*([[-1.0, 0.0, 0.5, 1.0, 2.0]] * len(low))), -1)
+    return low + np.vstack([shares, corners.reshape(-1, len(low))]) * (high - low)

@@ -1,0 +1,49 @@
+"""Pictures, whole or not at all."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
+    from matplotlib.figure import Figure
+
+
+def save_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+    """Write (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA uint8, format as the ending."""
+    if picture.ndim == 3:
+        code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
+        picture = cv2.cvtColor(picture, code)
+    with whole_file(path) as part:
+        part.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
+
+
+def load_picture(path: Path) -> NDArray[np.uint8]:
+    """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if there is none."""
+    try:
+        coded = np.frombuffer(path.read_bytes(), np.uint8)
+        picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
+    except (OSError, cv2.error) as error:
+        raise _unreadable(path, str(error)) from error
+    if picture is None:
+        raise _unreadable(path, "no picture")
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+
+
+def _unreadable(path: Path, why: str) -> FinloopError:
+    return FinloopError(
+        f"{path} cannot be read as a picture ({why})",
+        "a picture that an earlier stage wrote",
+        "run the pipeline again: `dvc repro`",
+    )
+
+
+def save_figure(path: Path, figure: "Figure") -> None:
+    """Write a figure; the same figure gives the same bytes."""
+    with whole_file(path) as part:
+        figure.savefig(part, dpi=110, metadata={"Software": None})

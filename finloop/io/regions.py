@@ -1,0 +1,145 @@
+"""Regions of limbs in the frames of a film: folders of masks, or traced SVG drawings.
+
+Masks: a folder for each id, in it a black and white PNG for each frame, `fore_left/0007.png`;
+regions may overlap. Traces: an SVG for each frame, `0007.svg`, in it a closed path for each id. The
+number in the name is the frame's; the first one there is frame 0 of what is read. Where a limb is
+not to be seen, its mask is black or not there, its path not there.
+"""
+
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.gait.limbs import BORDER, MISSING, Seen, region_contour
+from finloop.io.atomic import whole_folder
+from finloop.io.picture import load_picture
+from finloop.io.svg import load_svg
+
+DIGITS = 4
+BRIGHT = 128  # of 255: from here on a pixel belongs to the mask
+_WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each frame"
+
+
+class Regions(NamedTuple):
+    """By frame: contours by id, px of the picture, or why there is none; the first's number."""
+
+    frames: list[dict[str, Seen]]
+    first: int
+
+
+def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) -> None:
+    """Write masks (h, w) by id, frame after frame."""
+    with whole_folder(folder) as part:
+        for k, frame in enumerate(frames):
+            for name, mask in frame.items():
+                path = part / name / f"{k:0{DIGITS}}.png"
+                path.parent.mkdir(exist_ok=True)
+                path.write_bytes(cv2.imencode(".png", mask * np.uint8(255))[1].tobytes())
+
+
+def load_regions(folder: Path) -> Regions:
+    """Regions of masks or traces.
+
+    Raises
+    ------
+    FinloopError
+        If there is no folder or nothing in it, masks and traces are mixed, a file's name has no
+        number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
+    """
+    if not folder.is_dir():
+        raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
+    shown = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    traces = [path for path in shown if path.suffix.lower() == ".svg"]
+    masks = {
+        path.name: [one for one in sorted(path.iterdir()) if one.suffix.lower() == ".png"]
+        for path in shown
+        if path.is_dir()
+    }
+    masks = {name: paths for name, paths in masks.items() if paths}
+    if bool(traces) == bool(masks):
+        raise FinloopError(
+            f"{folder} holds {len(traces)} SVG files and {len(masks)} folders with PNG files",
+            _WANTED,
+            "keep one kind" if traces else "put the masks or the traces there",
+        )
+    return _load_traces(traces) if traces else _load_masks(masks)
+
+
+def _load_masks(paths: Mapping[str, list[Path]]) -> Regions:
+    numbered = {name: _numbered(of) for name, of in paths.items()}
+    first = min(min(of) for of in numbered.values())
+    last = max(max(of) for of in numbered.values())
+    frames: list[dict[str, Seen]] = [dict.fromkeys(paths, MISSING) for _ in range(first, last + 1)]
+    sizes = dict[tuple[int, ...], Path]()
+    for name, of in numbered.items():
+        brightest = 0
+        for k, path in of.items():
+            mask = load_picture(path)
+            mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
+            sizes.setdefault(mask.shape, path)
+            _check_sizes(sizes)
+            brightest = max(brightest, int(mask.max()))
+            frames[k - first][name] = region_contour(mask >= BRIGHT)
+        if 0 < brightest < BRIGHT:
+            raise FinloopError(
+                f"no mask of {name} has a pixel brighter than {brightest} of 255",
+                "the limb white, 255, and all else black, 0",
+                f"multiply the masks by {255 // brightest}",
+            )
+    return Regions(frames, first)
+
+
+def _load_traces(paths: list[Path]) -> Regions:
+    numbered = _numbered(paths)
+    first, last = min(numbered), max(numbered)
+    frames: list[dict[str, Seen]] = [{} for _ in range(first, last + 1)]
+    sizes = dict[tuple[int, ...], Path]()
+    for k, path in numbered.items():
+        drawing = load_svg(path)
+        sizes.setdefault((round(drawing.height), round(drawing.width)), path)
+        _check_sizes(sizes)
+        for name, curve in drawing.curves.items():
+            if not curve.closed:
+                raise FinloopError(
+                    f"the path {name} of {path} is open",
+                    "closed paths: a limb is a region",
+                    "close it in a drawing program",
+                )
+            inside = (curve.points > 0).all() and (
+                curve.points < [drawing.width, drawing.height]
+            ).all()
+            frames[k - first][name] = curve if inside else BORDER
+    names = dict.fromkeys(name for frame in frames for name in frame)
+    whole = [{name: frame.get(name, MISSING) for name in names} for frame in frames]
+    return Regions(whole, first)
+
+
+def _numbered(paths: list[Path]) -> dict[int, Path]:
+    """Paths by the last number in their names."""
+    out = dict[int, Path]()
+    for path in paths:
+        found = re.findall(r"\d+", path.stem)
+        if not found or int(found[-1]) in out:
+            raise FinloopError(
+                f"{path} has {'a number that another has' if found else 'no number in its name'}",
+                "the number of its frame, such as 0007",
+                "number the files as the frames",
+            )
+        out[int(found[-1])] = path
+    return out
+
+
+def _check_sizes(sizes: Mapping[tuple[int, ...], Path]) -> None:
+    if len(sizes) > 1:
+        came = ", ".join(f"{path} {shape[1]}×{shape[0]}" for shape, path in sizes.items())
+        raise FinloopError(
+            f"regions of different sizes: {came}",
+            "the size of the film's picture in all of them",
+            "save them all at that size",
+        )

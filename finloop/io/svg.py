@@ -1,0 +1,238 @@
+"""SVG drawings in: every path command, basic shapes, transforms, groups, `use`, viewBox, styles.
+
+svgelements reads the geometry, `svg_guard` decides what may reach it. Curved pieces become
+polylines that keep to them within FLATNESS. A path of several contours gives a layer for each: `d`,
+`d#2`, `d#3` …; "#" stands in no XML id.
+"""
+
+import io
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import svgelements as svg
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve, Drawing, checked
+from finloop.errors import FinloopError
+from finloop.io.svg_guard import load_tree
+from finloop.morph.paint import PART
+
+FLATNESS = 1e-4  # of the larger side of the drawing
+MOST_CONTOURS = 1000
+
+_MOST_PIECES = 500  # of one curved segment
+_GRADIENT = "#808080"  # stands for gradients and patterns
+Points = NDArray[np.float64]
+
+
+def load_svg(path: Path) -> Drawing:
+    """The contours of an SVG file in px of its viewport, by id, in drawing order.
+
+    A contour without an id has that of the nearest group or `use` around it, else "contour";
+    where several would share such a name, they are numbered: `eye`, `eye-2`.
+
+    Raises
+    ------
+    FinloopError
+        If the file is no SVG that may be read (see `load_tree`), has no contour, one that is not
+        valid (see `checked`), or two of one id.
+    """
+    tree = load_tree(path)
+    try:
+        source = io.BytesIO(ElementTree.tostring(tree))
+        picture = svg.SVG.parse(source, reify=True, on_error="raise")
+        contours = list(_contours(picture)) if isinstance(picture, svg.SVG) else []
+    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError) as error:
+        raise _not_understood(path, error) from error
+    except ValueError as error:
+        raise _not_understood(path, error) from error
+    if not contours:
+        raise FinloopError(
+            f"{path} has no contour",
+            "at least one path or shape that is shown; text and pictures do not count",
+            "turn text into paths, and show hidden layers",
+        )
+    if len(contours) > MOST_CONTOURS:
+        raise FinloopError(
+            f"{path} has {len(contours)} contours",
+            f"at most {MOST_CONTOURS}",
+            "save only the contours to be morphed",
+        )
+    names = _names(path, [name for name, _, _ in contours])
+    curves = {
+        name: checked(curve, name) for name, (_, curve, _) in zip(names, contours, strict=True)
+    }
+    styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
+    return Drawing(curves, *_size(tree, picture, curves), styles)
+
+
+def _not_understood(path: Path, error: Exception) -> FinloopError:
+    return FinloopError(
+        f"{path} cannot be understood ({error!r})",
+        "an SVG whose paths and transforms follow the standard",
+        "open it in a drawing program and save it as plain SVG",
+    )
+
+
+def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> tuple[float, float]:
+    """Width and height of the viewport [px]; where the file is silent, what the contours need."""
+    if {"viewBox", "width", "height"} & tree.attrib.keys():
+        return float(picture.width), float(picture.height)
+    reach = np.maximum.reduce([curve.points.max(axis=0) for curve in curves.values()])
+    return float(max(reach[0], 1)), float(max(reach[1], 1))
+
+
+# --- names
+
+
+def _names(path: Path, given: list[tuple[str, bool]]) -> list[str]:
+    """Names that differ; those which are ids of their own are kept as they are."""
+    own = Counter(name for name, is_id in given if is_id)
+    if twice := [name for name, count in own.items() if count > 1]:
+        raise FinloopError(
+            f"{path} uses the id {twice[0]!r} {own[twice[0]]} times",
+            "an id of its own for every contour",
+            "rename them: ids tell which contours of two drawings belong together",
+        )
+    names, taken = [], set(own)
+    for name, is_id in given:
+        number, new = 1, name
+        while not is_id and new in taken:
+            number += 1
+            new = f"{name}-{number}"
+        taken.add(new)
+        names.append(new)
+    return names
+
+
+def _shapes(group: Any, name: str) -> Iterator[tuple[str, bool, Any]]:
+    """Shapes below a group, with their names and whether those are ids of their own."""
+    for part in group:
+        own = part.id if part.id is not None else ""
+        if isinstance(part, svg.Use):
+            yield from ((own or n, False, shape) for n, _, shape in _shapes(part, own or name))
+        elif isinstance(part, list) and not isinstance(part, svg.Shape):
+            yield from _shapes(part, own or name)
+        elif isinstance(part, svg.Shape):
+            yield own or name, bool(own), part
+
+
+# --- contours
+
+
+def _contours(picture: Any) -> Iterator[tuple[tuple[str, bool], Curve, str]]:
+    """(name, whether it is an id), contour and style of everything shown."""
+    flat = FLATNESS * max(float(picture.width), float(picture.height))
+    for name, is_id, shape in _shapes(picture, "contour"):
+        if shape.values.get("visibility") in ("hidden", "collapse"):
+            continue
+        style = _style(shape)
+        for number, curve in enumerate(_subpaths(shape, flat), 1):
+            part = f"{name}{PART}{number}" if number > 1 else name
+            yield (part, is_id), curve, style
+
+
+def _subpaths(shape: Any, flat: float) -> Iterator[Curve]:
+    """The polylines of a shape; closed where it says so or ends where it began."""
+    pieces: list[Points] = []
+    before: Any = None
+    for segment in [*shape.segments(), svg.Move(0j)]:
+        _mirror(before, segment)
+        before = segment
+        if isinstance(segment, svg.Move) and pieces:
+            points = np.concatenate(pieces)
+            ends = len(points) > 2 and bool((points[0] == points[-1]).all())
+            yield Curve(points, closed=ends)
+            pieces = []
+        elif isinstance(segment, svg.Close) and pieces:
+            yield Curve(np.concatenate(pieces), closed=True)
+            pieces = []
+        elif not isinstance(segment, svg.Move | svg.Close):
+            pieces.append(_polyline(segment, flat))
+
+
+def _mirror(before: Any, segment: Any) -> None:
+    """Set the first control point of S and T, which mirrors that of a segment of the same kind.
+
+    svgelements mirrors that of the other kind, too, where the standard takes the start.
+    """
+    if not getattr(segment, "smooth", False):
+        return
+    alike = type(before) is type(segment)
+    if isinstance(segment, svg.CubicBezier):
+        segment.control1 = 2 * segment.start - before.control2 if alike else segment.start
+    elif isinstance(segment, svg.QuadraticBezier):
+        segment.control = 2 * segment.start - before.control if alike else segment.start
+
+
+def _polyline(segment: Any, flat: float) -> Points:
+    """Points along a segment, both ends exact: no piece is farther than `flat` from it."""
+    if isinstance(segment, svg.Arc):
+        radius, sweep = max(segment.rx, segment.ry), abs(float(segment.sweep))
+        turn = 2 * np.arccos(np.clip(1 - flat / max(radius, flat), -1, 1))
+        along = np.linspace(0, 1, _pieces(sweep / turn) + 1)
+        points = np.asarray(segment.npoint(along), np.float64)
+        points[[0, -1]] = _xy(segment.start, segment.end)
+        return points
+    control = [segment.start, segment.end]
+    if isinstance(segment, svg.CubicBezier):
+        control[1:1] = [segment.control1, segment.control2]
+    elif isinstance(segment, svg.QuadraticBezier):
+        control[1:1] = [segment.control]
+    nodes = _xy(*control)
+    degree = len(nodes) - 1
+    if degree == 1:
+        return nodes
+    # A chord of a curve b(t) over a step h is at most h² max|b″| / 8 from it.
+    bend = degree * (degree - 1) * np.abs(np.diff(nodes, 2, axis=0)).sum(axis=1).max()
+    t = np.linspace(0, 1, _pieces(np.sqrt(bend / (8 * flat))) + 1)[:, None]
+    level: list[Points] = list(nodes)
+    while len(level) > 1:  # de Casteljau, all t at once
+        level = [(1 - t) * a + t * b for a, b in pairwise(level)]
+    return level[0]
+
+
+def _pieces(wanted: float) -> int:
+    return int(np.ceil(np.clip(wanted, 1, _MOST_PIECES))) if np.isfinite(wanted) else 1
+
+
+def _xy(*points: Any) -> Points:
+    return np.array([[p.x, p.y] for p in points], np.float64)
+
+
+# --- styles
+
+
+def _style(shape: Any) -> str:
+    """What is needed to paint a shape again, "" if that is nothing."""
+    values = shape.values
+    whole = _share(values.get("opacity"))
+    found = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}
+    if set(found.values()) == {"none"}:
+        return ""
+    for kind, colour in (("fill", shape.fill), ("stroke", shape.stroke)):
+        if found[kind] != "none" and (opacity := whole * float(colour.opacity)) < 1:
+            found[f"{kind}-opacity"] = f"{opacity:.4g}"
+    if found["stroke"] != "none":
+        found["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
+    return ";".join(f"{key}:{value}" for key, value in found.items())
+
+
+def _paint(colour: Any, given: object) -> str:
+    if str(given).startswith("url("):
+        return _GRADIENT
+    if colour is None or colour.value is None:
+        return "none"
+    return f"#{colour.red:02x}{colour.green:02x}{colour.blue:02x}"
+
+
+def _share(text: str | None) -> float:
+    try:
+        return min(max(float(text or 1), 0), 1)
+    except ValueError:
+        return 1.0

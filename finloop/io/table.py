@@ -1,0 +1,260 @@
+"""Tables with a schema: every column's name, dtype and unit, checked on save and on load.
+
+Files are Parquet. The units travel in the file (in the metadata of each field), so that a table
+opened without this program still says what its numbers mean.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+_TYPES: dict[str, pa.DataType] = {
+    "bool": pa.bool_(),
+    "int8": pa.int8(),
+    "int16": pa.int16(),
+    "int32": pa.int32(),
+    "int64": pa.int64(),
+    "uint8": pa.uint8(),
+    "uint16": pa.uint16(),
+    "float32": pa.float32(),
+    "float64": pa.float64(),
+    "string": pa.string(),
+}
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: `dtype` is a NumPy name ("int32", "float32", "bool", "string", …).
+
+    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither
+    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers.
+    """
+
+    name: str
+    dtype: str
+    unit: str
+    nullable: bool = False
+    length: int = 0
+
+    @property
+    def arrow_type(self) -> pa.DataType:
+        """The type of the column in the file."""
+        inner = _TYPES[self.dtype]
+        return pa.list_(inner, self.length) if self.length else inner
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The columns of a table, in order."""
+
+    columns: tuple[Column, ...]
+
+    @property
+    def arrow(self) -> pa.Schema:
+        """The same as Arrow says it, units in the fields' metadata."""
+        return pa.schema(
+            [
+                pa.field(column.name, column.arrow_type, column.nullable, {"unit": column.unit})
+                for column in self.columns
+            ]
+        )
+
+
+def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
+    """Write `frame` as Parquet, whole or not at all.
+
+    Integer and float columns of another width are converted where that loses nothing but
+    floating-point precision; NaN in a nullable column becomes null. A list column is given as
+    rows of arrays, all of the schema's length.
+
+    Raises
+    ------
+    FinloopError
+        Listing every missing, unknown, ill-typed or wrongly null column at once.
+    """
+    table = _to_table(frame, schema, str(path))
+    with whole_file(path) as part:
+        pq.write_table(table, part, compression="zstd")
+
+
+def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
+    """Convert a whole frame, or raise with all that is wrong with it."""
+    problems = list(_names_off(list(frame.columns), schema))
+    arrays = {}
+    for column in schema.columns:
+        if column.name in frame:
+            try:
+                arrays[column.name] = _to_arrow(frame[column.name], column)
+            except (pa.ArrowException, ValueError, TypeError, OverflowError) as error:
+                problems.append(f"{column.name}: not {_wish(column)} ({error})")
+    problems += [
+        problem
+        for column in schema.columns
+        if column.name in arrays
+        for problem in _holes(arrays[column.name], column)
+    ]
+    if problems:
+        raise _refused(f"the table for {name}", problems, "mend the stage that makes the table")
+    return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=schema.arrow)
+
+
+def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
+    """Read a table that `save_table` wrote, or only some `columns` of it.
+
+    Nullable whole numbers come back as pandas' `Int32` and its like, nullable floats as NaN,
+    list columns as rows of arrays.
+
+    Raises
+    ------
+    FinloopError
+        If the file is missing or unreadable; or listing every missing, unknown, ill-typed,
+        wrongly null column and every other unit at once.
+    """
+    do = "run the stage that makes it again: `dvc repro`"
+    if columns is not None:
+        schema = Schema(tuple(column for column in schema.columns if column.name in columns))
+    try:
+        table = pq.read_table(path, columns=None if columns is None else list(columns))
+    except (OSError, pa.ArrowException) as error:
+        raise FinloopError(
+            came=f"{path} cannot be read as a table ({error})", wanted="a Parquet file", do=do
+        ) from error
+    problems = list(_names_off(table.column_names, schema))
+    for column in schema.columns:
+        if column.name not in table.column_names:
+            continue
+        field = table.schema.field(column.name)
+        if field.type != column.arrow_type:
+            problems.append(f"{column.name}: {field.type}, wanted {_wish(column)}")
+            continue
+        unit = (field.metadata or {}).get(b"unit", b"").decode()
+        if unit != column.unit:
+            problems.append(f"{column.name}: in {unit or 'no unit'!r}, wanted {column.unit!r}")
+        problems += _holes(table.column(column.name).combine_chunks(), column)
+    if problems:
+        raise _refused(str(path), problems, do)
+    return pd.DataFrame(
+        {c.name: _to_pandas(table.column(c.name).combine_chunks(), c) for c in schema.columns}
+    )
+
+
+def save_csv(path: Path, frame: pd.DataFrame, decimals: int) -> None:
+    """Write a small table for people and for plots, rounded, whole or not at all."""
+    with whole_file(path) as part:
+        frame.round(decimals).to_csv(part, index=False, lineterminator="\n")
+
+
+def lists_to_array(column: pd.Series) -> np.ndarray:
+    """Stack a list column into one array, (rows, length)."""
+    return np.stack(list(column)) if len(column) else np.empty((0, 0))
+
+
+def _wish(column: Column) -> str:
+    kind = f"lists of {column.length} {column.dtype}" if column.length else column.dtype
+    return f"{kind}{' or null' if column.nullable else ''} in {column.unit!r}"
+
+
+def _names_off(names: list[str], schema: Schema) -> Iterator[str]:
+    wanted = [column.name for column in schema.columns]
+    yield from (f"{column.name}: missing" for column in schema.columns if column.name not in names)
+    yield from (f"{name}: not in the schema" for name in names if name not in wanted)
+
+
+def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
+    """Convert one column, refusing what would change whole numbers or lengths."""
+    if column.length:
+        rows = np.stack([np.asarray(row) for row in values]) if len(values) else np.empty((0, 0))
+        if len(values) and rows.shape != (len(values), column.length):
+            raise ValueError(f"lists of shape {rows.shape[1:]}")
+        flat = pa.array(rows.ravel().astype(column.dtype, casting="same_kind"))
+        return pa.FixedSizeListArray.from_arrays(flat, column.length)
+    array = pa.array(values, from_pandas=True)
+    if isinstance(array, pa.ChunkedArray):
+        array = array.combine_chunks()
+    wanted = column.arrow_type
+    # Safe casts refuse rounding; from float64 to float32 it is wanted.
+    safe = not (pa.types.is_floating(array.type) and pa.types.is_floating(wanted))
+    return array.cast(wanted, safe=safe)
+
+
+def _holes(array: pa.Array, column: Column) -> Iterator[str]:
+    """Say how many cells of a column that must be full are null or NaN."""
+    if column.nullable:
+        return
+    count = array.null_count
+    flat = array.flatten() if column.length else array
+    if pa.types.is_floating(flat.type):
+        count += int(np.isnan(flat.to_numpy(zero_copy_only=False)).sum()) - (
+            0 if column.length else array.null_count
+        )
+    if count:
+        yield f"{column.name}: {count} null or NaN, but it must not be empty"
+
+
+def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
+    if column.length:
+        rows = array.flatten().to_numpy(zero_copy_only=False).reshape(len(array), column.length)
+        return pd.Series(list(rows), dtype=object)
+    if column.nullable and pa.types.is_integer(array.type):
+        return array.to_pandas(types_mapper=_NULLABLE.get)
+    return array.to_pandas()
+
+
+_NULLABLE: dict[pa.DataType, pd.api.extensions.ExtensionDtype] = {
+    pa.int8(): pd.Int8Dtype(),
+    pa.int16(): pd.Int16Dtype(),
+    pa.int32(): pd.Int32Dtype(),
+    pa.int64(): pd.Int64Dtype(),
+    pa.uint8(): pd.UInt8Dtype(),
+    pa.uint16(): pd.UInt16Dtype(),
+}
+
+
+def _refused(what: str, problems: list[str], do: str) -> FinloopError:
+    return FinloopError(
+        came=f"{what} does not fit its schema:\n    " + "\n    ".join(problems),
+        wanted="every column of the schema, with its type and unit, and no other",
+        do=do,
+    )
+
+
+class TableWriter:
+    """Write a table that is too long to hold in memory, piece by piece, whole or not at all.
+
+    A context manager: the file appears at `path` when the block ends well.
+    """
+
+    def __init__(self, path: Path, schema: Schema) -> None:
+        self._path, self._schema, self.rows = path, schema, 0
+
+    def __enter__(self) -> "TableWriter":
+        self._stack = ExitStack()
+        part = self._stack.enter_context(whole_file(self._path))
+        self._file = self._stack.enter_context(
+            pq.ParquetWriter(part, self._schema.arrow, compression="zstd")
+        )
+        return self
+
+    def write(self, frame: pd.DataFrame) -> None:
+        """Append rows.
+
+        Raises
+        ------
+        FinloopError
+            As `save_table`.
+        """
+        self._file.write_table(_to_table(frame, self._schema, str(self._path)))
+        self.rows += len(frame)
+
+    def __exit__(self, *error: Any) -> bool | None:
+        return self._stack.__exit__(*error)

@@ -1,0 +1,125 @@
+"""The real zebrafish footage, out of the Python package that ships it.
+
+idtrackerai (GPL-3.0-or-later) carries two clips of eight zebrafish in its wheel. They are
+downloaded by the ordinary package client, checked against their known digests and kept in the
+user's cache, outside the project: the footage's licence is not this project's, so it is never
+committed, and a temporary experiment finds it without downloading it again.
+"""
+
+import hashlib
+import os
+import subprocess
+import sys
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+PACKAGE = "idtrackerai==6.0.14"
+SHA256 = {
+    "A": "f126c0d1e74f16373a9116bd189970736fb2de7fcd4c00195a64d94d2a2b08d7",
+    "B": "0a9b6e7af5b8404a67ae277df4ca6b6931221e8f6aecb7294397c3c8e326dc3f",
+}
+TANK_PX = (33, 8, 922, 918)
+"""The water in the picture: left, top, width, height; to the right of it lies a second vessel."""
+_INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=carp"
+
+
+def cache_folder() -> Path:
+    """Where the footage is kept: `$XDG_CACHE_HOME/finloop`, by default `~/.cache/finloop`.
+
+    Raises
+    ------
+    FinloopError
+        If there is no home directory either.
+    """
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    if Path(given).is_absolute():
+        return Path(given) / "finloop"
+    try:
+        return Path.home() / ".cache" / "finloop"
+    except RuntimeError as error:
+        raise FinloopError(
+            came=f"there is no place to keep the zebrafish footage ({error})",
+            wanted="a folder for caches",
+            do="name one in the variable XDG_CACHE_HOME",
+        ) from error
+
+
+def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
+    """Give the paths of the clips "A", "B"; download what is not whole in `folder`.
+
+    Raises
+    ------
+    FinloopError
+        If the package cannot be downloaded, does not hold the clips as they are known, or the
+        folder cannot be written. Nothing half is left.
+    """
+    paths = [folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts]
+    if all(_is_known(path, part) for path, part in zip(paths, parts, strict=True)):
+        return paths
+    try:
+        with tempfile.TemporaryDirectory() as download:
+            wheel = _download(Path(download))
+            for path, part in zip(paths, parts, strict=True):
+                _unpack(wheel, part, path)
+    except OSError as error:
+        raise FinloopError(
+            came=f"the zebrafish footage cannot be kept: {error}",
+            wanted=f"20 MB in {tempfile.gettempdir()} and in {folder}",
+            do="make room or name another folder in XDG_CACHE_HOME, " + _INSTEAD,
+        ) from error
+    return paths
+
+
+def _is_known(path: Path, part: str) -> bool:
+    """Whether the file is there and has the digest of the clip."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest() == SHA256[part]
+    except OSError:
+        return False
+
+
+def _download(folder: Path) -> Path:
+    """Fetch the wheel, without its dependencies."""
+    # The package is not installed, only unpacked: for which Python it is made does not matter.
+    options = "--no-deps --only-binary :all: --ignore-requires-python --disable-pip-version-check"
+    options += " --no-input --quiet --retries 2 --timeout 20"
+    command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", str(folder)]
+    done = subprocess.run([*command, PACKAGE], capture_output=True, text=True, check=False)
+    wheels = list(folder.glob("*.whl"))
+    if done.returncode or not wheels:
+        said = [line.strip() for line in done.stderr.splitlines() if line.startswith("ERROR")]
+        raise FinloopError(
+            came=f"the zebrafish footage (Python package {PACKAGE}) could not be downloaded: "
+            + (said[0] if said else f"pip ended with status {done.returncode}"),
+            wanted="access to the Python package index, once; afterwards it is kept",
+            do=f"connect to the network and run the same command again, {_INSTEAD}",
+        )
+    return wheels[0]
+
+
+def _unpack(wheel: Path, part: str, path: Path) -> None:
+    """Take one clip out of the wheel, if it is the known one."""
+    member = f"idtrackerai/data/test_{part}.avi"
+    try:
+        with zipfile.ZipFile(wheel) as archive:
+            data = archive.read(member)
+    except (zipfile.BadZipFile, KeyError) as error:
+        raise _unknown(wheel, member, str(error)) from error
+    digest = hashlib.sha256(data).hexdigest()
+    if digest != SHA256[part]:
+        raise _unknown(wheel, member, f"its sha256 is {digest}, not {SHA256[part]}")
+    with whole_file(path) as half:
+        half.write_bytes(data)
+
+
+def _unknown(wheel: Path, member: str, why: str) -> FinloopError:
+    return FinloopError(
+        came=f"{member} in the downloaded {wheel.name} is not the known footage: {why}",
+        wanted=f"the clip as {PACKAGE} was published with",
+        do=f"empty pip's cache (pip cache purge) and run the same command again, {_INSTEAD}",
+    )

@@ -1,0 +1,213 @@
+"""What the page is sent of the live tank: a picture, and what to draw and write over it, in one.
+
+A frame is 4 bytes, the length of a JSON text, little end first; the text; a JPEG of the tank.
+"""
+
+import json
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import cv2
+import numpy as np
+
+from finloop.animate.edit_list import LOOPS
+from finloop.animate.loops import LoopMode
+from finloop.animate.search import moved
+from finloop.live.fish import Decision, Row, Weighed
+from finloop.live.message import (
+    Count,
+    Drop,
+    Explain,
+    Look,
+    Pause,
+    SetGoal,
+    SetMode,
+    Speed,
+    Step,
+    Wish,
+)
+from finloop.live.tank import LiveTank
+from finloop.render.painter import Gallery, Painter, Placed
+
+_TRAIL_S, _TRAIL_EVERY = 2.0, 2  # of the way behind a fish; every so many ticks
+_WAY_S, _WAY_EVERY = 1.5, 2  # of a way that was weighed
+_MOST_WAYS = 40  # that are shown of a decision
+_QUALITY = 82  # JPEG
+
+
+@dataclass
+class Counts:
+    """What happened beside: bad messages, frames that a slow page did not get, goals reached."""
+
+    bad: int = 0
+    dropped: int = 0
+    reached: int = 0
+
+
+@dataclass
+class View:
+    """The live tank as it is shown, and its wishes come true.
+
+    looked: a tick that has been and is shown instead of the present one; explained: the fish whose
+    decisions are shown; frame: number of the last frame.
+    """
+
+    tank: LiveTank
+    painter: Painter
+    gallery: Gallery
+    paused: bool = False
+    speed: float = 1.0
+    looked: int | None = None
+    explained: int = 0
+    frame: int = 0
+    counts: Counts = field(default_factory=Counts)
+
+    @property
+    def tick(self) -> int:
+        """The tick that is shown."""
+        if self.looked is None:
+            return self.tank.tick
+        return min(max(self.looked, self.tank.oldest), self.tank.tick)
+
+    @property
+    def runs(self) -> bool:
+        """Whether time passes in the tank."""
+        return not self.paused and self.looked is None
+
+    def grant(self, wish: Wish) -> None:
+        """Do what is wished; what makes no sense now is let be."""
+        tank = self.tank
+        match wish:
+            case SetGoal():
+                self.looked = None
+                tank.send(wish.fish, wish.x, wish.y, wish.drag)
+            case Drop():
+                tank.drop(wish.fish)
+            case SetMode():
+                tank.switch(wish.mode)
+            case Pause():
+                self.paused, self.looked = wish.on, None
+            case Step():
+                self.paused, self.looked = True, None
+                self.on()
+            case Speed():
+                self.speed = wish.times
+            case Look():
+                self.looked = wish.tick
+            case Explain():
+                self.explained = min(wish.fish, len(tank.fish) - 1)
+            case Count():
+                tank.count(wish.fish)
+                self.explained = min(self.explained, wish.fish - 1)
+
+    def on(self, ticks: int = 1) -> None:
+        """So many ticks."""
+        for _ in range(ticks):
+            before = [fish.reached for fish in self.tank.fish]
+            self.tank.on()
+            now = [fish.reached for fish in self.tank.fish]
+            self.counts.reached += sum(b and not a for a, b in zip(before, now, strict=True))
+
+    def show(self, took_ms: float = 0.0) -> bytes:
+        """The next frame. took_ms: how long the one before took."""
+        self.frame += 1
+        tick, painter = self.tick, self.painter
+        painter.wipe()
+        for fish in self.tank.fish:
+            row = fish.at(tick)
+            if row is not None:
+                painter.draw(*self._placed(row))
+        picture = painter.frame
+        if picture.ndim == 3:
+            picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+        coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
+        text = json.dumps(self.state(tick, took_ms), separators=(",", ":")).encode()
+        return len(text).to_bytes(4, "little") + text + coded
+
+    def _placed(self, row: Row) -> Placed:
+        turned, partner = self.gallery.turned, None
+        if row.weight > 0:
+            partner = turned(
+                row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
+            )
+        fish = turned(row.kind, row.source, row.rotation_deg, row.scale)
+        return Placed(row.x_px, row.y_px, fish, partner, row.weight)
+
+    def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
+        """All but the picture, of a tick."""
+        tank, rate = self.tank, self.tank.rate_hz
+        height, width = self.painter.canvas.shape[:2]
+        decision = None
+        if self.explained < len(tank.fish):
+            decision = tank.fish[self.explained].decision(tick)
+        return {
+            "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest,
+            "rate": round(rate, 3), "width": width, "height": height,
+            "paused": self.paused, "past": self.looked is not None, "speed": self.speed,
+            "mode": tank.mode, "modes": list(tank.players),
+            "touch": round(tank.players[tank.mode].mode.touch_px, 1),
+            "fish": [self._fish(number, tick) for number in range(len(tank.fish))],
+            "explained": self.explained,
+            "decision": self._decision(decision) if decision else None,
+            "bad": self.counts.bad, "dropped": self.counts.dropped,
+            "reached": self.counts.reached, "ms": round(took_ms, 1),
+        }  # fmt: skip
+
+    def _fish(self, number: int, tick: int) -> dict[str, Any] | None:
+        fish = self.tank.fish[number]
+        row = fish.at(tick)
+        if row is None:
+            return None
+        goal: list[Any] | None = None
+        if tick == self.tank.tick and fish.goal is not None:  # the tick after will know of it
+            goal = [round(fish.goal.x_px, 1), round(fish.goal.y_px, 1), fish.reached]
+        elif tick < self.tank.tick and not math.isnan(row.goal_x_px):
+            goal = [round(row.goal_x_px, 1), round(row.goal_y_px, 1), row.reached]
+        trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
+        return {
+            "x": round(row.x_px, 1), "y": round(row.y_px, 1),
+            "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
+            "mode": row.mode, "state": row.state, "goal": goal,
+            "trail": np.rint(fish.places(trail)).astype(int).tolist(),
+        }  # fmt: skip
+
+    def _decision(self, decision: Decision) -> dict[str, Any]:
+        ways = sorted(decision.weighed, key=_rank)
+        return {
+            "tick": decision.tick, "why": decision.why,
+            "x": round(decision.x_px, 1), "y": round(decision.y_px, 1),
+            "aim": [round(part, 1) for part in decision.aim],
+            "more": max(0, len(ways) - _MOST_WAYS),
+            "ways": [self._way(decision, way) for way in ways[:_MOST_WAYS]],
+        }  # fmt: skip
+
+    def _way(self, decision: Decision, way: Weighed) -> dict[str, Any]:
+        terms = way.seam_s, way.speed_s, way.again_s
+        value = round(way.value_s, 2) if math.isfinite(way.value_s) else None
+        return {
+            "row": way.row, "seam": round(way.seam, 2),
+            "terms": [round(term, 2) for term in terms],
+            "swim": None if value is None else round(way.value_s - sum(terms), 2),
+            "value": value, "fails": way.fails, "taken": way.taken,
+            "path": self._path(decision.x_px, decision.y_px, way.row, way.rot),
+        }  # fmt: skip
+
+    def _path(self, x: float, y: float, row: int, rot: float) -> list[list[int]]:
+        loops = self.tank.players[LOOPS].mode if LOOPS in self.tank.players else None
+        if not isinstance(loops, LoopMode):
+            return []
+        film = loops.film
+        last = row + round(_WAY_S * self.tank.rate_hz)
+        stops = np.flatnonzero(~film.more[row:last])
+        last = row + int(stops[0]) if stops.size else min(last, film.last)
+        cos, sin = moved(1.0, 0.0, rot)
+        dx, dy = film.dx[row:last], film.dy[row:last]
+        steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
+        way = np.cumsum(np.vstack([[x, y], steps]), axis=0)[::_WAY_EVERY]
+        return np.rint(way).astype(int).tolist()
+
+
+def _rank(way: Weighed) -> tuple[bool, bool, float]:
+    """The way taken first, then those that fail no test, the cheapest first."""
+    return not way.taken, bool(way.fails), way.value_s

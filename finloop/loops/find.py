@@ -1,0 +1,352 @@
+"""Video loops: pairs of similar frames at which the film can go on as the other (fish paper §4.1).
+
+A loop (a, b) is two rows of the feature table, a < b. At it two jumps are possible: after row
+a − 1 show b instead of a, and after row b − 1 show a instead of b. What the jump costs is D(a, b),
+the distance between what the film would have shown and what is shown.
+
+Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal, so that two fish
+must not only look alike but move alike; *step* the median of D between consecutive frames.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numba import njit
+from numpy.typing import NDArray
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.special import comb
+
+from finloop.distance.picture import typical_length
+from finloop.errors import FinloopError
+from finloop.features.table import delta_of, wrap_deg
+from finloop.io.table import Column, Schema
+
+
+class NoLoops(FinloopError):
+    """The film has no loops; the message says what would have given some."""
+
+
+LOOPS = Schema(
+    (
+        Column("loop", "int32", "1"),
+        Column("a", "int32", "row"),
+        Column("b", "int32", "row"),
+        Column("distance", "float32", "1"),
+        Column("filtered", "float32", "1"),
+        Column("length_s", "float64", "s", nullable=True),
+        Column("group", "int32", "1"),
+    )
+)
+MOVED = 0.05  # body lengths from which a fish has a direction of travel
+RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
+
+Rows = NDArray[np.integer]
+Floats = NDArray[np.floating]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """See conf/loops/default.yaml. Times in seconds, `threshold` in median natural steps."""
+
+    threshold: float
+    least_s: float
+    apart_s: float
+    dynamics: int
+    improper_deg: float
+    most_per_end: int
+
+
+@dataclass(frozen=True)
+class SparseMap:
+    """The sparse distance map: row i holds columns `j[start[i]:start[i + 1]]`, rising, all > i."""
+
+    start: NDArray[np.int64]
+    j: NDArray[np.int32]
+    distance: NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How many pairs were left after each test."""
+
+    pairs: int
+    below_threshold: int
+    minima: int
+    improper: int
+
+
+def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
+    """The table of pairs (i, j, distance; sorted by i, then j) of a film of so many rows."""
+    start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
+    return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
+
+
+def find(
+    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
+) -> tuple[pd.DataFrame, Counts]:
+    """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and what the tests left.
+
+    `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
+    median natural step, in the unit of D.
+
+    Returns
+    -------
+    loops : columns of `LOOPS`, sorted by filtered distance; counts.
+
+    Raises
+    ------
+    NoLoops
+        If there is none; it says what would have given some.
+    """
+    loops, counts = _candidates(pairs, features, rate_hz, settings.threshold * step, settings)
+    if loops.empty:
+        raise _none(pairs, features, rate_hz, step, settings)
+    loops = loops[chosen(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
+    loops = loops.reset_index(drop=True)
+    track = features["track_id"].to_numpy()
+    a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
+    loops["loop"] = np.arange(len(loops))
+    loops["length_s"] = np.where(track[a] == track[b], (b - a) / rate_hz, np.nan)
+    loops["group"] = groups(a, b, track)
+    return loops[[column.name for column in LOOPS.columns]], counts
+
+
+def _candidates(
+    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, limit: float, settings: Settings
+) -> tuple[pd.DataFrame, Counts]:
+    """All proper local minima of filtered D up to `limit`, best first."""
+    track = features["track_id"].to_numpy(np.int32)
+    value = filtered(pairs, track, settings.dynamics, limit)
+    radius = max(1, round(settings.apart_s * rate_hz))
+    least = max(1, round(settings.least_s * rate_hz))
+    at, a = minima(pairs, value, track, radius, least)
+    b = pairs.j[at]
+    bad = improper(a, b, features, settings.improper_deg)
+    table = pd.DataFrame({"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at]})
+    counts = Counts(len(pairs.j), int(np.isfinite(value).sum()), len(at), int(bad.sum()))
+    return table[~bad].sort_values(["filtered", "a", "b"], ignore_index=True), counts
+
+
+def weights(n: int) -> NDArray[np.float64]:
+    """Binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
+    return comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
+
+
+def filtered(
+    pairs: SparseMap, track: NDArray[np.int32], dynamics: int, limit: float
+) -> NDArray[np.float32]:
+    """Diagonal filter Σ w_k D(a+k, b+k), k = −n … n, of every pair (§4.1); n = `dynamics`.
+
+    A pair has none, inf, where the value exceeds `limit`, where one of the pairs along the
+    diagonal is not in the map, or where one lies beyond the end of either track.
+    """
+    return _filtered(pairs.start, pairs.j, pairs.distance, track, weights(dynamics), limit)
+
+
+@njit(cache=True, nogil=True)
+def _column(j: NDArray[np.int32], low: int, high: int, wanted: int) -> int:
+    """The first place in j[low:high], rising, that holds `wanted` or more."""
+    while low < high:
+        middle = (low + high) // 2
+        if j[middle] < wanted:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
+@njit(cache=True, nogil=True)
+def _filtered(
+    start: NDArray[np.int64],
+    j: NDArray[np.int32],
+    distance: NDArray[np.float32],
+    track: NDArray[np.int32],
+    weight: NDArray[np.float64],
+    limit: float,
+) -> NDArray[np.float32]:
+    n, rows = len(weight) // 2, len(track)
+    value = np.full(len(j), np.inf, np.float32)
+    for a in range(n, rows - n):
+        if track[a - n] != track[a] or track[a + n] != track[a]:
+            continue
+        for p in range(start[a], start[a + 1]):
+            b = j[p]
+            if b + n >= rows or track[b - n] != track[b] or track[b + n] != track[b]:
+                continue
+            total = weight[n] * distance[p]
+            for k in range(-n, n + 1):
+                if k == 0 or total > limit:
+                    continue
+                end = start[a + k + 1]
+                q = _column(j, start[a + k], end, b + k)
+                if q == end or j[q] != b + k:
+                    total = np.inf
+                else:
+                    total += weight[k + n] * distance[q]
+            if total <= limit:
+                value[p] = total
+    return value
+
+
+def minima(
+    pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
+) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+    """Places (in `pairs.j`) and rows a of the local minima of `value` that are loops.
+
+    Smallest within `radius` frames along a and along b, inside the two tracks; of equal ones so
+    near to each other (a film that repeats) the first. In one track b is at least `least` frames
+    after a; nearer pairs are no loops, but they count in the comparison: what lies on a slope down
+    to them is no minimum.
+    """
+    at = _minima(pairs.start, pairs.j, value, track, radius, least)
+    return at, (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
+
+
+@njit(cache=True, nogil=True)
+def _minima(
+    start: NDArray[np.int64],
+    j: NDArray[np.int32],
+    value: NDArray[np.float32],
+    track: NDArray[np.int32],
+    radius: int,
+    least: int,
+) -> NDArray[np.int64]:
+    found = np.zeros(len(j), np.bool_)
+    for a in range(len(track)):
+        for p in range(start[a], start[a + 1]):
+            b = j[p]
+            if np.isinf(value[p]) or (track[a] == track[b] and b - a < least):
+                continue
+            smallest = True
+            for row in range(max(0, a - radius), min(len(track), a + radius + 1)):
+                if track[row] != track[a]:
+                    continue
+                for q in range(_column(j, start[row], start[row + 1], b - radius), start[row + 1]):
+                    if j[q] > b + radius:
+                        break
+                    less = value[q] < value[p] or (value[q] == value[p] and found[q])
+                    if less and track[j[q]] == track[b]:
+                        smallest = False
+                        break
+                if not smallest:
+                    break
+            found[p] = smallest
+    return np.flatnonzero(found)
+
+
+def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> NDArray[np.bool_]:
+    """Fig. 13: whether loops (n,) travel against the fish's heading, by more than `most_deg`.
+
+    Played between its ends, a loop within one track travels from a to b, whatever the fish does on
+    the way; its heading is the mean over it (none where the fish turns round). And at either end of
+    any loop the fish must swim the way it is headed: a swap of head and tail, or a fish adrift, is
+    no place to jump to. Who moved less than `MOVED` body lengths has no direction of travel.
+    """
+    track = features["track_id"].to_numpy()
+    x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
+    length = typical_length(features).to_numpy(float)
+    heading = np.radians(features["heading_deg"].to_numpy(float))
+    unit = np.exp(1j * heading)
+
+    def against(low: Rows, high: Rows, towards: NDArray[np.complex128]) -> NDArray[np.bool_]:
+        way = (x[high] - x[low]) + 1j * (y[high] - y[low])
+        off = np.abs(wrap_deg(np.degrees(np.angle(way) - np.angle(towards))))
+        return (np.abs(way) >= MOVED * length[low]) & (off > most_deg)
+
+    total = np.r_[0, np.cumsum(unit)]
+    mean = (total[b + 1] - total[a]) / (b + 1 - a)
+    bad = (track[a] == track[b]) & (np.abs(mean) >= RESULTANT) & against(a, b, mean)
+    delta = delta_of(features)
+    first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
+    last = np.searchsorted(track, track, side="right") - 1
+    for end in (a, b):
+        low = np.maximum(end - delta // 2, first[end])
+        high = np.minimum(low + delta, last[end])
+        bad |= against(low, high, unit[end])
+    return bad
+
+
+def chosen(a: Rows, b: Rows, most: int) -> NDArray[np.bool_]:
+    """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
+    return _chosen(np.asarray(a, np.int32), np.asarray(b, np.int32), most)
+
+
+@njit(cache=True, nogil=True)
+def _chosen(a: NDArray[np.int32], b: NDArray[np.int32], most: int) -> NDArray[np.bool_]:
+    used = np.zeros(b.max() + 1, np.int32)
+    keep = np.zeros(len(a), np.bool_)
+    for p in range(len(a)):
+        if used[a[p]] < most and used[b[p]] < most:
+            keep[p] = True
+            used[a[p]] += 1
+            used[b[p]] += 1
+    return keep
+
+
+def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
+    """Fig. 12: the number of the group (n,) that each loop overlaps with; 0 has the most loops.
+
+    A loop within a track lies over the film between its ends; one across tracks over its two ends
+    alone. Loops that lie over the same film are of one group, and so on from loop to loop.
+    """
+    n = len(a)
+    within = track[a] == track[b]
+    low = np.r_[a, b]
+    high = np.r_[np.where(within, b, a), b]
+    order = np.lexsort((-high, low))
+    reach = np.maximum.accumulate(high[order])
+    parts = np.r_[0, np.cumsum(low[order][1:] > reach[:-1])]
+    part = np.empty(2 * n, np.int64)
+    part[order] = parts
+    size = int(parts[-1]) + 1
+    joined = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
+    _, name = connected_components(joined, directed=False)
+    name = name[part[:n]]
+    sizes = np.bincount(name)
+    first = np.full(len(sizes), n)
+    np.minimum.at(first, name, np.arange(n))
+    rank = np.empty(len(sizes), np.int32)
+    rank[np.lexsort((first, -sizes))] = np.arange(len(sizes))
+    return rank[name]
+
+
+def _none(
+    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
+) -> NoLoops:
+    """Say why there are no loops, and what would have given some."""
+    wanted = "at least one pair of similar frames at which the film can go on as the other"
+    track = features["track_id"].to_numpy()
+    longest = int(np.unique(track, return_counts=True)[1].max())
+    least = max(1, round(settings.least_s * rate_hz))
+    if len(np.unique(track)) == 1 and longest <= least:
+        return NoLoops(
+            f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
+            f"(loops.least_s {settings.least_s:g} s)",
+            wanted,
+            "take a longer clip, or a smaller loops.least_s",
+        )
+    if len(pairs.j) == 0:
+        return NoLoops(
+            "no video loops: the distance map holds no pair of frames at all",
+            wanted,
+            "let more be compared: a greater distance.keep or distance.area_threshold, or "
+            "distance.pose=body; or take a longer clip",
+        )
+    any_far, _ = _candidates(pairs, features, rate_hz, np.inf, settings)
+    if len(any_far):
+        enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
+        return NoLoops(
+            f"no video loops with loops.threshold {settings.threshold:g} (median natural steps)",
+            wanted,
+            f"loops.threshold={enough:g} would have given the first; natural steps are 1",
+        )
+    return NoLoops(
+        f"no video loops at any threshold: of {len(pairs.j)} pairs of similar frames none passes "
+        f"loops.least_s {settings.least_s:g}, loops.dynamics {settings.dynamics}, "
+        f"loops.improper_deg {settings.improper_deg:g}",
+        wanted,
+        "a smaller loops.least_s, loops.dynamics=0, loops.improper_deg=180, a greater "
+        "distance.keep; or take a longer clip",
+    )

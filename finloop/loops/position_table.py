@@ -1,0 +1,137 @@
+"""Position table: where the fish gets to by playing on from one end to another (Fig. 11).
+
+y is up here, against the film's rows: quadrants are counted anticlockwise from the upper right.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.distance.picture import typical_length
+from finloop.features.table import wrap_deg
+from finloop.io.table import Column, Schema
+from finloop.loops.graph import JUMP, Leg, LoopGraph
+
+POSITIONS = Schema(
+    (
+        Column("from", "int32", "row"),
+        Column("to", "int32", "row"),
+        Column("quadrant", "int8", "1"),
+        Column("dx", "float32", "body length"),
+        Column("dy", "float32", "body length"),
+        Column("turn_deg", "float32", "deg"),
+    )
+)
+LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+
+Rows = NDArray[np.integer]
+
+
+def quadrant(dx: NDArray[np.floating], dy: NDArray[np.floating]) -> NDArray[np.int8]:
+    """Fig. 11b: 1 upper right, 2 upper left, 3 lower left, 4 lower right; y up.
+
+    An axis belongs to the quadrant that follows it anticlockwise; no way at all is the first.
+    """
+    angle = np.degrees(np.arctan2(dy, dx)) % 360
+    return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
+
+
+def positions(ends: Rows, features: pd.DataFrame, most_frames: int) -> pd.DataFrame:
+    """Fig. 11 in full: a row, as `POSITIONS`, for every two ends of one track so many frames apart.
+
+    `ends` : rising rows of the feature table. `dx`, `dy` : from the one to the other along the
+    film, y up. `turn_deg` : change of heading, in (−180, 180], + to the left.
+    """
+    track = features["track_id"].to_numpy()
+    x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
+    length = typical_length(features).to_numpy(float)
+    heading = features["heading_deg"].to_numpy(float)
+    beyond = np.searchsorted(ends, ends + most_frames, side="right")
+    stop = np.minimum(beyond, np.searchsorted(track[ends], track[ends], side="right"))
+    count = stop - np.arange(len(ends)) - 1
+    first = np.repeat(np.arange(len(ends)), count)
+    later = first + 1 + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    a, b = ends[first], ends[later]
+    dx, dy = (x[b] - x[a]) / length[a], (y[b] - y[a]) / length[a]
+    return pd.DataFrame(
+        {
+            "from": a,
+            "to": b,
+            "quadrant": quadrant(dx, dy),
+            "dx": dx,
+            "dy": dy,
+            "turn_deg": wrap_deg(heading[b] - heading[a]),
+        }
+    )
+
+
+def shown_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
+    """The ends, at most 26, that a table for people shows: those of the track that has the most.
+
+    Where there are more, those nearest to moments spread evenly over the track.
+    """
+    tracks, count = np.unique(track_id[ends], return_counts=True)
+    mine = ends[track_id[ends] == tracks[count.argmax()]]
+    if len(mine) > len(LETTERS):
+        moments = np.linspace(mine[0], mine[-1], len(LETTERS))
+        mine = mine[np.unique(np.abs(mine[:, None] - moments).argmin(0))]
+    return mine.astype(np.int32)
+
+
+def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
+    """Fig. 11c: a row and a column for each end, A, B …; the quadrant of the later one, or ""."""
+    names = list(LETTERS[: len(ends)])
+    table = pd.DataFrame("", index=names, columns=names)
+    for one in positions(ends, features, len(features)).itertuples(index=False):
+        row, column = np.searchsorted(ends, one[:2])
+        table.iat[row, column] = str(one.quadrant)
+    return table
+
+
+def routes_table(
+    ways: Sequence[Sequence[Leg]], graph: LoopGraph, features: pd.DataFrame, step: float
+) -> pd.DataFrame:
+    """Fig. 10b: a row for each stretch of each way; ends that are played through are not named.
+
+    `jump_distance` is D of a jump, in median natural steps (`step`).
+    """
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    rows = []
+    for number, way in enumerate(ways, start=1):
+        for a, b, how in merged(way):
+            rows.append(
+                {
+                    "route": number, "how": how,
+                    "from_track": track[a], "from_frame": frame[a],
+                    "to_track": track[b], "to_frame": frame[b],
+                    "frames": 0 if how == JUMP else b - a,
+                    "jump_distance": _jump_distance(graph, a, b) / step if how == JUMP else None,
+                }
+            )  # fmt: skip
+    columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
+    return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
+
+
+def merged(way: Sequence[Leg]) -> list[Leg]:
+    """A way in which what is played without a jump is one stretch."""
+    legs: list[Leg] = []
+    for a, b, how in way:
+        if legs and how != JUMP and legs[-1][2] == how:
+            legs[-1] = legs[-1][0], b, how
+        else:
+            legs.append((a, b, how))
+    return legs
+
+
+def _jump_distance(graph: LoopGraph, a: int, b: int) -> float:
+    end, to = np.searchsorted(graph.ends, [a, b])
+    here = slice(graph.start[end], graph.start[end + 1])
+    return float(graph.distance[here][graph.to[here] == to][0])
+
+
+def far_ends(graph: LoopGraph) -> tuple[int, int]:
+    """The last and the first end of the largest component: the way back, by index."""
+    mine = np.flatnonzero(graph.component == 0)
+    return int(mine[-1]), int(mine[0])

@@ -1,0 +1,7 @@
+"""The command `python -m finloop.morph`."""
+
+import sys
+
+from finloop.morph.tool import main
+
+sys.exit(main())

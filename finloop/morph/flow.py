@@ -1,0 +1,241 @@
+"""Simple curves made plainer without ever meeting themselves: the ways out of a tangle.
+
+Each way begins at a polygon of n vertices and ends at a plain one, a pose at a time, vertex i
+staying vertex i; between successive poses the vertices go straight, and every such step has been
+proved free of contact (morph_folds.stays_simple) before it is taken.
+
+- `shortened`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve off
+  before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The
+  tangential part of this form spreads the vertices evenly. Size is put back at each step, so that
+  the area stays. The theorems are about smooth curves; for polygons each step is checked.
+- `ears_off`, closed: a polygon of more than three corners has a corner whose triangle with its two
+  neighbours is empty (two ears theorem, Meisters 1975); drawn into the opposite side, it leaves
+  one corner less. Ends at a triangle whatever the polygon; not pretty, so only where the former
+  cannot go on.
+- `retracted`, open: a part of a simple curve is simple, and so is that part enlarged. Shorter and
+  shorter parts about the middle end at a line without bends.
+
+`joined` takes two such ends to each other.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from finloop.morph.folds import no_contact
+
+Points = NDArray[np.float64]
+Poses = NDArray[np.float64]
+
+GROWTH = 1.3  # of the time step, from one pose to the next
+STEP = 0.1  # longest time step, in areas of the curve
+ROUND = 0.97  # 4π area / length² at which a curve is plain; a circle has 1
+HALVINGS = 40  # of a time step before giving up
+MOST = 200  # poses
+SHRINK = 0.9  # of an open curve, from one part to the next
+SLOWEST = 0.999  # the same where that meets itself
+JOIN = 64  # poses of a turn
+
+
+@njit(cache=True)
+def area(points: Points) -> float:
+    """Area within a closed polygon (n, 2), positive if clockwise as seen (y down)."""
+    n, twice = len(points), 0.0
+    x0, y0 = points[0, 0], points[0, 1]
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        twice += (points[i, 0] - x0) * (points[j, 1] - y0)
+        twice -= (points[j, 0] - x0) * (points[i, 1] - y0)
+    return twice / 2
+
+
+@njit(cache=True)
+def resized(points: Points, wanted: float) -> Points:
+    """The polygon enlarged about the mean of its vertices to an area of the same sign."""
+    n = len(points)
+    size = np.sqrt(wanted / area(points))
+    out = np.empty_like(points)
+    for axis in range(2):
+        mean = 0.0
+        for i in range(n):
+            mean += points[i, axis]
+        mean /= n
+        for i in range(n):
+            out[i, axis] = mean + (points[i, axis] - mean) * size
+    return out
+
+
+def shortened(points: Points) -> tuple[Poses, bool]:
+    """Poses (k, n, 2) of one area, from a simple closed polygon on; whether the last is round."""
+    poses = [np.ascontiguousarray(points, np.float64)]
+    wanted = area(poses[0])
+    step, halved = (_length(poses[0]) / len(points)) ** 2, 0
+    while 4 * np.pi * abs(wanted) <= ROUND * _length(poses[-1]) ** 2:
+        pose = resized(_implicit_step(poses[-1], step), wanted)
+        if no_contact(np.stack([poses[-1], pose]), True):
+            poses.append(pose)
+            step, halved = min(step * GROWTH, STEP * abs(wanted)), 0
+        elif halved < HALVINGS:
+            step, halved = step / 2, halved + 1
+        if halved == HALVINGS or len(poses) == MOST:
+            return np.stack(poses), False
+    return np.stack(poses), True
+
+
+@njit(cache=True)
+def _length(points: Points) -> float:
+    n, total = len(points), 0.0
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        total += np.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
+    return total
+
+
+@njit(cache=True)
+def _implicit_step(points: Points, step: float) -> Points:
+    """(1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
+
+    Cyclic and tridiagonal: elimination, the two corners by Sherman and Morrison's formula.
+    """
+    n = len(points)
+    q = np.empty(n)
+    behind = np.hypot(points[0, 0] - points[n - 1, 0], points[0, 1] - points[n - 1, 1])
+    for i in range(n):
+        j = i + 1 if i + 1 < n else 0
+        ahead = np.hypot(points[j, 0] - points[i, 0], points[j, 1] - points[i, 1])
+        q[i] = step / ((behind + ahead) / 2) ** 2
+        behind = ahead
+    corner = -(1 + 2 * q[0])
+    ratio = -q[0] / corner
+    upper = np.empty(n)
+    solved = np.empty((n, 3))  # x, y and the corners' column
+    for i in range(n):
+        pivot = 1 + 2 * q[i]
+        if i == 0:
+            pivot -= corner
+        if i == n - 1:
+            pivot += q[n - 1] * ratio
+        if i > 0:
+            pivot += q[i] * upper[i - 1]
+        column = corner if i == 0 else (-q[n - 1] if i == n - 1 else 0.0)
+        for k in range(3):
+            value = points[i, k] if k < 2 else column
+            solved[i, k] = (value + (q[i] * solved[i - 1, k] if i > 0 else 0.0)) / pivot
+        upper[i] = -q[i] / pivot
+    for i in range(n - 2, -1, -1):
+        for k in range(3):
+            solved[i, k] -= upper[i] * solved[i + 1, k]
+    out = np.empty((n, 2))
+    share = 1 + solved[0, 2] + ratio * solved[n - 1, 2]
+    for k in range(2):
+        factor = (solved[0, k] + ratio * solved[n - 1, k]) / share
+        for i in range(n):
+            out[i, k] = solved[i, k] - factor * solved[i, 2]
+    return out
+
+
+def ears_off(points: Points) -> tuple[Poses, bool]:
+    """Poses (n − 2, n, 2) from a simple closed polygon to a triangle; whether it got there.
+
+    Sizes are put back as in `shortened`. It only stops short where floats cannot tell.
+    """
+    pose = np.ascontiguousarray(points, np.float64)
+    wanted = area(pose)
+    poses, corners = [pose], np.arange(len(points))
+    while len(corners) > 3:
+        before, after = np.roll(corners, 1), np.roll(corners, -1)
+        # twice the area of each corner's triangle, < 0 where it is outside; small moves first
+        (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
+        tip = np.sign(wanted) * (x * v - y * u)
+        for corner in np.argsort(tip):
+            cut = _cut(pose, before[corner], after[corner])
+            if tip[corner] >= 0 and no_contact(np.stack([pose, cut]), True):
+                break
+        else:
+            return np.stack(poses), False
+        pose, corners = cut, np.delete(corners, corner)
+        poses.append(resized(pose, wanted))
+    return np.stack(poses), True
+
+
+def _cut(points: Points, first: int, last: int) -> Points:
+    """The polygon with the vertices between two of them spread along the line that joins those."""
+    span = (last - first) % len(points)
+    share = np.arange(1, span)[:, None] / span
+    cut = points.copy()
+    cut[(first + np.arange(1, span)) % len(points)] = (
+        points[first] + (points[last] - points[first]) * share
+    )
+    return cut
+
+
+def retracted(points: Points) -> tuple[Poses, bool]:
+    """Poses (k, n, 2) of one length, from a simple open curve to a line; whether it got there."""
+    points = np.ascontiguousarray(points, np.float64)
+    along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
+    poses, part, shrink = [points], 1.0, SHRINK
+    while not _is_straight(poses[-1]):
+        wanted = along[-1] * (0.5 + shrink * part * (np.linspace(0, 1, len(points)) - 0.5))
+        x, y = (np.interp(wanted, along, values) for values in points.T)
+        pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * part)
+        pose += points.mean(axis=0)
+        if no_contact(np.stack([poses[-1], pose]), False):
+            poses.append(pose)
+            part, shrink = shrink * part, max(SHRINK, shrink**2)
+        elif shrink < SLOWEST:
+            shrink = shrink**0.5
+        else:
+            return np.stack(poses), False
+    return np.stack(poses), True
+
+
+def _is_straight(points: Points) -> bool:
+    """Whether every edge of an open curve runs within 45° of its chord."""
+    edges, chord = np.diff(points, axis=0), points[-1] - points[0]
+    ahead, aside = edges @ chord, edges @ [-chord[1], chord[0]]
+    return bool((ahead > abs(aside)).all())
+
+
+def joined(one: Points, other: Points, closed: bool) -> Points:
+    """Poses (JOIN, n, 2) between two plain polygons of one sense of turning, or two lines.
+
+    Closed: seen from a point that sees all of a polygon, its vertices stand at rising angles, less
+    than half a turn apart; so do those of any mean of two such polygons, whatever the radii.
+    """
+    share = np.linspace(0, 1, JOIN)
+    centres = one.mean(axis=0), other.mean(axis=0)
+    if not closed:
+        ends = [
+            (points - centre) @ [1, 1j]
+            for points, centre in zip((one, other), centres, strict=True)
+        ]
+        turn = np.angle((ends[1][-1] - ends[1][0]) / (ends[0][-1] - ends[0][0]))
+        way = [
+            ((1 - s) * ends[0] * np.exp(1j * s * turn) + s * ends[1] * np.exp(1j * (s - 1) * turn))
+            for s in share
+        ]
+    else:
+        centres = _centroid(one), _centroid(other)
+        radius, angle = [], []
+        for points, centre in zip((one, other), centres, strict=True):
+            z = (points - centre) @ [1, 1j]
+            radius.append(abs(z))
+            angle.append(np.unwrap(np.angle(z)))
+        apart = (angle[1] - angle[0]).mean()
+        angle[1] = angle[1] - 2 * np.pi * np.round(apart / (2 * np.pi))
+        way = [
+            ((1 - s) * radius[0] + s * radius[1]) * np.exp(1j * ((1 - s) * angle[0] + s * angle[1]))
+            for s in share
+        ]
+    middle = centres[0] + share[:, None] * (centres[1] - centres[0])
+    poses = np.stack([np.stack([z.real, z.imag], axis=1) for z in way]) + middle[:, None]
+    poses[0], poses[-1] = one, other
+    return poses
+
+
+def _centroid(points: Points) -> Points:
+    """Centre of mass of what a closed polygon encloses: any near-convex one sees all of itself."""
+    from_first = points - points[0]
+    following = np.roll(from_first, -1, axis=0)
+    twice = from_first[:, 0] * following[:, 1] - from_first[:, 1] * following[:, 0]
+    return points[0] + (twice[:, None] * (from_first + following)).sum(axis=0) / (3 * twice.sum())

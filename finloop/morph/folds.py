@@ -1,0 +1,244 @@
+"""Does a polygon meet itself, at one moment or at any moment of a motion?
+
+At one moment (`folds`, `is_simple`) the answer is exact, see morph_exact.
+
+During a motion (`stays_simple`) the vertices go straight from one pose to the next. A simple
+polygon stays simple until a vertex comes to lie on an edge that it is no end of. Whether one does
+is a question about two quadratics in time; they are bounded by their Bernstein coefficients, with
+room for rounding, so that yes is a proof and no may only mean "too near to tell".
+
+Edges are gathered in blocks of consecutive ones, and only blocks whose boxes overlap are looked at.
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.morph.exact import meet, turns_back
+
+BLOCK = 16  # edges
+_ROUNDING = 64 * 2.0**-52  # of a Bernstein coefficient, halved DEPTH times: twice what it needs
+DEPTH = 14  # halvings of the time between two poses before giving up
+
+
+def folds(stack: NDArray[np.floating], closed: bool = True) -> NDArray[np.int64]:
+    """How many pairs of edges meet in each polygon; 0 = strictly simple. Exact.
+
+    Pairs that share a vertex count where they overlap in more than it; an edge without length
+    counts as one more.
+
+    Parameters
+    ----------
+    stack
+        Polygons (f, n, 2) or one (n, 2), n ≥ 3 (open: 2); a closed one does not repeat its first
+        vertex.
+    closed
+        Whether the last vertex is joined to the first.
+
+    Returns
+    -------
+        (f,) counts.
+
+    Raises
+    ------
+    FinloopError
+        If a coordinate is not finite, or there are too few vertices.
+    """
+    stack = _stack(stack, closed)
+    return np.array([count_folds(points, closed, False) for points in stack], np.int64)
+
+
+def is_simple(points: NDArray[np.floating], closed: bool = True) -> bool:
+    """Whether one polygon (n, 2) has no folds; stops at the first."""
+    return count_folds(_stack(points, closed)[0], closed, True) == 0
+
+
+def stays_simple(path: NDArray[np.floating], closed: bool = True) -> bool:
+    """Whether a polygon that moves straight from pose to pose (k, n, 2) is simple all the way.
+
+    True is proved for every moment, not for the poses alone; see the head of this file.
+    """
+    path = _stack(path, closed)
+    if count_folds(path[0], closed, True):
+        return False
+    return bool(no_contact(path, closed))
+
+
+def _stack(stack: NDArray[np.floating], closed: bool) -> NDArray[np.float64]:
+    polygons: NDArray[np.float64] = np.ascontiguousarray(stack, np.float64)
+    polygons = polygons[None] if polygons.ndim == 2 else polygons
+    if polygons.ndim != 3 or polygons.shape[2] != 2 or polygons.shape[1] < 2 + closed:
+        raise FinloopError(
+            f"polygons of shape {polygons.shape}",
+            f"(frames, points, 2) with at least {2 + closed} points",
+            "give more points",
+        )
+    if not np.isfinite(polygons).all():
+        raise FinloopError("points that are not finite", "finite coordinates", "check the curve")
+    return polygons
+
+
+@njit(cache=True)
+def _edge_boxes(points: NDArray, edges: int) -> tuple[NDArray, NDArray]:
+    """Boxes (edges, 4), left top right bottom, of the edges and of blocks of them."""
+    n = len(points)
+    boxes = np.empty((edges, 4))
+    for i in range(edges):
+        j = i + 1 if i + 1 < n else 0
+        for axis in range(2):
+            a, b = points[i, axis], points[j, axis]
+            boxes[i, axis] = min(a, b)
+            boxes[i, 2 + axis] = max(a, b)
+    return boxes, _gathered(boxes)
+
+
+@njit(cache=True)
+def _gathered(boxes: NDArray) -> NDArray:
+    blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
+    for k in range(len(blocks)):
+        blocks[k] = boxes[k * BLOCK]
+        for i in range(k * BLOCK + 1, min((k + 1) * BLOCK, len(boxes))):
+            blocks[k, 0] = min(blocks[k, 0], boxes[i, 0])
+            blocks[k, 1] = min(blocks[k, 1], boxes[i, 1])
+            blocks[k, 2] = max(blocks[k, 2], boxes[i, 2])
+            blocks[k, 3] = max(blocks[k, 3], boxes[i, 3])
+    return blocks
+
+
+@njit(cache=True)
+def _overlap(a: NDArray, i: int, b: NDArray, j: int) -> bool:
+    # & rather than `and`: four branches that nobody can predict take ten times as long
+    return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
+
+
+@njit(cache=True)
+def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
+    """As `folds` of one polygon of floats, or up to the first; nothing is checked."""
+    n = len(points)
+    edges = n if closed else n - 1
+    count = 0
+    for i in range(edges):
+        j = i + 1 if i + 1 < n else 0
+        k = j + 1 if j + 1 < n else 0
+        px, py, qx, qy = points[i, 0], points[i, 1], points[j, 0], points[j, 1]
+        rx, ry = points[k, 0], points[k, 1]
+        if px == qx and py == qy:
+            count += 1
+        elif (closed or j < n - 1) and (qx != rx or qy != ry):
+            count += turns_back(px, py, qx, qy, rx, ry)
+    if first_only and count:
+        return count
+    boxes, blocks = _edge_boxes(points, edges)
+    for one in range(len(blocks)):
+        for other in range(one, len(blocks)):
+            if not _overlap(blocks, one, blocks, other):
+                continue
+            for i in range(one * BLOCK, min((one + 1) * BLOCK, edges)):
+                if not _overlap(boxes, i, blocks, other):
+                    continue
+                first = i + 2 if one == other else other * BLOCK
+                for j in range(max(first, i + 2), min((other + 1) * BLOCK, edges)):
+                    if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
+                        continue
+                    i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
+                    if meet(
+                        points[i, 0],
+                        points[i, 1],
+                        points[i_next, 0],
+                        points[i_next, 1],
+                        points[j, 0],
+                        points[j, 1],
+                        points[j_next, 0],
+                        points[j_next, 1],
+                    ):
+                        count += 1
+                        if first_only:
+                            return count
+    return count
+
+
+@njit(cache=True)
+def _bernstein(
+    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
+) -> tuple[float, float, float, float, float, float, float]:
+    """Of u × w and u · w, u going from a to b and w from c to d; and room for their rounding."""
+    cross_0, cross_2 = ax * cy - ay * cx, bx * dy - by * dx
+    cross_1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
+    dot_0, dot_2 = ax * cx + ay * cy, bx * dx + by * dy
+    dot_1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
+    u = max(abs(ax), abs(ay), abs(bx), abs(by))
+    w = max(abs(cx), abs(cy), abs(dx), abs(dy))
+    return cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w
+
+
+@njit(cache=True)
+def _passes(c0: float, c1: float, c2: float, d0: float, d1: float, d2: float, room: float) -> bool:
+    """Whether at every moment the cross product is not 0 or the dot product is positive."""
+    waiting = np.empty((DEPTH + 2, 7))
+    waiting[0] = (c0, c1, c2, d0, d1, d2, 0.0)
+    left = 1
+    while left:
+        left -= 1
+        c0, c1, c2, d0, d1, d2, depth = waiting[left]
+        if min(c0, c1, c2) > room or max(c0, c1, c2) < -room or min(d0, d1, d2) > room:
+            continue
+        if depth >= DEPTH:
+            return False
+        c01, c12, d01, d12 = (c0 + c1) / 2, (c1 + c2) / 2, (d0 + d1) / 2, (d1 + d2) / 2
+        c, d = (c01 + c12) / 2, (d01 + d12) / 2
+        if abs(c) <= room and d <= room:
+            return False
+        waiting[left] = (c, c12, c2, d, d12, d2, depth + 1)
+        waiting[left + 1] = (c0, c01, c, d0, d01, d, depth + 1)
+        left += 2
+    return True
+
+
+@njit(cache=True)
+def no_contact(path: NDArray, closed: bool) -> bool:
+    """As `stays_simple`, of poses (k, n, 2) whose first is simple; nothing is checked."""
+    poses, n = len(path), path.shape[1]
+    edges = n if closed else n - 1
+    points = np.empty((n, 4))  # boxes that the moving vertices and edges stay in
+    lines = np.empty((edges, 4))
+    for k in range(poses - 1):
+        a, b = path[k], path[k + 1]
+        for i in range(n):
+            for axis in range(2):
+                points[i, axis] = min(a[i, axis], b[i, axis])
+                points[i, 2 + axis] = max(a[i, axis], b[i, axis])
+        for i in range(edges):
+            j = i + 1 if i + 1 < n else 0
+            for axis in range(2):
+                lines[i, axis] = min(points[i, axis], points[j, axis])
+                lines[i, 2 + axis] = max(points[i, 2 + axis], points[j, 2 + axis])
+        point_blocks, line_blocks = _gathered(points), _gathered(lines)
+        for one in range(len(point_blocks)):
+            for other in range(len(line_blocks)):
+                if not _overlap(point_blocks, one, line_blocks, other):
+                    continue
+                for v in range(one * BLOCK, min((one + 1) * BLOCK, n)):
+                    if not _overlap(points, v, line_blocks, other):
+                        continue
+                    for i in range(other * BLOCK, min((other + 1) * BLOCK, edges)):
+                        if v == i or not _overlap(points, v, lines, i):
+                            continue
+                        j = i + 1 if i + 1 < n else 0
+                        if v == j:
+                            continue
+                        c0, c1, c2, d0, d1, d2, room = _bernstein(
+                            a[i, 0] - a[v, 0],
+                            a[i, 1] - a[v, 1],
+                            b[i, 0] - b[v, 0],
+                            b[i, 1] - b[v, 1],
+                            a[j, 0] - a[v, 0],
+                            a[j, 1] - a[v, 1],
+                            b[j, 0] - b[v, 0],
+                            b[j, 1] - b[v, 1],
+                        )
+                        if min(c0, c1, c2) > room or max(c0, c1, c2) < -room:
+                            continue
+                        if not _passes(c0, c1, c2, d0, d1, d2, room):
+                            return False
+    return True

@@ -1,0 +1,219 @@
+"""Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
+
+Contours belong together by their ids. Every frame is put on a grid of decimals first and checked
+for folds then, so that what a file shows is what was counted.
+"""
+
+from dataclasses import dataclass, replace
+from math import ceil, log10
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve, Drawing
+from finloop.errors import FinloopError
+from finloop.morph.folds import folds, stays_simple
+from finloop.morph.linear import linear, physical
+from finloop.morph.simple import simple
+
+METHODS = ("linear", "physical", "simple")
+DIGITS = (6, 9, 12)  # of the larger side of the drawing: the grid is 1e-5 of it or finer
+REACH = 1000  # sides of the picture: no contour may lie farther off
+MOST_FRAMES, MOST_POINTS = 10_000, 16_384
+
+Points = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+class Physics(NamedTuple):
+    """Of the physical morph, all layers: e₀, c, ρ; by default it swings a little and settles."""
+
+    elastic: float = 1.0
+    damping: float = 8.0
+    mass: float = 1.0
+
+
+@dataclass(frozen=True)
+class Morph:
+    """Contours of every frame.
+
+    Attributes
+    ----------
+    tau
+        (f,), 0 = the first drawing, 1 = the second.
+    layers
+        (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals.
+    closed, styles
+        By id; `styles` may lack some.
+    folds
+        (f,) by id: pairs of edges that meet; 0 = that contour is simple.
+    continuous
+        By id: whether the contour is proved simple between the frames too, where its points move
+        straight from each frame to the next.
+    width, height
+        Of the picture.
+    decimals
+        Digits after the point that coordinates have.
+    """
+
+    tau: Points
+    layers: dict[str, Points]
+    closed: dict[str, bool]
+    folds: dict[str, Ints]
+    continuous: dict[str, bool]
+    styles: dict[str, str]
+    width: float
+    height: float
+    decimals: int
+
+
+def morph(
+    a: Drawing,
+    b: Drawing,
+    method: str,
+    frames: int,
+    points: int = 256,
+    level: int | None = None,
+    physics: Physics = Physics(),  # noqa: B008  (immutable)
+) -> Morph:
+    """Frames from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
+
+    Parameters
+    ----------
+    a, b
+        Drawings with the same ids, each contour closed in both or open in both.
+    method
+        One of METHODS; `simple` keeps every contour free of folds.
+    frames
+        At least 2: both ends count.
+    points
+        Of every contour, at least 8; a power of two where wavelets are used.
+    level
+        Of the linear morph: scales left out, None for none.
+    physics
+        Of the physical morph.
+
+    Raises
+    ------
+    FinloopError
+        If the drawings do not belong together, a number is out of range, or a method refuses a
+        contour; the message names it.
+    """
+    _check_numbers(method, frames, points)
+    check_pairs(a, b)
+    b = fitted(b, a.width, a.height)
+    side = max(a.width, a.height)
+    stacks = dict[str, Points]()
+    for name, curve in a.curves.items():
+        try:
+            stack = _between(curve, b.curves[name], method, frames, points, level, physics)
+        except FinloopError as error:
+            raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
+        if not (np.abs(stack) <= REACH * side).all():
+            raise FinloopError(
+                f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
+                f"at most {REACH} times its size",
+                "move it into the picture, or set the viewBox around the contours",
+            )
+        stacks[name] = stack
+    closed = {name: curve.closed for name, curve in a.curves.items()}
+    for digits in DIGITS:
+        decimals = digits - ceil(log10(side))
+        layers = {name: np.round(stack, decimals) + 0.0 for name, stack in stacks.items()}  # no −0
+        folded = {name: folds(stack, closed[name]) for name, stack in layers.items()}
+        if method != "simple" or not any(count.any() for count in folded.values()):
+            break  # parts that are nearer to each other than the grid need a finer one
+    return Morph(
+        tau=np.linspace(0, 1, frames),
+        layers=layers,
+        closed=closed,
+        folds=folded,
+        continuous={name: stays_simple(stack, closed[name]) for name, stack in layers.items()},
+        styles=b.styles | a.styles,
+        width=a.width,
+        height=a.height,
+        decimals=decimals,
+    )
+
+
+def _between(
+    a: Curve,
+    b: Curve,
+    method: str,
+    frames: int,
+    points: int,
+    level: int | None,
+    physics: Physics,
+) -> Points:
+    if method == "linear":
+        return linear(a, b, frames, points, level)
+    if method == "physical":
+        return physical(a, b, frames, points, *physics)
+    return simple(a, b, frames, points)
+
+
+def there_and_back(morph: Morph) -> Morph:
+    """The morph followed by its reverse, which ends one frame before the first: it repeats well."""
+
+    def both(values: NDArray) -> NDArray:
+        return np.concatenate([values, values[-2:0:-1]])
+
+    return replace(
+        morph,
+        tau=both(morph.tau),
+        layers={name: both(stack) for name, stack in morph.layers.items()},
+        folds={name: both(count) for name, count in morph.folds.items()},
+    )
+
+
+def fitted(drawing: Drawing, width: float, height: float) -> Drawing:
+    """The drawing scaled to fit a picture and centred in it, as SVG fits a viewBox."""
+    scale = min(width / drawing.width, height / drawing.height)
+    if scale == 1 and (drawing.width, drawing.height) == (width, height):
+        return drawing
+    shift = (np.array([width, height]) - scale * np.array([drawing.width, drawing.height])) / 2
+    curves = {
+        name: Curve(curve.points * scale + shift, curve.closed)
+        for name, curve in drawing.curves.items()
+    }
+    return Drawing(curves, width, height, drawing.styles)
+
+
+def _check_numbers(method: str, frames: int, points: int) -> None:
+    if method not in METHODS:
+        raise FinloopError(
+            f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
+        )
+    if not 2 <= frames <= MOST_FRAMES:
+        raise FinloopError(
+            f"a morph of {frames} frames", f"2 … {MOST_FRAMES}", "ask for 60, both ends among them"
+        )
+    if not 8 <= points <= MOST_POINTS:
+        raise FinloopError(
+            f"contours of {points} points", f"8 … {MOST_POINTS}", "ask for 256 points"
+        )
+
+
+def check_pairs(a: Drawing, b: Drawing) -> None:
+    """Refuse drawings whose contours do not belong together, all that is wrong in one message."""
+    wrong = [
+        f"{', '.join(map(repr, lone[:5]))}{' …' * (len(lone) > 5)} only in the {which}"
+        for which, lone in (
+            ("first", [name for name in a.curves if name not in b.curves]),
+            ("second", [name for name in b.curves if name not in a.curves]),
+        )
+        if lone
+    ]
+    kind = {True: "closed", False: "open"}
+    wrong += [
+        f"{name!r} {kind[curve.closed]} in the first, {kind[not curve.closed]} in the second"
+        for name, curve in a.curves.items()
+        if name in b.curves and b.curves[name].closed != curve.closed
+    ]
+    if wrong:
+        raise FinloopError(
+            f"the drawings do not belong together: {'; '.join(wrong)}",
+            "the same ids in both, each contour closed (Z) in both or open in both",
+            "give contours that belong together the same id, and close both or neither",
+        )

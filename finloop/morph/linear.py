@@ -1,0 +1,77 @@
+"""Two of the paper's morphs: linear (curve paper Eq. 4.1, Fig. 4) and physical (Fig. 5).
+
+Neither knows whether a frame meets itself: count with `morph.folds.folds`.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve
+from finloop.curve.dynamics import solve
+from finloop.curve.problem import Material, Problem
+from finloop.curve.wavelet import control, from_control, mirrored
+from finloop.morph.match import matched
+
+Points = NDArray[np.float64]
+
+FADE = 0.25
+"""Share of the time, at its end, in which what still swings is faded out: the last frame is b."""
+
+
+def linear(
+    a: Curve,
+    b: Curve,
+    frames: int,
+    points: int,
+    level: int | None = None,
+    wavelet: str = "coif2",
+) -> Points:
+    """Eq. 4.1: frames (frames, points, 2) from a to b, both included; A(τ) = (1 − τ) Aˢ + τ Aᵈ.
+
+    A are the control points that stand for 1/2^level of the samples; details are left out, so that
+    the ends are the curves' coarse counterparts. With no level A are all coefficients, which is
+    the same as the points themselves, and `points` need not be a power of two.
+
+    Raises
+    ------
+    FinloopError
+        If one curve is open and the other closed, or, with a level, as `curve.wavelet.check`.
+    """
+    ends = np.stack(matched(a, b, points))
+    tau = np.linspace(0, 1, frames)[:, None, None]
+    if level is None:
+        return (1 - tau) * ends[0] + tau * ends[1]
+    coarse = control(ends if a.closed else mirrored(ends), wavelet, level)
+    return from_control((1 - tau) * coarse[0] + tau * coarse[1], wavelet, level)[:, :points]
+
+
+def physical(
+    a: Curve, b: Curve, frames: int, points: int, elastic: float, damping: float, mass: float
+) -> Points:
+    """Fig. 5: frames (frames, points, 2) of the curve b let go where it is bent to the shape of a.
+
+    ρ ü + c u̇ + K u = 0 (Eq. 3.3) in a time of 1, ρ = mass, c = damping, K of e₀ = elastic. Mode m
+    of a closed curve would swing m √(e₀/ρ) times; that of an open one half as often. At little
+    damping the curve overshoots, at much it creeps, without mass it does not swing at all.
+
+    Stiffness does not feel where a curve is: the mean of its points goes as the slowest mode does.
+
+    Raises
+    ------
+    FinloopError
+        If one curve is open and the other closed, `points` is no power of two, or there is neither
+        mass nor damping.
+    """
+    one, other = matched(a, b, points)
+    bent = one - other
+    place = bent.mean(axis=0)
+    bent = bent - place if a.closed else mirrored(bent - place)
+    slowest = np.cos(2 * np.pi * (np.arange(len(bent)) + 0.5) / len(bent))
+    material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
+    times = np.linspace(0, 1, frames)
+    start = np.column_stack([bent, slowest])
+    moved = solve(Problem(np.zeros_like(start), start, material, times)).displacement
+    course = moved[:, 0, 2] / slowest[0]
+    swing = moved[:, :points, :2] + course[:, None, None] * place
+    left = np.clip((1 - times) / FADE, 0, 1)
+    return other + (left**2 * (3 - 2 * left))[:, None, None] * swing

@@ -1,0 +1,62 @@
+"""Which point of one curve goes to which of another: start point and direction (curve paper §4.1).
+
+Both curves have n points of equal arc length. Of all ways to number the second anew (closed: n
+start points, open: one; in both directions, unless both are closed and simple) the one is taken
+whose points lie nearest to the first's, Σ ‖a_i − b_i‖², both centred on their mean: where the
+curves stand does not matter.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve, area, resampled
+from finloop.errors import FinloopError
+from finloop.morph.folds import is_simple
+
+
+def matched(a: Curve, b: Curve, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Points (n, 2) of both curves, row i of one belonging to row i of the other; a's order kept.
+
+    Raises
+    ------
+    FinloopError
+        If one is closed and the other open.
+    """
+    if a.closed != b.closed:
+        kinds = ["closed" if curve.closed else "open" for curve in (a, b)]
+        raise FinloopError(
+            f"a curve that is {kinds[0]} and one that is {kinds[1]}",
+            "two closed curves or two open ones",
+            "close the open curve, or open the closed one, or leave the pair out",
+        )
+    one, other = resampled(a, n).points, resampled(b, n).points
+    if a.closed:
+        return one, best_start(one, other)
+    return one, min((other, other[::-1]), key=lambda points: _far(one, points))
+
+
+def best_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The closed polygon `other` (n, 2), or its reverse, from its best start point on."""
+    fits = [(misfit(one, points), points) for points in _directions(one, other)]
+    far, points = min(fits, key=lambda fit: fit[0].min())
+    return np.roll(points, -int(far.argmin()), axis=0)
+
+
+def _directions(
+    one: NDArray[np.float64], other: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], ...]:
+    """Two simple curves must turn the same way: else the area passes 0, and the morph folds."""
+    if not (is_simple(one) and is_simple(other)):
+        return other, other[::-1]
+    return (other if area(Curve(one, True)) * area(Curve(other, True)) > 0 else other[::-1],)
+
+
+def misfit(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of closed polygons, both centred; by FFT."""
+    a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (one, other))
+    product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
+    return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product
+
+
+def _far(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+    return float(((one - one.mean(axis=0) - other + other.mean(axis=0)) ** 2).sum())

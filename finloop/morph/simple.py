@@ -1,0 +1,285 @@
+"""A morph between two simple curves that is simple all the way (the curve paper's §4.1 claim).
+
+The straight way from a to b is taken where it is simple. Else both ends are made plainer pose by
+pose (morph_flow) until the straight way from one of a's poses to one of b's is free: of all such
+ways a → a_i → b_j → b the shortest free one is taken. There is always one, as the last poses can
+be joined: two polygons about their centres by turning and stretching, two lines by turning.
+
+Then time is smoothed, so that nothing moves with a jerk, as far as the motion stays simple, and
+closed frames are enlarged or reduced so that their area is between those of the ends: that makes no
+folds. Every frame is tested once more, exactly.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from finloop.curve.contour import Curve
+from finloop.errors import FinloopError
+from finloop.morph.flow import Poses, area, ears_off, joined, resized, retracted, shortened
+from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
+from finloop.morph.match import matched, misfit
+
+Points = NDArray[np.float64]
+
+PARTS = 16  # a straight way is followed in so many steps: small boxes, few pairs to look at
+SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # of the whole time, widest first
+REACH = 10  # edges: of the mean along a curve
+NUDGE = 0.1  # edges: how far a proof may stray from the straight way between two frames
+
+
+@dataclass(frozen=True)
+class SimpleMorph:
+    """Frames and what is known of them.
+
+    Attributes
+    ----------
+    frames
+        (f, n, 2), the first and last being the ends.
+    way
+        "linear"; "plain" by way of plainer poses; "joined" by way of the plain last ones.
+    proved
+        Whether a motion from each frame to the next was proved simple for every moment: the
+        straight one; one that strays from it by no more than NUDGE of an edge's mean length; or,
+        with few frames, the way by the poses. The frames themselves are always tested exactly.
+    """
+
+    frames: Points
+    way: str
+    proved: bool
+
+
+def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
+    """Frames (frames, points, 2) from a to b, ends included, every one strictly simple.
+
+    Raises
+    ------
+    FinloopError
+        If one curve is open and the other closed, or one, at so many points, meets itself.
+    """
+    return simple_morph(a, b, frames, points).frames
+
+
+def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
+    """As `simple`, with the way that was taken."""
+    one, other = matched(a, b, points)
+    closed = a.closed
+    for name, ends in (("first", one), ("second", other)):
+        meets = folds(ends, closed)[0]
+        if meets:
+            raise FinloopError(
+                f"the {name} curve, at {points} points, meets itself {meets} times",
+                "a curve that does not meet itself",
+                "mend the drawing, ask for more points, or take the method linear",
+            )
+    tau = np.linspace(0, 1, frames)[:, None, None]
+    straight = (1 - tau) * one + tau * other
+    if not folds(straight, closed).any() and _linked(straight, closed):
+        return SimpleMorph(straight, "linear", True)
+    poses, way = _way(one, other, closed)
+    shown, on_the_way = _shown(poses, frames, closed)
+    if folds(shown, closed).any():
+        raise FinloopError(
+            "a morph whose frames are too narrow to be told from folded ones",
+            "curves with some room between their parts",
+            "ask for fewer points, or take the method linear",
+        )
+    proved = stays_simple(shown, closed) or (on_the_way and stays_simple(poses, closed))
+    return SimpleMorph(shown, way, proved)
+
+
+def path_length(frames: Points) -> float:
+    """Mean length of the vertices' ways through the frames (f, n, 2)."""
+    return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
+
+
+def _way(one: Points, other: Points, closed: bool) -> tuple[Points, str]:
+    """Poses (k, n, 2) from one end to the other, each step of which is simple."""
+    a, b = _plainer(one, closed), _plainer(other, closed)
+    best: tuple[float, Points] | None = None
+    for start in _starts(a, b) if closed else [0]:
+        turned = np.roll(b, -start, axis=1)
+        found = _shortest(a, turned, closed, np.inf if best is None else best[0])
+        if found:
+            far, i, j = found
+            best = far, np.concatenate([a[: i + 1], turned[j::-1]])
+    if best:
+        return best[1], "plain"
+    return np.concatenate([a, joined(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
+
+
+def _starts(a: Poses, b: Poses) -> list[int]:
+    """Start points worth trying: 0 and where poses of equal rank, from far to plain, fit best.
+
+    One step along the outline is nothing new: only local minima count.
+    """
+    starts = [0]
+    for share in (0.0, 0.5, 1.0):
+        one, other = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
+        far = misfit(one, other)
+        least = (far <= np.roll(far, 1)) & (far < np.roll(far, -1))
+        starts += [int(s) for s in sorted(np.flatnonzero(least), key=far.__getitem__)[:2]]
+    apart = len(far) // 32
+    kept: list[int] = []
+    for start in starts:
+        if all(min((start - s) % len(far), (s - start) % len(far)) > apart for s in kept):
+            kept.append(start)
+    return kept
+
+
+def _shortest(a: Poses, b: Poses, closed: bool, below: float) -> tuple[float, int, int] | None:
+    """Length, i and j of the shortest free way a → a_i → b_j → b that is shorter than `below`.
+
+    Where two poses are not free, plainer ones may be: their less plain forerunners are left out.
+    """
+    before, after = _gone(a), _gone(b)
+    far = before[:, None] + _apart(a, b) + after
+    open_to = far < below
+
+    def free(i: int, j: int) -> bool:
+        if _free(a[i], b[j], closed):
+            return True
+        open_to[: i + 1, : j + 1] = False
+        return False
+
+    low, high = 0, min(len(a), len(b)) - 1
+    while low < high:  # how plain must both be? What this rules out need not be looked at
+        middle = (low + high) // 2
+        low, high = (low, middle) if free(middle, middle) else (middle + 1, high)
+    for way in np.argsort(far, axis=None):
+        i, j = divmod(int(way), len(b))
+        if open_to[i, j] and free(i, j):
+            # one pose plainer where that is free too: the shortest free way all but folds
+            if i + 1 < len(a) and j + 1 < len(b) and _free(a[i + 1], b[j + 1], closed):
+                return float(far[i, j]), i + 1, j + 1
+            return float(far[i, j]), i, j
+    return None
+
+
+def _plainer(points: Points, closed: bool) -> Points:
+    if not closed:
+        poses, done = retracted(points)
+    else:
+        poses, done = shortened(points)
+        if not done:
+            poses, done = ears_off(points)
+    if not done:
+        raise FinloopError(
+            "a curve whose parts are too near each other to be told apart while it moves",
+            "a curve with some room between its parts",
+            "ask for fewer points, or take the method linear",
+        )
+    return poses
+
+
+@njit(cache=True)
+def _apart(a: Poses, b: Poses) -> Points:
+    """Mean distance (k, m) of the vertices of poses of a (k, n, 2) from those of b (m, n, 2)."""
+    far = np.zeros((len(a), len(b)))
+    for i in range(len(a)):
+        for j in range(len(b)):
+            for v in range(a.shape[1]):
+                x, y = a[i, v, 0] - b[j, v, 0], a[i, v, 1] - b[j, v, 1]
+                far[i, j] += np.sqrt(x * x + y * y)
+    return far / a.shape[1]
+
+
+@njit(cache=True)
+def _free(one: Points, other: Points, closed: bool) -> bool:
+    """Whether the straight way is simple throughout."""
+    path = np.empty((PARTS + 1, len(one), 2))
+    for k in range(PARTS + 1):
+        share = k / PARTS
+        path[k] = (1 - share) * one + share * other
+    for k in (8, 4, 12, 2, 14):  # most that fold do so at one of these: quicker to find
+        if count_folds(path[k], closed, True):
+            return False
+    return no_contact(path, closed)
+
+
+def _shown(poses: Poses, frames: int, closed: bool) -> tuple[Poses, bool]:
+    """Frames at an even pace, smoothed in time as far as they stay simple, of an area in bounds.
+
+    And whether each is a pose of the unsmoothed way, but for its size.
+    """
+    on_the_way = True
+    along = _gone(poses)
+    wanted = np.linspace(0, along[-1], frames)
+    k = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(along) - 2)
+    share = ((wanted - along[k]) / (along[k + 1] - along[k]))[:, None, None]
+    even = (1 - share) * poses[k] + share * poses[k + 1]
+    even[0], even[-1] = poses[0], poses[-1]
+    for width in SMOOTHING:
+        smooth = _smoothed(even, width * frames)
+        smooth[0], smooth[-1] = poses[0], poses[-1]
+        if stays_simple(smooth, closed):
+            even, on_the_way = smooth, False
+            break
+    return (_within(even) if closed else even), on_the_way
+
+
+def _smoothed(stack: Points, width: float) -> Points:
+    """Gaussian mean in time, `width` frames its deviation; mirrored at the ends, which stay put."""
+    f = len(stack)
+    reach = min(int(3 * width) + 1, f - 1)
+    longer = np.concatenate(
+        [2 * stack[0] - stack[reach:0:-1], stack, 2 * stack[-1] - stack[-2 : -reach - 2 : -1]]
+    )
+    weight = np.exp(-((np.arange(-reach, reach + 1) / width) ** 2) / 2)
+    weight /= weight.sum()
+    rows = np.zeros((f, len(longer)))
+    for row in range(f):
+        rows[row, row : row + len(weight)] = weight
+    return (rows @ longer.reshape(len(longer), -1)).reshape(stack.shape)
+
+
+def _within(stack: Points) -> Points:
+    """The frames, enlarged or reduced to an area between those of the first and the last."""
+    low, high = sorted((area(stack[0]), area(stack[-1])))
+    out = stack.copy()
+    for pose, size in zip(out, map(area, stack), strict=True):
+        if not low <= size <= high:
+            pose[:] = resized(pose, min(max(size, low), high))
+    return out
+
+
+def _gone(poses: Points) -> Points:
+    """How far the vertices have gone on average at each pose (k,)."""
+    steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
+    return np.r_[0.0, np.cumsum(steps)]
+
+
+def _linked(stack: Points, closed: bool) -> bool:
+    """Whether from each simple frame to the next a motion is proved simple; see SimpleMorph.
+
+    An edge that turns round passes through a point, where it meets its neighbours. Smoothed a
+    little on the way, with weights that are all positive, it turns without.
+    """
+    for k in range(len(stack) - 1):
+        pair = stack[k : k + 2]
+        if no_contact(pair, closed):
+            continue
+        middle = pair.mean(axis=0)
+        away = _smoothed_along(middle, closed) - middle
+        edge = np.hypot(*np.diff(middle, axis=0).T).mean()
+        sizes = (stray * edge / abs(away).max() for stray in (NUDGE / 100, NUDGE / 10, NUDGE))
+        detours = (np.stack([pair[0], middle + size * away, pair[1]]) for size in sizes)
+        if not any(no_contact(detour, closed) for detour in detours):
+            return False
+    return True
+
+
+def _smoothed_along(points: Points, closed: bool) -> Points:
+    """The polygon, each edge a mean of all edges, by distance, with weights above 0."""
+    longer = np.r_[points, points[:1]] if closed else np.r_[points, points[-2::-1]]
+    edges = np.diff(longer, axis=0)
+    if not closed:
+        edges[len(points) - 1 :] *= -1  # the way back mirrors the way there
+    turn = np.pi * np.arange(len(edges)) / len(edges)
+    kept = 1 / (1 + 4 * REACH**2 * np.sin(turn) ** 2)
+    mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * kept)[: len(points) - 1]
+    z = np.r_[0, np.cumsum(mean)]
+    smooth = np.stack([z.real, z.imag], axis=1)
+    return smooth - smooth.mean(axis=0) + points.mean(axis=0)

@@ -1,0 +1,81 @@
+"""A morph between two drawings as a plain tool: `python -m finloop.morph a.svg b.svg -o out.svg`.
+
+Contours belong together by their ids. What comes out is told by the ending: .svg, .webp, .mp4,
+.json, .lottie.json.
+"""
+
+import argparse
+from fractions import Fraction
+from pathlib import Path
+
+from finloop.io.animation import ENDINGS, save_animation, writer
+from finloop.io.svg import load_svg
+from finloop.morph.layers import METHODS, Morph, Physics, morph, there_and_back
+from finloop.tool import ended
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Read two drawings, write the morph, say what was counted; the exit status."""
+    asked = _parser().parse_args(arguments)
+    return ended(asked.output, lambda: _written(asked))
+
+
+def _written(asked: argparse.Namespace) -> str:
+    """Write the morph; what was counted, in words."""
+    writer(asked.output)  # a wrong ending is told before the work
+    drawings = load_svg(asked.a), load_svg(asked.b)
+    physics = Physics(asked.elastic, asked.damping, asked.mass)
+    done = morph(*drawings, asked.method, asked.frames, asked.points, asked.level, physics)
+    shown = there_and_back(done) if asked.back else done
+    save_animation(asked.output, shown, asked.fps, asked.size)
+    return summary(done)
+
+
+def summary(done: Morph) -> str:
+    """What a morph consists of and whether it folds, in a line or two."""
+    frames = len(done.tau)
+    text = f"{len(done.layers)} contours, {frames} frames, "
+    if folded := {name: int((count > 0).sum()) for name, count in done.folds.items() if any(count)}:
+        each = ", ".join(f"{name} in {count}" for name, count in folded.items())
+        return text + f"folds: {each} of {frames} frames"
+    if all(done.continuous.values()):
+        return text + "no folds, neither in a frame nor between frames"
+    unproved = ", ".join(name for name, proved in done.continuous.items() if not proved)
+    return text + f"no folds in a frame; between frames not proved of {unproved}"
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m finloop.morph",
+        description="Morph one drawing into another; contours of the same id belong together.",
+    )
+    parser.add_argument("a", type=Path, help="the first drawing, SVG")
+    parser.add_argument("b", type=Path, help="the second, with the same ids")
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help=f"what to write: {', '.join(ENDINGS)}",
+    )
+    parser.add_argument(
+        "--method", choices=METHODS, default="simple", help="default: simple, which never folds"
+    )
+    parser.add_argument("--frames", type=int, default=60, help="both ends among them (default 60)")
+    parser.add_argument("--fps", type=_rate, default=Fraction(30), help="default 30")
+    parser.add_argument("--points", type=int, default=256, help="of a contour (default 256)")
+    parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
+    parser.add_argument("--back", action="store_true", help="there and back again")
+    parser.add_argument("--level", type=int, help="linear: scales left out (default none)")
+    usual = Physics()
+    parser.add_argument("--elastic", type=float, default=usual.elastic, help="physical: stiffness")
+    parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")
+    parser.add_argument("--mass", type=float, default=usual.mass, help="physical: mass")
+    return parser
+
+
+def _rate(text: str) -> Fraction:
+    try:
+        return Fraction(text)
+    except ZeroDivisionError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error

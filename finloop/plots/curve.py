@@ -1,0 +1,118 @@
+"""Figs. 2, 3, 6 and 7 of the curve paper."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import LogNorm
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from finloop.curve.contour import Curve
+from finloop.curve.wavelet import scales, truncated
+
+SHOWN = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
+INK, REST = "#0072B2", "#B0B0B0"
+
+Array = NDArray[np.float64]
+
+
+def _draw(ax: Axes, points: Array, closed: bool, colour: str = INK, width: float = 1.3) -> None:
+    x, y = (np.concatenate([points, points[:1]]) if closed else points).T
+    ax.plot(x, y, color=colour, lw=width)
+
+
+def _bare(ax: Axes, box: Array) -> None:
+    """No frame; all of `box` (…, 2) in view, y down, a margin round it."""
+    low, high = box.reshape(-1, 2).min(axis=0), box.reshape(-1, 2).max(axis=0)
+    margin = 0.06 * float((high - low).max())
+    ax.set(xlim=(low[0] - margin, high[0] + margin), ylim=(high[1] + margin, low[1] - margin))
+    ax.set_aspect("equal")
+    ax.axis("off")
+
+
+def _height(box: Array, width: float) -> float:
+    """Inches of axes so wide that show `box`."""
+    wide, high = np.ptp(box.reshape(-1, 2), axis=0) + 1e-9
+    return min(3.0, max(0.7, width * float(high / wide))) + 0.3
+
+
+def _name(ax: Axes, text: str) -> None:
+    """Of a row, upright on its left."""
+    at = ax.transAxes
+    ax.text(-0.08, 0.5, text, transform=at, rotation=90, va="center", ha="right", fontsize=9)
+
+
+def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
+    """Fig. 2: the curve (n points) from 1/2^k of its samples, a row per (wavelet, its title)."""
+    n = len(curve.points)
+    figure = Figure(figsize=(2.1 * len(SHOWN), 2.9 * len(wavelets)), layout="constrained")
+    rows = figure.subplots(len(wavelets), len(SHOWN), squeeze=False)
+    for row, (wavelet, title) in zip(rows, wavelets, strict=True):
+        shapes = [truncated(curve.points, wavelet, k, curve.closed) for k in SHOWN]
+        for ax, k, points in zip(row, SHOWN, shapes, strict=True):
+            _draw(ax, points, curve.closed)
+            _bare(ax, np.stack(shapes))
+            ax.set_title(f"({k})  {n >> k} samples", fontsize=9)
+        _name(row[0], title)
+    return figure
+
+
+def figure3(matrix: csr_array, levels: int, title: str) -> Figure:
+    """Fig. 3: sizes of the entries of K in the wavelet basis, dark = large; lines part scales."""
+    size = np.abs(matrix.toarray())
+    n = len(size)
+    top = float(size.max())
+    figure = Figure(figsize=(6.4, 5.6), layout="constrained")
+    ax = figure.subplots()
+    shades = ax.imshow(
+        np.where(size > 1e-6 * top, size, np.nan) / top,
+        cmap="gray_r",
+        norm=LogNorm(1e-6, 1),
+        interpolation="nearest",
+    )
+    for place in scales(n, levels)[1:]:
+        ax.axhline(place.start - 0.5, color=INK, lw=0.8)
+        ax.axvline(place.start - 0.5, color=INK, lw=0.8)
+    ax.set(title=title, xlabel="coefficient, coarse to fine", ylabel="coefficient, coarse to fine")
+    figure.colorbar(shades, ax=ax, label="size of the entry, largest = 1 (white: below 1e-6)")
+    return figure
+
+
+def figure6(
+    frames: Array, times: Array, rest: Array, title: str, closed: bool = True, columns: int = 6
+) -> Figure:
+    """Fig. 6: curves (t, n, 2), left to right and top to bottom; the rest shape in grey."""
+    rows = -(-len(frames) // columns)
+    box = np.concatenate([frames, rest[None]])
+    height = rows * _height(box, 1.7) + 0.4
+    figure = Figure(figsize=(1.7 * columns, height), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False).ravel()
+    for ax, points, time in zip(axes, frames, times, strict=False):
+        _draw(ax, rest, closed, REST, 0.8)
+        _draw(ax, points, closed)
+        ax.set_title(f"τ = {time:.3g}", fontsize=8)
+    for ax in axes:
+        _bare(ax, box)
+    figure.suptitle(title, fontsize=10)
+    return figure
+
+
+def figure7(
+    shapes: Sequence[tuple[int, Array]], times: Array, title: str, closed: bool = True
+) -> Figure:
+    """Fig. 7: rows of (number of control points, curves (t, n, 2)) over the same times."""
+    box = np.concatenate([frames for _, frames in shapes])
+    height = len(shapes) * _height(box, 1.5) + 0.5
+    figure = Figure(figsize=(1.5 * len(times) + 0.6, height), layout="constrained")
+    rows = figure.subplots(len(shapes), len(times), squeeze=False)
+    for index, (row, (points, frames)) in enumerate(zip(rows, shapes, strict=True)):
+        for ax, time, frame in zip(row, times, frames, strict=True):
+            _draw(ax, frame, closed)
+            _bare(ax, box)
+            if index == 0:
+                ax.set_title(f"τ = {time:.3g}", fontsize=8)
+        _name(row[0], f"({'abcdefgh'[index]}) {points}")
+    figure.suptitle(title, fontsize=10)
+    return figure

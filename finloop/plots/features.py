@@ -1,0 +1,174 @@
+"""Pictures of a feature table: Fig. 7, trajectories, orientation rose, contact sheet."""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import cv2
+import matplotlib as mpl
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from finloop.features.area import closed_spline, control_points
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
+from finloop.features.table import direction_deg, orientations_of
+
+Picture = NDArray[np.uint8]
+TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
+    STRAIGHT: ("straight", "#0072B2"),
+    LEFT: ("left", "#D55E00"),
+    RIGHT: ("right", "#009E73"),
+}
+
+
+def longest_track(features: pd.DataFrame) -> pd.DataFrame:
+    """The rows of the track with the most frames."""
+    return features[features["track_id"] == features["track_id"].mode()[0]]
+
+
+def figure7(features: pd.DataFrame) -> Figure:
+    """Fig. 7 of the fish paper for the longest track: (a) motion area, (b) swimming type."""
+    track = longest_track(features)
+    figure = Figure(figsize=(10, 4.5), layout="constrained")
+    area, kind = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
+    area.plot(track["frame"], track["motion_area_rel"], lw=0.9, color="0.25")
+    for code, (word, colour) in TYPES.items():
+        here = (track["swimming_type"] == code).to_numpy()
+        area.fill_between(
+            track["frame"], 0, track["motion_area_rel"], where=here, color=colour, alpha=0.4,
+            label=word, linewidth=0, step=None,
+        )  # fmt: skip
+    area.set(ylabel="motion area (relative)", ylim=(0, None), title=_title(track))
+    area.legend(loc="upper right", ncols=3, frameon=False)
+    kind.step(track["frame"], track["swimming_type"], where="mid", lw=0.9, color="0.25")
+    kind.set(xlabel="frame", yticks=(-1, 0, 1), yticklabels=("right", "straight", "left"))
+    return figure
+
+
+def _title(track: pd.DataFrame) -> str:
+    return f"track {track['track_id'].iloc[0]}, the longest: {len(track)} frames"
+
+
+def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
+    """The way of every track over the empty tank, with its beginning and a heading now and then."""
+    height, width = background.shape[:2]
+    figure = Figure(figsize=(10, 10 * height / width), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.6)
+    colours = mpl.colormaps["tab20"](np.arange(20))
+    for number, (_, track) in enumerate(features.groupby("track_id")):
+        colour = colours[number % len(colours)]
+        axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
+        axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)
+        some = track.iloc[:: max(1, len(track) // 8)]
+        angle = np.radians(some["heading_deg"])
+        axes.quiver(
+            some["x_px"], some["y_px"], np.cos(angle), np.sin(angle), color=colour,
+            angles="uv", scale=45, width=0.0025,
+        )  # fmt: skip
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    axes.set_title("dot: a track begins; arrow: heading")
+    return figure
+
+
+def rose(features: pd.DataFrame) -> Figure:
+    """How often each orientation occurs, by swimming type."""
+    count = orientations_of(features)
+    figure = Figure(figsize=(6, 6), layout="constrained")
+    axes = figure.add_subplot(projection="polar")
+    angle = np.radians(direction_deg(np.arange(1, count + 1), count))
+    base = np.zeros(count)
+    for code, (word, colour) in TYPES.items():
+        of_kind = features.loc[features["swimming_type"] == code, "orientation"]
+        share = 100 * np.bincount(of_kind - 1, minlength=count) / len(features)
+        axes.bar(angle, share, width=0.9 * angle[1], bottom=base, color=colour, label=word)
+        base += share
+    every = -(-count // 12)  # that are numbered, 12 at most
+    axes.set_xticks(angle[::every], [f"{number}" for number in range(1, count + 1, every)])
+    axes.set_title("orientation of the head, % of all frames (1 = screen right)")
+    axes.legend(loc="lower left", bbox_to_anchor=(-0.08, -0.08), frameon=False)
+    return figure
+
+
+class Specimen(NamedTuple):
+    """One fish for the contact sheet: its row, its backbone (n, 2) px head first, film around."""
+
+    row: pd.Series
+    backbone: NDArray[np.floating]
+    film: Picture  # (h, w) or (h, w, 3)
+    x0_px: int
+    y0_px: int
+
+
+def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
+    """Row numbers for a contact sheet, worst first.
+
+    Half of them have the least confidence in head and tail, at most a few of one track; the others
+    are spread over the range of motion areas.
+    """
+    order = features["head_confidence"].to_numpy().argsort(kind="stable")
+    rank = features["track_id"].iloc[order].groupby(features["track_id"].iloc[order]).cumcount()
+    doubtful = order[(rank < 3).to_numpy()][: count // 2]
+    by_area = features["motion_area"].to_numpy().argsort(kind="stable")[::-1]
+    spread = by_area[np.linspace(0, len(by_area) - 1, count - len(doubtful)).astype(int)]
+    return np.concatenate([doubtful, spread])
+
+
+def contact_sheet(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
+    """Fish with backbone, control points, B-spline and heading drawn over the film."""
+    tiles = [_tile(specimen, size) for specimen in specimens]
+    while len(tiles) % columns:
+        tiles.append(np.full_like(tiles[0], 255))
+    rows = [np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)]
+    return np.vstack([_key(rows[0].shape[1]), *rows])
+
+
+_BACKBONE, _SPLINE, _CONTROL, _HEADING = (255, 220, 0), (255, 60, 60), (255, 255, 255), (0, 255, 90)
+
+
+def _tile(specimen: Specimen, size: int) -> Picture:
+    film = specimen.film if specimen.film.ndim == 3 else np.dstack([specimen.film] * 3)
+    scale = (size - 40) / max(film.shape[:2])
+    tile = np.full((size, size, 3), 40, np.uint8)
+    big = cv2.resize(film, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+    top, left = 30 + (size - 40 - big.shape[0]) // 2, (size - big.shape[1]) // 2
+    tile[top : top + big.shape[0], left : left + big.shape[1]] = big
+
+    def place(points: NDArray[np.floating]) -> NDArray[np.int32]:
+        """From px of the picture to sixteenths of a pixel of the tile, for cv2's shift=4."""
+        inside = points - [specimen.x0_px, specimen.y0_px] + 0.5
+        return np.round(16 * (inside * scale - 0.5 + [left, top])).astype(np.int32)
+
+    control = control_points(specimen.backbone[None])[0]
+    cv2.polylines(tile, [place(closed_spline(control))], True, _SPLINE, 1, cv2.LINE_AA, 4)
+    cv2.polylines(tile, [place(specimen.backbone)], False, _BACKBONE, 1, cv2.LINE_AA, 4)
+    for x, y in place(control):
+        cv2.circle(tile, (int(x), int(y)), 40, _CONTROL, -1, cv2.LINE_AA, 4)
+    angle = np.radians(specimen.row["heading_deg"])
+    step = 0.25 * specimen.row["body_length_px"] * np.array([np.cos(angle), -np.sin(angle)])
+    start, end = place(np.stack([specimen.backbone[0], specimen.backbone[0] + step]))
+    cv2.arrowedLine(
+        tile, tuple(map(int, start)), tuple(map(int, end)), _HEADING, 2, cv2.LINE_AA, 4, 0.3
+    )
+    row = specimen.row
+    word = TYPES[int(row["swimming_type"])][0]
+    _write(tile, f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}", (5, 13))
+    _write(
+        tile, f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}", (5, 27)
+    )
+    return tile
+
+
+def _key(width: int) -> Picture:
+    bar = np.full((24, width, 3), 40, np.uint8)
+    words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
+    for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
+        _write(bar, word, (8 + 130 * number, 16), colour)
+    return bar
+
+
+def _write(
+    picture: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int] = (235,) * 3
+) -> None:
+    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.38, colour, 1, cv2.LINE_AA)

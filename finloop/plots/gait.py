@@ -1,0 +1,310 @@
+"""Figs. 8–14 of the curve paper, of any contours: a dog's limbs, a fish's outline."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from finloop.gait.descriptor import clock
+from finloop.gait.film import Filmed, Keys
+from finloop.gait.fit import Moves
+from finloop.gait.model import Gait, Points, at_phases, four_keys
+
+INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
+GREY = "#B0B0B0"
+KEY_NAMES = ("1", "2", "1'", "2'")
+CONTROL = (4, 16, 64)
+"""Control points of the rows of Fig. 14."""
+
+Pose = Mapping[str, Points]
+
+
+def figures(
+    film: Filmed,
+    gait: Gait,
+    keys: Keys,
+    moves: Mapping[tuple[str, int], Moves],
+    pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
+) -> Iterator[tuple[str, Figure]]:
+    """Names and figures 8 to 14; `pictures` of the film and their phases, if they may be shown."""
+    yield "fig8", figure8(*pictures) if pictures else figure8_contours(film)
+    yield "fig9", figure9(gait, keys, film)
+    yield "fig10", figure10(film, keys, gait.split)
+    yield "fig11", figure11(moves)
+    yield "fig12", figure12(gait, keys, film)
+    yield "fig13", figure13(gait, keys, film)
+    yield "fig14", figure14(gait, keys, film)
+
+
+def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int = 6) -> Figure:
+    """Fig. 8: pictures of a film that form a gait cycle, left to right and top to bottom."""
+    high, wide = pictures[0].shape[:2]
+    rows = -(-len(pictures) // columns)
+    figure, ax = _canvas(columns * 2.0, rows * (2.0 * high / wide + 0.2), "")
+    for k, (picture, phase) in enumerate(zip(pictures, phases, strict=True)):
+        x, y = (k % columns) * 1.04 * wide, (k // columns) * (high + 0.1 * wide)
+        ax.imshow(picture, cmap="gray", vmin=0, vmax=255, extent=(x, x + wide, y + high, y))
+        ax.text(x + wide / 2, y, f"phase {phase % 1:.2f}", ha="center", va="bottom", fontsize=7)
+    ax.set(xlim=(0, columns * 1.04 * wide), ylim=(rows * (high + 0.1 * wide), -0.1 * wide))
+    return figure
+
+
+def figure8_contours(film: Filmed, columns: int = 6, shown: int = 18) -> Figure:
+    """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
+    first = np.flatnonzero(film.phase < film.phase[0] + 1)
+    picked = first[np.unique(np.linspace(0, len(first) - 1, min(shown, len(first))).astype(int))]
+    poses = [{name: points[k] for name, points in film.contours.items()} for k in picked]
+    titles = [f"phase {film.phase[k] % 1:.2f}" for k in picked]
+    rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
+    return _sheet(rows, titles, [""] * len(rows), "contours of the film")
+
+
+def figure9(gait: Gait, keys: Keys, film: Filmed) -> Figure:
+    """Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
+
+    Where no limbs stand on the ground: how far the contour reaches to either side.
+    """
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
+    parts: Any = figure.subfigures(2, 1, height_ratios=[1, 1.1])
+    above, below = parts
+    ax = above.subplots()
+    edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
+    for at, name in zip(edges, (*KEY_NAMES, "1"), strict=True):
+        ax.axvline(at, color=GREY, lw=0.8)
+        ax.text(
+            at, 1.02, f"key {name}", transform=ax.get_xaxis_transform(), ha="center", fontsize=8
+        )
+    for letter, (a, b) in zip("ABCD", pairwise(edges), strict=True):
+        ax.text((a + b) / 2, 1.02, letter, transform=ax.get_xaxis_transform(), ha="center")
+    if gait.support:
+        _support(ax, gait)
+    else:
+        _reach(ax, gait, keys, film)
+    ax.set(xlim=(0, 1), xlabel="phase of the cycle")
+    poses = four_keys(keys.one, keys.two, film.symmetry, offsets=film.offsets)
+    titles = [f"key {name}" for name in KEY_NAMES]
+    _cells(below.subplots(), [list(poses)], titles)
+    return figure
+
+
+def _support(ax: Axes, gait: Gait) -> None:
+    places = np.linspace(0, 1, 24, endpoint=False) + 1 / 48
+    inks = _inks(gait.support)
+    for row, (ink, spans) in enumerate(zip(inks, gait.support.values(), strict=True)):
+        down = np.zeros(len(places), bool)
+        for start, stop in spans:
+            down |= (start <= places) & (places < stop)
+            down |= (start <= places + 1) & (places + 1 < stop)
+        ax.plot(places[down], np.full(down.sum(), row), "o", color=ink, ms=7)
+        ax.plot(places[~down], np.full((~down).sum(), row), "o", color=ink, ms=7, mfc="none")
+    ax.set_yticks(range(len(gait.support)), [name.replace("_", " ") for name in gait.support])
+    ax.set_ylim(len(gait.support) - 0.5, -0.5)
+    ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
+
+
+def _reach(ax: Axes, gait: Gait, keys: Keys, film: Filmed) -> None:
+    phases = np.linspace(0, 1, 121)
+    frames = _frames(gait, keys, film, phases)
+    for ink, (name, points) in zip(_inks(frames), frames.items(), strict=True):
+        most = int(np.ptp(points[..., 1], axis=0).argmax())
+        side = points[:, most, 1] / film.body_length
+        ax.plot(phases, side, color=ink, label=f"{name.replace('_', ' ')}: its farthest point")
+    ax.set_ylabel("sideways / body length")
+    ax.invert_yaxis()
+    ax.legend(fontsize=8)
+
+
+def figure10(film: Filmed, keys: Keys, split: float) -> Figure:
+    """Fig. 10: contours of all frames in subcycle A: key 1 dashed, key 2 solid, others dotted.
+
+    Frames of subcycle C are among them, brought over by the symmetry.
+    """
+    inside = (np.mod(film.phase, 0.5) > 0) & (np.mod(film.phase, 0.5) < split)
+    late = (np.mod(film.phase, 1) >= 0.5)[inside, None, None]
+    later = film.later(film.contours)
+    frames = {n: np.where(late, later[n][inside], of[inside]) for n, of in film.contours.items()}
+    names = list(film.contours)
+    columns = min(4, len(names))
+    middles = {n: (_low(of) + _high(of)) / 2 for n, of in frames.items()}
+    size = np.max([_high(of) - _low(of) for of in frames.values()], axis=0)
+    wide, high = 1.15 * size
+    rows = -(-len(names) // columns)
+    figure, ax = _canvas(9.0, 9.0 / columns * rows * high / wide + 0.6, "")
+    ax.set_title("subcycle A: key 1 dashed, key 2 solid, frames dotted", fontsize=10)
+    for k, (name, ink) in enumerate(zip(names, _inks(names), strict=True)):
+        shift = np.array([k % columns * wide, k // columns * high]) - middles[name]
+        for points in frames[name]:
+            _line(ax, points + shift, color=GREY, ls=":", lw=1.0)
+        _line(ax, keys.one[name] + shift, color=ink, ls="--", lw=1.5)
+        _line(ax, keys.two[name] + shift, color=ink, ls="-", lw=1.5)
+        x, y = shift + middles[name] - [0, size[1] / 2]
+        ax.text(x, y, name.replace("_", " "), ha="center", va="bottom", fontsize=9)
+    ax.set(xlim=(-wide / 2, (columns - 0.5) * wide), ylim=((rows - 0.5) * high, -0.6 * high))
+    return figure
+
+
+def figure11(moves: Mapping[tuple[str, int], Moves]) -> Figure:
+    """Fig. 11: where each frame is between its keys, 'o' in A and 'x' in B, and the parabolas.
+
+    A frame's f is the share of the way between the keys that it still has before it, by least
+    squares over its contour.
+    """
+    names = list(dict.fromkeys(name for name, _ in moves))
+    columns = min(4, len(names))
+    rows = -(-len(names) // columns)
+    figure = Figure(figsize=(max(5.0, 2.7 * columns), 2.7 * rows + 0.3), layout="constrained")
+    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    tau = np.linspace(0, 1, 101)
+    for ax in axes[len(names) :]:
+        ax.axis("off")
+    for ax, name in zip(axes, names, strict=False):
+        ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
+        for sub, mark in enumerate("ox"):
+            one = moves[name, sub]
+            way = (one.source - one.to).ravel()
+            flat = (one.samples.coefficients - one.to).reshape(len(one.samples.tau), -1)
+            gamma = one.gammas(False, 0.0)[0]
+            ink = INKS[sub]
+            text = f"{'AB'[sub]}: γ = {gamma:+.2f}"
+            ax.plot(tau, clock(tau, np.array(gamma)), color=ink, lw=1.2)
+            ax.plot(
+                one.samples.tau, flat @ way / max(float(way @ way), 1e-300), mark,
+                color=ink, ms=4.5, mfc="none", label=text,
+            )  # fmt: skip
+        ax.set_title(name.replace("_", " "), fontsize=9)
+        ax.legend(fontsize=7)
+    figure.supxlabel("τ", fontsize=9)
+    figure.supylabel("f(τ), 1 = the key it comes from", fontsize=9)
+    return figure
+
+
+def figure12(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
+    """Fig. 12: the synthesized cycle, subcycles A to D in rows."""
+    edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
+    tau = np.arange(columns) / columns
+    phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
+    return _synthesized(gait, keys, film, phases, columns, list("ABCD"), "synthesized cycle")
+
+
+def figure13(gait: Gait, keys: Keys, film: Filmed, columns: int = 6, rows: int = 2) -> Figure:
+    """Fig. 13: subcycle A alone, with more frames."""
+    phases = np.linspace(0, gait.split, rows * columns)
+    return _synthesized(gait, keys, film, phases, columns, [""] * rows, "subcycle A")
+
+
+def figure14(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
+    """Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
+    phases = np.arange(columns) / columns
+    rows = []
+    for control in CONTROL:
+        frames = _frames(gait, keys, film, phases, control)
+        rows.append([{n: p[k] for n, p in frames.items()} for k in range(columns)])
+    titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)
+    names = [f"{control} points" for control in CONTROL]
+    return _sheet(rows, titles, names, "the same at few control points")
+
+
+def _frames(
+    gait: Gait, keys: Keys, film: Filmed, phases: Points, control: int | None = None
+) -> dict[str, Points]:
+    return at_phases(keys.one, keys.two, gait, phases, offsets=film.offsets, control=control)
+
+
+def _synthesized(
+    gait: Gait,
+    keys: Keys,
+    film: Filmed,
+    phases: Points,
+    columns: int,
+    names: Sequence[str],
+    title: str,
+) -> Figure:
+    frames = _frames(gait, keys, film, phases)
+    poses = [{n: p[k] for n, p in frames.items()} for k in range(len(phases))]
+    rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
+    titles = [f"phase {phase:.3f}" for phase in phases]
+    return _sheet(rows, titles, names, title)
+
+
+def _sheet(
+    rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str], title: str
+) -> Figure:
+    """Poses in rows, all on one scale; `names` of the rows on their left."""
+    wide, high = _cell(rows)
+    columns = max(map(len, rows))
+    inches = 1.7 * columns + 0.4
+    figure, ax = _canvas(inches, (inches / (columns + 0.3)) * len(rows) * high / wide + 0.4, title)
+    _cells(ax, rows, titles, names)
+    return figure
+
+
+def _cell(rows: Sequence[Sequence[Pose]]) -> Points:
+    """Width and height of what a pose takes up, with room for its title."""
+    box = _box([pose for row in rows for pose in row])
+    wide, high = _high(box) - _low(box)
+    return np.array([1.08 * wide, 1.04 * high + 0.13 * wide])
+
+
+def _cells(
+    ax: Axes, rows: Sequence[Sequence[Pose]], titles: Sequence[str], names: Sequence[str] = ()
+) -> None:
+    """Poses side by side in one plot: a plot for each would take ten times as long."""
+    box = _box([pose for row in rows for pose in row])
+    low, (wide, high) = _low(box), _cell(rows)
+    left = iter(titles)
+    for r, row in enumerate(rows):
+        for c, pose in enumerate(row):
+            corner = np.array([c * wide, r * high])
+            _draw(ax, {name: points - low + corner for name, points in pose.items()})
+            x, y = corner + np.array([0.46 * wide, -0.02 * wide])
+            ax.text(x, y, next(left), ha="center", va="bottom", fontsize=7)
+        if names:
+            at = (-0.06 * wide, (r + 0.45) * high)
+            ax.text(*at, names[r], rotation=90, ha="right", va="center", fontsize=10)
+    columns = max(map(len, rows))
+    ax.set(
+        xlim=(-0.25 * wide if names else 0, columns * wide),
+        ylim=(len(rows) * high - 0.13 * wide, -0.13 * wide),
+    )
+    ax.set_aspect("equal")
+    ax.axis("off")
+
+
+def _canvas(wide: float, high: float, title: str) -> tuple[Figure, Axes]:
+    """A figure, inches, all of which is one bare plot with y down."""
+    figure = Figure(figsize=(wide, high))
+    ax = figure.add_axes((0.01, 0.01, 0.98, 0.98 - 0.3 / high))
+    ax.set_title(title, fontsize=10)
+    ax.set_aspect("equal")
+    ax.axis("off")
+    return figure, ax
+
+
+def _draw(ax: Axes, pose: Pose) -> None:
+    for ink, points in zip(_inks(pose), pose.values(), strict=True):
+        ax.fill(*points.T, color=ink, alpha=0.25, lw=0)
+        _line(ax, points, color=ink, lw=1.1)
+
+
+def _line(ax: Axes, points: Points, color: str, lw: float, ls: str = "-") -> None:
+    ax.plot(*np.concatenate([points, points[:1]]).T, color=color, lw=lw, ls=ls)
+
+
+def _inks(names: Mapping[str, object] | Sequence[str]) -> list[str]:
+    return [INKS[k % len(INKS)] for k in range(len(names))]
+
+
+def _box(poses: Sequence[Pose]) -> Points:
+    return np.concatenate([points for pose in poses for points in pose.values()])
+
+
+def _low(points: Points) -> Points:
+    return np.nanmin(points.reshape(-1, 2), axis=0)
+
+
+def _high(points: Points) -> Points:
+    return np.nanmax(points.reshape(-1, 2), axis=0)

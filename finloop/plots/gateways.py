@@ -1,0 +1,109 @@
+"""Fig. 14 of the fish paper for every eye: pairs that meet at a gateway, side by side."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.distance.map import MapFacts
+from finloop.distance.picture import film_pictures
+from finloop.gateways.find import IN, OUT, sprite_pictures
+from finloop.io.cutouts import CutoutStore
+
+Picture = NDArray[np.uint8]
+Cutouts = NDArray[np.float32]
+
+TILE = 150  # px
+_GROUND, _INK, _STRIP = 205, (150, 30, 30), 20
+_HEADLINES = {
+    IN: "IN: sprite | next as filmed | next frame instead | half of both",
+    OUT: "OUT: frame | next as filmed | next sprite instead | half of both",
+}
+
+
+class Pair(NamedTuple):
+    """A gateway as a viewer meets it: premultiplied pictures (TILE, TILE, c), 0 … 1.
+
+    before: on screen; natural: what would come next; instead: what does; above, below: words.
+    """
+
+    before: Cutouts
+    natural: Cutouts
+    instead: Cutouts
+    above: str
+    below: str
+
+
+def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
+    """The best, the median and the worst gateways, and some between: `count` by distance."""
+    order = gateways.sort_values("distance", kind="stable")
+    numbers = np.linspace(0, len(order) - 1, min(count, len(order)))
+    return order.iloc[numbers.round().astype(int)]
+
+
+def pairs(
+    gateways: pd.DataFrame, sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame,
+    film: CutoutStore, facts: MapFacts,
+) -> Iterator[Pair]:  # fmt: skip
+    """The pictures of gateways, in the pose in which they were compared."""
+
+    @lru_cache(1)  # in the pose BODY there is but one
+    def of_sprites(number: int) -> tuple[Cutouts, Cutouts]:
+        return sprite_pictures(sprites, store, features, film, TILE, facts.pose, number)
+
+    for way in gateways.itertuples():
+        sprite, row = sprites.iloc[way.sprite], features.iloc[way.row]
+        ahead, shown = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
+        inward = way.direction == IN
+        rows = np.array([way.row, way.row + (not inward)])
+        here, after = film_pictures(features, film, TILE, facts.pose, rows)
+        names = [
+            f"{sprite['sequence']} {sprite['step']} ({sprite['track_id']}:{sprite['frame']})",
+            f"film {row['track_id']:.0f}:{row['frame']:.0f}",
+        ]
+        yield Pair(
+            *((shown, ahead, here) if inward else (here, after, shown)),
+            " > ".join(names if inward else names[::-1]),
+            f"{way.distance / facts.step_median:.2f} steps",
+        )
+
+
+def contact_sheet(shown: Mapping[str, Sequence[Pair]], columns: int = 3) -> Picture:
+    """The pairs of each direction, under a line that says what is shown."""
+    bands = []
+    for direction, of in shown.items():
+        bands += [_strip(_HEADLINES[direction], columns), *_lines([*map(_tiles, of)], columns)]
+    return np.vstack(bands)
+
+
+def _tiles(pair: Pair) -> Picture:
+    half = ((pair.natural + pair.instead) / 2).astype(np.float32)
+    shown = [_on_ground(one) for one in (pair.before, pair.natural, pair.instead, half)]
+    whole = np.hstack(shown)
+    for text, y in ((pair.above, 12), (pair.below, TILE - 5)):
+        cv2.putText(whole, text, (4, y), cv2.FONT_HERSHEY_SIMPLEX, 0.36, _INK, 1, cv2.LINE_AA)
+    cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)
+    return whole
+
+
+def _on_ground(one: Cutouts) -> Picture:
+    laid = 255 * one[..., :-1] + _GROUND * (1 - one[..., -1:])
+    whole = np.broadcast_to(laid, (*one.shape[:2], 3))
+    return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
+
+
+def _strip(text: str, columns: int) -> Picture:
+    strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
+    place = 4, _STRIP - 5
+    cv2.putText(strip, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _INK, 1, cv2.LINE_AA)
+    return strip
+
+
+def _lines(tiles: Sequence[Picture], columns: int) -> list[Picture]:
+    blank = np.full((TILE, 4 * TILE, 3), 255, np.uint8)
+    every = [*tiles, *[blank] * (-len(tiles) % columns)]
+    return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]

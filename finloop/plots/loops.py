@@ -1,0 +1,248 @@
+"""Pictures of video loops: over time, over the tank, the position table, the best and the worst."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.position_table import LETTERS
+
+_LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
+_QUADRANTS = ("#F0E442", "#56B4E9", "#CC79A7", "#009E73")
+_ARCS = 250  # loops that can be told apart in one picture
+_ARROWS = 60
+_HALO = [withStroke(linewidth=3, foreground="white")]
+
+Rows = NDArray[np.integer]
+Picture = NDArray[np.uint8]
+
+
+def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
+    """At most so many rows of a table, evenly from the first, the best loop, to the last."""
+    count = min(len(loops), most)
+    return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
+
+
+def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: float) -> Figure:
+    """Figs. 10a, 12: loops as arcs over the film, tracks one after another; and where film goes on.
+
+    Below: loop ends per second; and a bar of the film by whether it can be played on for ever.
+    """
+    figure = Figure(figsize=(12, 6), layout="constrained")
+    arcs, density, bar = figure.subplots(3, 1, sharex=True, height_ratios=(5, 2, 0.6))
+    seconds = len(track_id) / rate_hz
+    small = loops[loops["group"] > 0]
+    drawn = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
+    for group, colour in ((0, _LARGEST), (1, _OTHER)):
+        some = drawn[drawn["group"].clip(upper=1) == group]
+        arcs.add_collection(
+            LineCollection(
+                list(_arcs(some["a"].to_numpy() / rate_hz, some["b"].to_numpy() / rate_hz)),
+                colors=colour, lw=0.7, alpha=0.35 if group == 0 else 0.9,
+            )
+        )  # fmt: skip
+    groups = int(loops["group"].max()) + 1
+    arcs.set(xlim=(0, seconds), ylim=(0, 1.05), yticks=[], ylabel="loops")
+    arcs.set_title(
+        f"{_some(len(drawn), len(loops))} loops: blue the largest group, orange the other "
+        f"{groups - 1} of {groups} (Fig. 12)"
+        if groups > 1
+        else f"{_some(len(drawn), len(loops))} loops, all of one group (Fig. 12)"
+    )
+    bins = np.arange(0, seconds + 1)
+    count, _ = np.histogram(graph.ends / rate_hz, bins)
+    density.stairs(count, bins, fill=True, color="0.45")
+    density.set(ylabel="ends per s")
+    going, largest = goes_on(graph, track_id), in_component(graph, len(track_id))
+    state = np.where(largest, 0, np.where(going, 1, 2))
+    bar.imshow(
+        state[None], aspect="auto", extent=(0, seconds, 0, 1), interpolation="nearest",
+        cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
+    )  # fmt: skip
+    bar.set(yticks=[], xlabel="film, its tracks one after another (s)")
+    for edge in np.flatnonzero(np.diff(track_id)) + 1:
+        bar.axvline(edge / rate_hz, color="white", lw=0.6)
+    words = ("in the largest component", "leads to a loop without end", "dead end")
+    figure.legend(
+        handles=[
+            Patch(color=colour, label=f"{word}: {100 * (state == number).mean():.1f} % of the film")
+            for number, (word, colour) in enumerate(
+                zip(words, (_LARGEST, _OTHER, _DEAD), strict=True)
+            )
+        ],
+        loc="outside lower center", ncols=3, frameon=False,
+    )  # fmt: skip
+    return figure
+
+
+def _some(shown: int, all_of_them: int) -> str:
+    return f"{shown} of {all_of_them}" if shown < all_of_them else f"all {all_of_them}"
+
+
+def _arcs(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Half ellipses (n, points, 2) from a to b; as high as the square root of their width."""
+    angle = np.linspace(0, np.pi, 40)
+    middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
+    high = np.sqrt(half / half.max(initial=1e-9))
+    return np.stack([middle - half * np.cos(angle), high * np.sin(angle)], axis=-1)
+
+
+def over_tank(
+    loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: Picture
+) -> Figure:
+    """Loop ends over the empty tank, and where loops within a track take the fish (Fig. 11a)."""
+    height, width = background.shape[:2]
+    figure = Figure(figsize=(10, 10 * height / width + 0.6), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.45)
+    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    frames = graph.frames
+    dead = ~graph.endless
+    for mine, colour, word in (
+        ((graph.component == 0) & ~dead, _LARGEST, "in the largest component"),
+        ((graph.component > 0) & ~dead, _OTHER, "leads to a loop without end"),
+        (dead, _DEAD, "no playing on from here"),
+    ):
+        at = graph.ends[mine]
+        if len(at):
+            axes.plot(x[at], y[at], ".", color=colour, ms=2.5 if len(frames) > 500 else 5,
+                      label=f"{len(at)} ends: {word}")  # fmt: skip
+    within = loops[loops["length_s"].notna()].sort_values("length_s")
+    some = sample(within, _ARROWS)
+    a, b = some["a"].to_numpy(), some["b"].to_numpy()
+    if len(some):
+        axes.quiver(
+            x[a], y[a], x[b] - x[a], y[b] - y[a], angles="xy", scale_units="xy", scale=1,
+            width=0.0018, color="black", alpha=0.75, zorder=3,
+        )  # fmt: skip
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    axes.set_title(
+        f"arrows: what is played between the ends of {_some(len(some), len(within))} loops "
+        "within a track"
+        if len(some)
+        else "no loop lies within one track"
+    )
+    figure.legend(loc="outside lower center", ncols=3, frameon=False, markerscale=3)
+    return figure
+
+
+def table_picture(table: pd.DataFrame, ends: Rows, features: pd.DataFrame) -> Figure:
+    """Fig. 11: the way of the track with its loop ends A, B …, and the table of quadrants."""
+    figure = Figure(figsize=(14, 7), layout="constrained")
+    way, cells = figure.subplots(1, 2)
+    track = features["track_id"].to_numpy()
+    mine = features[track == track[ends[0]]]
+    way.plot(mine["x_px"], mine["y_px"], color="0.6", lw=1)
+    at = features.iloc[ends]
+    x, y = at["x_px"].to_numpy(float), at["y_px"].to_numpy(float)
+    way.scatter(x, y, c=np.arange(len(ends)), cmap="viridis", s=22, zorder=3)
+    _letters(way, x, y, at["heading_deg"].to_numpy(float))
+    way.set_aspect("equal", adjustable="datalim")
+    way.invert_yaxis()
+    way.set(
+        xlabel="x (px)", ylabel="y (px)", title=f"track {track[ends[0]]}: loop ends in time order"
+    )
+    number = table.replace("", "0").to_numpy(int)
+    cells.imshow(number, cmap=ListedColormap(["white", *_QUADRANTS]), vmin=0, vmax=4)
+    for row, column in zip(*np.nonzero(number), strict=True):
+        cells.text(column, row, number[row, column], ha="center", va="center", fontsize=8)
+    names = list(table.columns)
+    cells.set_xticks(range(len(names)), names)
+    cells.set_yticks(range(len(names)), names)
+    cells.xaxis.tick_top()
+    cells.set_title("quadrant of the column's end, seen from the row's; 1 = upper right")
+    return figure
+
+
+def _letters(
+    axes: Axes, x: NDArray[np.floating], y: NDArray[np.floating], heading_deg: NDArray[np.floating]
+) -> None:
+    """Names beside places, in turn to the left and to the right of the fish."""
+    side = np.where(np.arange(len(x)) % 2, -90, 90)
+    angle = np.radians(heading_deg + side)
+    for letter, *numbers in zip(LETTERS, x, y, angle, strict=False):
+        right_px, down_px, towards = numbers
+        axes.annotate(
+            letter, (right_px, down_px), (11 * np.cos(towards), 11 * np.sin(towards)),
+            textcoords="offset points", ha="center", va="center", fontweight="bold",
+            path_effects=_HALO, zorder=4,
+        )  # fmt: skip
+
+
+class Example(NamedTuple):
+    """A loop for the sheet: three pictures (h, w, c) 0 … 1, premultiplied, and what it costs."""
+
+    before: NDArray[np.float32]
+    natural: NDArray[np.float32]
+    instead: NDArray[np.float32]
+    words: str
+
+
+def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
+    """Places of the first `count` loops no end of which is within `rows` of one before them."""
+    taken: list[int] = []
+    seen = np.empty(0, int)
+    ends = loops[["a", "b"]].to_numpy()
+    for place, pair in enumerate(ends):
+        if (np.abs(seen[:, None] - pair) > rows).all():
+            taken.append(place)
+            seen = np.r_[seen, pair]
+            if len(taken) == count:
+                break
+    return taken
+
+
+def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
+    """Fig. 8 for some loops: the frame shown last, the film's next, the loop's; what differs."""
+    lines = max(len(best), len(worst))
+    filled = _filled([*best, *worst])
+    high = (filled.stop - filled.start) / len(best[0].before)
+    figure = Figure(figsize=(14, (1.7 * high + 0.3) * lines + 0.6), layout="constrained")
+    figure.suptitle(
+        "shown last | the film's next frame | the loop's next frame | what differs, × 3",
+        fontsize=11,
+    )
+    halves: NDArray[np.object_] = np.asarray(figure.subfigures(1, 2))
+    for half, part, examples in zip(halves, ("best", "worst"), (best, worst), strict=True):
+        half.suptitle(f"the {part} loops that were kept, by filtered distance", fontsize=11)
+        panels = half.subplots(lines, 1, squeeze=False)[:, 0]
+        for axes in panels:
+            axes.axis("off")
+        for axes, one in zip(panels, examples, strict=False):
+            axes.imshow(np.hstack([tile[filled] for tile in _tiles(one)]))
+            axes.set_title(one.words, fontsize=8, loc="left", pad=2)
+    return figure
+
+
+def _tiles(one: Example) -> list[NDArray[np.float32]]:
+    """Three pictures over light grey, and three times what differs between the last two."""
+    ground = 0.8
+    over = [
+        picture[..., :-1] + (1 - picture[..., -1:]) * ground
+        for picture in (one.before, one.natural, one.instead)
+    ]
+    tiles = [*over, 0.5 + 1.5 * (over[2] - over[1])]
+    return [np.clip(tile if tile.shape[-1] == 3 else tile.repeat(3, -1), 0, 1) for tile in tiles]
+
+
+def _filled(examples: Sequence[Example]) -> slice:
+    """The rows of the pictures in which any of them shows fish."""
+    alpha = [picture[..., -1] for one in examples for picture in one[:3]]
+    rows = np.flatnonzero(np.any(np.stack(alpha) > 0.1, axis=(0, 2)))
+    return slice(max(rows[0] - 4, 0), rows[-1] + 5)
+
+
+def message(text: str) -> Figure:
+    """Words in the place of a picture."""
+    figure = Figure(figsize=(8, 2))
+    figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
+    return figure

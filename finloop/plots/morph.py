@@ -1,0 +1,32 @@
+"""Sheets of morphs: frames of a drawing side by side, a row a method (Figs. 4, 5)."""
+
+from collections.abc import Mapping
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.morph.layers import Morph
+from finloop.morph.paint import painted, shapes
+
+Picture = NDArray[np.uint8]
+_BAR = 22  # px above a row, for its name
+
+
+def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
+    """Rows of (name, morph), each at `columns` even times from 0 to 1; `size` px a frame."""
+    return np.vstack([_row(name, one, columns, size) for name, one in morphs.items()])
+
+
+def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
+    side = max(morph.width, morph.height)
+    what = shapes(morph.closed, morph.styles, side)
+    tiles = []
+    for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
+        drawn = [(one, [morph.layers[layer][frame] for layer in one.layers]) for one in what]
+        tiles.append(painted(drawn, (size, size), size / side))
+    bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
+    folded = sum(int(count.sum()) for count in morph.folds.values())
+    text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"
+    cv2.putText(bar, text, (6, 16), (0, 0, 0), cv2.FontFace("sans"), 13)
+    return np.vstack([bar, np.hstack(tiles)])

@@ -1,0 +1,144 @@
+"""Pictures of an edit list: the trajectory (Fig. 16) and a sheet of consecutive ticks."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from matplotlib.patheffects import withStroke
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import FRAME, Goal
+from finloop.render.marks import aims, parts, rgb, sought, write
+
+Picture = NDArray[np.uint8]
+_WANDERING = "0.35"
+_HALO = [withStroke(linewidth=2.5, foreground="white")]
+
+
+def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
+    """Fig. 16: the way over the empty tank, coloured by state (or mode), and the goals.
+
+    Once the goals are done the fish wanders; that part is a thin grey line. Beside each goal stands
+    when it was reached.
+    """
+    height, width = background.shape[:2]
+    figure = Figure(figsize=(10, 10 * height / width + 0.5), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.45)
+    names, colours = parts(edit)
+    way = edit[["x_px", "y_px"]].to_numpy(float)
+    steps = np.stack([way[:-1], way[1:]], axis=1)
+    aimed = sought(edit)[1:]
+    named = names.to_numpy()[1:]
+    axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
+    for name, colour in colours.items():
+        chosen = steps[aimed & (named == name)]
+        axes.add_collection(LineCollection(list(chosen), colors=colour, lw=2.4, capstyle="round"))
+    _arrows(axes, edit[np.r_[False, aimed]])
+    axes.plot(*way[0], "o", mfc="white", mec="black", ms=7, zorder=4)
+    reached = {name: edit["time_s"].iloc[stop] for name, _, stop in aims(edit) if stop < len(edit)}
+    for goal in goals:
+        when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
+        ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)
+        axes.add_patch(ring)
+        axes.plot(goal.x_px, goal.y_px, "+", color="black", ms=7, mew=1.4, zorder=4)
+        axes.annotate(
+            when, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
+            fontweight="bold", path_effects=_HALO, zorder=5,
+        )  # fmt: skip
+    shown = [name for name in colours if (aimed & (named == name)).any()]
+    key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in shown]
+    if not aimed.all():
+        key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
+    key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
+    figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    return figure
+
+
+def _arrows(axes: "object", edit: pd.DataFrame) -> None:
+    """A heading now and then along the way to the goals."""
+    some = edit.iloc[min(12, len(edit)) :: max(1, len(edit) // 12)]
+    angle = np.radians(some["heading_deg"])
+    axes.quiver(  # type: ignore[attr-defined]
+        some["x_px"], some["y_px"], np.cos(angle), np.sin(angle), color="black", angles="uv",
+        scale=45, width=0.0025, zorder=3,
+    )  # fmt: skip
+
+
+class Tile(NamedTuple):
+    """One tick for the contact sheet: what is drawn around the fish, and what the row says."""
+
+    film: Picture  # (h, w) or (h, w, 3)
+    tick: int
+    name: str  # state or mode
+    colour: str
+    weight: float
+
+
+def liveliest(edit: pd.DataFrame, count: int) -> int:
+    """The first of `count` consecutive ticks in which the heading changes most."""
+    turned = np.radians(edit["heading_deg"].to_numpy(float))
+    change = np.abs(np.diff(np.unwrap(turned), prepend=turned[:1]))
+    total = np.cumsum(np.r_[0.0, change])
+    last = max(len(edit) - count, 0)
+    return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
+
+
+def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
+    """Ticks at which something else begins: another part of the film, or another sequence.
+
+    At most so many, spread over the animation, those between sprite and frame first. `tracks`:
+    track_id and frame of every cut-out.
+    """
+    kind = edit["kind"].to_numpy()
+    fades = (edit["weight"] > 0).to_numpy()
+    changed = np.append(False, kind[1:] != kind[:-1])
+    frame = kind == FRAME
+    place = tracks[["track_id", "frame"]].to_numpy()[np.where(frame, edit["source"], 0)]
+    jumped = (np.diff(place, axis=0) != (0, 1)).any(axis=1) & frame[1:] & frame[:-1]
+    begins = changed | np.append(False, jumped) | (fades & ~np.append(False, fades[:-1]))
+    between, across = np.flatnonzero(changed), np.flatnonzero(begins & ~changed)
+    wanted = min(most, len(between) + len(across))
+    first = min(len(between), max(wanted - len(across), wanted // 2))
+    chosen = [
+        where[np.linspace(0, len(where) - 1, count).astype(int)]
+        for where, count in ((between, first), (across, wanted - first))
+        if count
+    ]
+    return sorted(int(tick) for tick in np.concatenate(chosen)) if chosen else []
+
+
+def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
+    """The square of a frame around a place; beyond the picture its edge goes on."""
+    x, y = round(x_px), round(y_px)
+    columns = np.clip(np.arange(x - half_px, x + half_px + 1), 0, frame.shape[1] - 1)
+    rows = np.clip(np.arange(y - half_px, y + half_px + 1), 0, frame.shape[0] - 1)
+    return frame[rows[:, None], columns]
+
+
+def contact_sheet(tiles: Sequence[Tile], columns: int = 8, size: int = 150) -> Picture:
+    """Consecutive ticks side by side, the bar above each in the colour of its state."""
+    drawn = [_tile(tile, size) for tile in tiles]
+    while len(drawn) % columns or not drawn:
+        drawn.append(np.full((size + 20, size + 2, 3), 255, np.uint8))
+    return np.vstack([np.hstack(drawn[i : i + columns]) for i in range(0, len(drawn), columns)])
+
+
+def _tile(tile: Tile, size: int) -> Picture:
+    film = tile.film if tile.film.ndim == 3 else np.dstack([tile.film] * 3)
+    big = cv2.resize(film, (size, size), interpolation=cv2.INTER_CUBIC)
+    bar = np.full((18, size, 3), 255, np.uint8)
+    bar[:, :5] = rgb(tile.colour)
+    share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""
+    text = f"{tile.tick} {tile.name}{share}"
+    write(bar, text, (9, 13), (0, 0, 0), 12)
+    return cv2.copyMakeBorder(
+        np.vstack([bar, big]), 1, 1, 1, 1, cv2.BORDER_CONSTANT, value=(255,) * 3
+    )

@@ -1,0 +1,203 @@
+"""Marks in a film: goals, the way so far, and in a corner time, state and goal (Figs. 16, 18).
+
+What lies on the floor (goals, way) is drawn there once and stays, below the fish; only the caption
+is written anew at every tick. Sizes follow the picture's height. Colours are those of Okabe and
+Ito, told apart by colour-blind eyes too.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import Goal
+from finloop.render.painter import Box, Painter, Placed
+
+COLOURS = {
+    "straight": "#0072B2",
+    "turn": "#D55E00",
+    "slide": "#009E73",
+    "accelerate": "#E69F00",
+    "decelerate": "#CC79A7",
+    "nn": "#0072B2",
+    "loops": "#D55E00",
+}
+"""Of the states, or where an edit list has several modes, of the modes."""
+_OTHERS = ("#56B4E9", "#F0E442", "#000000")
+_WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
+_EDGE = (25, 25, 25)  # around what is bright, so that it is seen on a bright tank too
+_FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
+_SHIFT = 4  # cv2 takes sixteenths of a pixel
+
+
+def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
+    """What tells the ticks of an edit list apart, and its colours: the modes, else the states."""
+    names = edit["mode"] if edit["mode"].nunique() > 1 else edit["state"]
+    unknown = [name for name in names.unique() if name not in COLOURS]
+    others = {name: _OTHERS[i % len(_OTHERS)] for i, name in enumerate(unknown)}
+    colours = COLOURS | others
+    return names, {name: colours[name] for name in colours if (names == name).any()}
+
+
+def aims(edit: pd.DataFrame) -> list[tuple[str, int, int]]:
+    """Stretches of one goal after the other: its name ("" = wandering), first tick, end."""
+    goal = edit["goal"].to_numpy()
+    edges = [0, *np.flatnonzero(goal[1:] != goal[:-1]) + 1, len(goal)]
+    return [(goal[a], int(a), int(b)) for a, b in pairwise(edges)]
+
+
+def sought(edit: pd.DataFrame) -> NDArray[np.bool_]:
+    """The ticks on the way to a goal; where there is no goal at all, every tick."""
+    found = (edit["goal"] != "").to_numpy()
+    return found if found.any() else ~found
+
+
+def rgb(colour: str) -> tuple[int, int, int]:
+    """ "#RRGGBB" as three numbers."""
+    red, green, blue = bytes.fromhex(colour.removeprefix("#"))
+    return red, green, blue
+
+
+def write(
+    picture: NDArray[np.uint8],
+    text: str,
+    place: tuple[int, int],
+    colour: tuple[int, int, int],
+    size: int,
+    weight: int = _REGULAR,
+) -> None:
+    """Write into a picture (h, w, 3), from `place` (left end of the base line) on."""
+    cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
+
+
+class Marks:
+    """Draws the fish of an edit list with the marks, tick by tick, with a painter of colour."""
+
+    def __init__(self, painter: Painter, edit: pd.DataFrame, goals: Sequence[Goal]) -> None:
+        height, width = painter.canvas.shape[:2]
+        self._painter, self._goals = painter, {goal.name: goal for goal in goals}
+        self._size = max(9, round(height / 36))
+        self._line = max(1, round(height / 450))
+        names, colours = parts(edit)
+        self._colour = [rgb(colours[name]) for name in names]
+        pale = _pale(painter.floor), 1
+        self._way = [
+            (colour, self._line) if goal else pale
+            for colour, goal in zip(self._colour, sought(edit), strict=True)
+        ]
+        self._places = edit[["x_px", "y_px"]].to_numpy(float)
+        self._turns = {first: (name, stop) for name, first, stop in aims(edit)}
+        self._times = [f"{time:.1f} s" for time in edit["time_s"]]
+        self._words = [
+            f"{state} → {goal}" if goal else f"{state}, wandering"
+            for state, goal in zip(edit["state"], edit["goal"], strict=True)
+        ]
+        gap = self._size // 2
+        self._at_time = self._size + 2 * gap
+        self._at_words = self._at_time + self._width(max(self._times, key=len)) + 2 * gap
+        plate = self._at_words + max(map(self._width, set(self._words))) + gap, 2 * self._size
+        self._plate = _free_corner(self._places, plate, (height, width), gap)
+        self._current: str | None = None
+        for name in self._goals:
+            self._goal(name, _WAITING)
+
+    def show(self, tick: int, one: Placed) -> None:
+        """Draw a tick; every one in its turn, since the way grows by it."""
+        self._below(tick)
+        self._painter.show(one)
+        self._above(tick)
+
+    def _below(self, tick: int) -> None:
+        """Bring the floor up to a tick: goals in their colours, the way that far."""
+        if tick in self._turns:
+            if self._current in self._goals:
+                self._goal(str(self._current), _WAITING, reached=True)
+            self._current = self._turns[tick][0]
+            if self._current in self._goals:
+                self._goal(self._current, _CURRENT)
+        if tick:
+            start, stop = self._places[tick - 1], self._places[tick]
+            colour, width = self._way[tick]
+            ends = _fixed(start), _fixed(stop)
+            cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
+            self._touch(np.stack([start, stop]), self._line + 2)
+
+    def _above(self, tick: int) -> None:
+        """Write time, state and goal into the corner."""
+        box = self._plate
+        plate = self._painter.canvas[box.of]
+        np.right_shift(plate, 1, out=plate)  # half as bright: letters are seen on any tank
+        size, middle = self._size, (box.top + box.bottom) // 2
+        corner = box.left + size // 2, middle - size // 2
+        canvas, white = self._painter.canvas, (255, 255, 255)
+        cv2.rectangle(canvas, corner, (corner[0] + size, corner[1] + size), self._colour[tick], -1)
+        base = middle + round(0.35 * size)
+        for left, text in ((self._at_time, self._times[tick]), (self._at_words, self._words[tick])):
+            write(canvas, text, (box.left + left, base), white, size)
+        self._painter.touch(box)
+
+    def _goal(self, name: str, colour: tuple[int, int, int], reached: bool = False) -> None:
+        """Draw a goal on the floor: a ring with its name beside it, on a dark edge."""
+        goal, line = self._goals[name], self._line
+        radius = max(0.7 * self._size, goal.radius_px)
+        floor, at = self._painter.floor, (goal.x_px, goal.y_px)
+        for tone, edge in ((_EDGE, 1), (colour, 0)):
+            ring = round(radius * 2**_SHIFT)
+            cv2.circle(floor, _fixed(at), ring, tone, line + 2 * edge, cv2.LINE_AA, _SHIFT)
+            if reached:
+                dot = round((0.28 * self._size + edge) * 2**_SHIFT)
+                cv2.circle(floor, _fixed(at), dot, tone, -1, cv2.LINE_AA, _SHIFT)
+        left = round(goal.x_px + radius + 0.3 * self._size)
+        base, length = round(goal.y_px + 0.35 * self._size), self._width(name)
+        if left + length > floor.shape[1]:
+            left = round(goal.x_px - radius - 0.3 * self._size) - length
+        beside = [(x, y) for x in (-1, 0, 1) for y in (-1, 0, 1)]
+        for tone, moves in ((_EDGE, beside), (colour, [(0, 0)])):
+            for x, y in moves:
+                place = left + x, base + y
+                write(floor, name, place, tone, self._size, _BOLD)
+        reach = max(2.0 * self._size, radius + line + 2)
+        self._touch(np.array([at, [left, base], [left + length, base]], float), reach)
+
+    def _width(self, text: str) -> int:
+        size = cv2.getTextSize((10_000, 100), text, (0, 0), _FONT, self._size, _BOLD)
+        return int(size[2])
+
+    def _touch(self, points: NDArray[np.float64], reach: float) -> None:
+        """Tell the painter that the floor around these points (n, 2) is new."""
+        left, top = np.floor(points.min(axis=0) - reach).astype(int)
+        right, bottom = np.ceil(points.max(axis=0) + reach).astype(int) + 1
+        box = Box(int(top), int(left), int(bottom), int(right))
+        self._painter.touch(box.within(self._painter.canvas.shape))
+
+
+def _pale(floor: NDArray[np.uint8]) -> tuple[int, int, int]:
+    """A colour that is seen on this floor, but hardly: for a way that leads to no goal."""
+    middle = np.median(floor[::8, ::8].reshape(-1, 3), axis=0)
+    red, green, blue = (0.75 * middle if middle.mean() > 80 else middle + 40).astype(int).tolist()
+    return red, green, blue
+
+
+def _fixed(point: Sequence[float] | NDArray[np.float64]) -> tuple[int, int]:
+    """A point as cv2 takes it with `shift`."""
+    x, y = (round(float(one) * 2**_SHIFT) for one in point)
+    return x, y
+
+
+def _free_corner(
+    places: NDArray[np.float64], size: tuple[int, int], shape: tuple[int, int], gap: int
+) -> Box:
+    """The corner of the picture where a plate (width, height) hides the fish least often."""
+    (width, height), found = size, []
+    for top in (gap, shape[0] - gap - height):
+        for left in (gap, shape[1] - gap - width):
+            box = Box(top, left, top + height, left + width)
+            near = (
+                np.abs(places - [left + width / 2, top + height / 2])
+                < np.array(size) / 2 + 2 * height
+            )
+            found.append((int(near.all(axis=1).sum()), box))
+    return min(found, key=lambda one: one[0])[1].within(shape)

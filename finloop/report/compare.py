@@ -1,0 +1,178 @@
+"""Experiments side by side: what differs, which are best, one page that loads nothing."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import plotly.graph_objects as go
+from numpy.typing import NDArray
+from plotly.offline import get_plotlyjs
+
+from finloop.report.page import rendered
+from finloop.report.tables import Table, number
+
+
+class Objective(NamedTuple):
+    """What an experiment is wanted for: `<stage>.<number>`, in words, and if more is better."""
+
+    key: str
+    words: str
+    more: bool
+
+
+OBJECTIVES = (
+    Objective("animate.hybrid_seam_ratio_median", "seam ratio", more=False),
+    Objective("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
+    Objective("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
+)
+"""Smooth, steerable, varied: a long exact repeat is the lack of variety."""
+_INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
+_LAYOUT: dict[str, Any] = {
+    "paper_bgcolor": "white",
+    "plot_bgcolor": "white",
+    "font": {"family": "system-ui, sans-serif", "size": 13, "color": _INK},
+    "margin": {"l": 80, "r": 60, "t": 60, "b": 60},
+}
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """A row an experiment: the parameters that differ, then measures; `best` (rows,) is a mask.
+
+    `objectives` are those of OBJECTIVES that were measured.
+    """
+
+    parameters: pd.DataFrame
+    measures: pd.DataFrame
+    objectives: Sequence[Objective]
+    best: NDArray[np.bool_]
+
+
+def pareto(wanted: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Rows (n, k) that no other row beats, less being better in every column; NaN never is.
+
+    One row beats another that is nowhere less and somewhere more. Equal rows do not beat each
+    other.
+    """
+    known = np.logical_not(np.isnan(wanted).any(axis=1))
+    a, b = wanted[:, None], wanted[None, :]  # (n, 1, k), (1, n, k)
+    beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & known
+    return np.asarray(known & ~beats.any(axis=1))
+
+
+def comparison(
+    parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
+) -> Comparison:
+    """Side by side what was measured; both tables have a row an experiment and columns `a.b`."""
+    differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
+    objectives = [
+        one for one in OBJECTIVES if one.key in numbers and numbers[one.key].notna().any()
+    ]
+    kept = [*(one.key for one in objectives), *(one for one in measures if one in numbers)]
+    found = numbers.reindex(columns=list(dict.fromkeys(kept))).astype(float)
+    sign = np.array([-1.0 if one.more else 1.0 for one in objectives])
+    best = pareto(found[[one.key for one in objectives]].to_numpy() * sign)
+    if not objectives:
+        best = np.zeros(len(found), bool)
+    chosen = parameters[differ].sort_values(differ, kind="stable", key=_sortable)
+    order = parameters.index.get_indexer(chosen.index)
+    return Comparison(chosen, found.iloc[order], objectives, best[order])
+
+
+def _sortable(column: "pd.Series[Any]") -> "pd.Series[Any]":
+    """Numbers by size, anything else by its text."""
+    numeric = pd.to_numeric(column, errors="coerce")
+    return column.astype(str) if numeric.isna().any() else numeric
+
+
+def words(key: str) -> str:
+    """A name as people read it."""
+    named = {one.key: one.words for one in OBJECTIVES}
+    return named.get(key, key.partition(".")[2].replace("_", " "))
+
+
+def parallel(found: Comparison) -> go.Figure:
+    """A line an experiment across an axis for each parameter and measure; the best are coloured."""
+    axes = []
+    for name, column in [*found.parameters.items(), *found.measures.items()]:
+        numeric = pd.to_numeric(column, errors="coerce")
+        axis: dict[str, Any] = {"label": words(str(name))}
+        if numeric.isna().all():  # words: a tick for each
+            codes, texts = pd.factorize(column.astype(str))
+            numeric = pd.Series(codes.astype(float))
+            axis |= {"tickvals": list(range(len(texts))), "ticktext": list(texts)}
+        low, high = float(numeric.min()), float(numeric.max())
+        if low == high:  # an axis of no length is not drawn
+            axis["range"] = [low - 0.5, high + 0.5]
+        axes.append(axis | {"values": [None if pd.isna(one) else float(one) for one in numeric]})
+    line = {"color": found.best.astype(int).tolist(), "colorscale": [[0, _OTHER], [1, _BEST]],
+            "cmin": 0, "cmax": 1}  # fmt: skip
+    figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
+    return figure.update_layout(
+        **_LAYOUT | {"height": 430, "margin": {"l": 80, "r": 80, "t": 110, "b": 40}}
+    )
+
+
+def scatter(found: Comparison, x: Objective, y: Objective) -> go.Figure:
+    """Two objectives against each other, an experiment a point, the best of all coloured."""
+    figure = go.Figure()
+    for mask, name, colour, symbol in (
+        (~found.best, "others", _OTHER, "circle"),
+        (found.best, "best: none is better in all", _BEST, "diamond"),
+    ):
+        if not mask.any():
+            continue
+        rows, names = found.measures[mask], found.measures.index[mask]
+        figure.add_scatter(
+            x=rows[x.key].tolist(), y=rows[y.key].tolist(), text=[str(one) for one in names],
+            mode="markers", name=name,
+            hovertemplate=f"%{{text}}<br>{x.words} %{{x:.3f}}<br>{y.words} %{{y:.3f}}"
+            "<extra></extra>",
+            marker={"size": 12, "color": colour, "symbol": symbol, "opacity": 0.85},
+        )  # fmt: skip
+    figure.update_xaxes(title=f"{x.words} ({_side(x, 'left', 'right')} is better)", **_AXIS)
+    figure.update_yaxes(title=f"{y.words} ({_side(y, 'low', 'high')} is better)", **_AXIS)
+    legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
+    return figure.update_layout(**_LAYOUT, height=430, legend=legend)
+
+
+_AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor": "#9aa8af"}
+
+
+def _side(one: Objective, less: str, more: str) -> str:
+    return more if one.more else less
+
+
+def as_table(found: Comparison) -> Table:
+    """All of it in a table."""
+    columns = ["experiment", *found.parameters, *map(words, found.measures), "best"]
+    rows = [
+        [
+            str(name),
+            *map(str, found.parameters.loc[name]),
+            *(number(value, 4) for value in found.measures.loc[name]),
+            "best" if best else "",
+        ]
+        for name, best in zip(found.parameters.index, found.best, strict=True)
+    ]
+    return Table("Experiments, and which of them none other beats", columns, rows)
+
+
+def html(found: Comparison, title: str, why: str) -> str:
+    """The page; its code for charts is in it."""
+    charts = [("Parameters and measures, a line an experiment", parallel(found))]
+    charts += [
+        (f"{one.words.capitalize()} against {smooth.words}", scatter(found, smooth, one))
+        for smooth in found.objectives[:1]
+        for one in found.objectives[1:]
+    ]
+    values = {
+        "title": title,
+        "why": why,
+        "table": as_table(found),
+        "charts": [(name, figure.to_json()) for name, figure in charts],
+        "plotly": get_plotlyjs(),
+    }
+    return rendered("compare.html.j2", values)

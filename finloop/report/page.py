@@ -1,0 +1,93 @@
+"""One page of everything that was found, in one file: it loads nothing from anywhere.
+
+The page's text stands in `report.html.j2`; pictures travel in it as WebP, the film as MP4.
+"""
+
+import base64
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from jinja2 import Environment, StrictUndefined
+from numpy.typing import NDArray
+from PIL import Image
+
+from finloop.report.figures import Figure
+from finloop.report.tables import Table
+
+Picture = NDArray[np.uint8]
+_METHOD = 4  # of WebP: 6 takes twice as long for 2 % less
+
+
+class Shown(NamedTuple):
+    """A picture as the page holds it, and its size, so that nothing moves while it loads."""
+
+    uri: str
+    width: int
+    height: int
+
+
+@dataclass(frozen=True)
+class Section:
+    """A chapter with the pictures and tables there are."""
+
+    id: str
+    title: str
+    paper: str
+    text: str
+    figures: Sequence[tuple[Figure, Shown]]
+    tables: Sequence[Table]
+
+
+@dataclass(frozen=True)
+class Page:
+    """Everything the template shows."""
+
+    title: str
+    facts: str  # of the film, one sentence
+    film: str  # data URI of the MP4
+    poster: Shown
+    film_text: str  # what is to be seen, for who cannot
+    headline: Sequence[tuple[str, str]]
+    measures: Table
+    sections: Sequence[Section]
+    table_2: Table
+    parameters: Mapping[str, Sequence[tuple[str, str, bool]]]  # group: key, value, was changed
+    commands: Sequence[str]
+    tank: str  # address of the scene to turn by hand; empty where there is none
+    numbers: Sequence[Table]
+    licence: str
+
+
+def data_uri(kind: str, content: bytes) -> str:
+    """Content as an address that holds it."""
+    return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
+
+
+def shown(picture: Picture, most_width: int, quality: int) -> Shown:
+    """A picture (h, w) or (h, w, 3) RGB as WebP, not wider than `most_width` px."""
+    height, width = picture.shape[:2]
+    if width > most_width:
+        width, height = most_width, max(1, round(height * most_width / width))
+        picture = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
+    coded = io.BytesIO()
+    Image.fromarray(picture).save(coded, "WEBP", quality=quality, method=_METHOD)
+    return Shown(data_uri("image/webp", coded.getvalue()), width, height)
+
+
+def html(page: Page) -> str:
+    """The page's text; every value is escaped."""
+    return rendered("report.html.j2", {"page": page})
+
+
+def rendered(template: str, values: Mapping[str, Any]) -> str:
+    """A template of this folder, filled; values are escaped, an unknown name is an error."""
+    text = files("finloop.report").joinpath(template).read_text(encoding="utf-8")
+    made = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    ).from_string(text)
+    return made.render(**values) + "\n"

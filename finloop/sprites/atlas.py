@@ -1,0 +1,242 @@
+"""The sprites as an atlas for game engines: pages of pictures, and JSON that says what is where.
+
+The JSON is TexturePacker's and Aseprite's *hash* layout, which PixiJS, Phaser and Godot's importers
+read: `frames` by name, `meta.frameTags` (Aseprite) and `animations` (PixiJS) for each sequence in
+each orientation. A frame's pivot is the fish's mass centre, as a share of its untrimmed size,
+measured from the upper left *edge* as engines do, not from the first pixel's centre. Pictures have
+straight alpha there, as PNG must.
+"""
+
+from collections.abc import Callable, Iterator
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+from finloop.features.table import orientations_of
+
+PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
+BLEED = 2  # px that colour reaches out under transparent pixels
+
+
+class Spot(NamedTuple):
+    """A picture on a page: its row in sprites.arrow, its name, its upper left pixel, its size."""
+
+    row: int
+    name: str
+    group: str
+    x: int
+    y: int
+    width: int
+    height: int
+
+
+class Page(NamedTuple):
+    """One picture of the atlas."""
+
+    width: int
+    height: int
+    spots: list[Spot]
+
+
+def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page]:
+    """Lay out every sprite of every orientation, a sequence in an orientation never torn apart.
+
+    `index` is that of sprites.arrow: sizes, and nothing of the pictures is needed.
+
+    Raises
+    ------
+    FinloopError
+        If a page cannot hold the pictures of one sequence in one orientation.
+    """
+    groups = list(_groups(sprites, index))
+    made: list[Page] = []
+    while groups:
+        fit = _most(groups, page_px)
+        if fit == 0:
+            name, spots = groups[0][0].group, groups[0]
+            raise FinloopError(
+                f"the {len(spots)} pictures of {name}, up to {max(s.width for s in spots)} x "
+                f"{max(s.height for s in spots)} px, do not fit on a page of {page_px} px",
+                "a page for at least one sequence in one orientation",
+                "raise sprites.page_px, or list fewer frames",
+            )
+        made.append(_smallest([spot for group in groups[:fit] for spot in group], page_px))
+        groups = groups[fit:]
+    return made
+
+
+def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
+    """The pictures of each sequence in each orientation, named and not yet placed."""
+    width, height = index["width_px"].to_numpy(), index["height_px"].to_numpy()
+    count = orientations_of(sprites)
+    for sequence, rows in sprites.groupby("sequence", sort=False):
+        for number in range(count):
+            group = f"{sequence}/{number + 1:02d}"
+            yield [
+                Spot(at, f"{group}/{step:02d}", group, 0, 0, int(width[at]), int(height[at]))
+                for sprite, step in zip(rows["sprite"], rows["step"], strict=True)
+                for at in [sprite * count + number]
+            ]
+
+
+def _most(groups: list[list[Spot]], page_px: int) -> int:
+    """How many of the first groups fit on one page: by halving."""
+    low, high = 0, len(groups)
+    while low < high:
+        middle = (low + high + 1) // 2
+        spots = [spot for group in groups[:middle] for spot in group]
+        if _shelves(spots, page_px, page_px) is not None:
+            low = middle
+        else:
+            high = middle - 1
+    return low
+
+
+def _smallest(spots: list[Spot], page_px: int) -> Page:
+    """A page about as wide as high, no larger than `page_px`."""
+    area = sum((s.width + PADDING) * (s.height + PADDING) for s in spots)
+    width = min(page_px, max(int(area**0.5), max(s.width for s in spots) + 2 * PADDING))
+    while (page := _shelves(spots, width, page_px)) is None:
+        width = min(page_px, width + width // 8 + 1)
+    return page
+
+
+def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
+    """Pack rows of pictures, highest first; None if they do not fit. The order stays as given."""
+    placed: dict[int, Spot] = {}
+    x = y = PADDING
+    shelf = right = 0
+    for spot in sorted(spots, key=lambda s: (-s.height, -s.width)):
+        if x + spot.width + PADDING > width:
+            x, y, shelf = PADDING, y + shelf + PADDING, 0
+        if x + spot.width + PADDING > width or y + spot.height + PADDING > height:
+            return None
+        placed[spot.row] = spot._replace(x=x, y=y)
+        x += spot.width + PADDING
+        shelf, right = max(shelf, spot.height), max(right, x)
+    return Page(right, y + shelf + PADDING, [placed[spot.row] for spot in spots])
+
+
+def picture(page: Page, pixels: Callable[[int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """A page as (h, w, 4) RGBA with straight alpha; `pixels` gives a row of sprites.arrow."""
+    canvas = np.zeros((page.height, page.width, 4), np.uint8)
+    for spot in page.spots:
+        here = canvas[spot.y : spot.y + spot.height, spot.x : spot.x + spot.width]
+        source = pixels(spot.row)
+        here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey to three alike
+    return straight_alpha(canvas)
+
+
+def png(rgba: NDArray[np.uint8]) -> bytes:
+    """A page as a PNG file; smaller, and slower to make, than OpenCV's default."""
+    settings = [cv2.IMWRITE_PNG_COMPRESSION, 6, cv2.IMWRITE_PNG_STRATEGY, 0]
+    return cv2.imencode(".png", cv2.cvtColor(rgba, cv2.COLOR_RGBA2BGRA), settings)[1].tobytes()
+
+
+def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Premultiplied RGBA with its colour divided by alpha, bled `BLEED` px under the edge.
+
+    Premultiplying again gives back the same numbers.
+    """
+    alpha = pixels[..., 3]
+    # Whole-number division with rounding: (2·255·c + a) // 2a.
+    divisor = np.maximum(alpha, 1).astype(np.uint32)[..., None]
+    colour = ((510 * pixels[..., :3].astype(np.uint32) + divisor) // (2 * divisor)).astype(np.uint8)
+    known = (alpha > 0).astype(np.uint8)
+    colour *= known[..., None]
+    for _ in range(BLEED):
+        count = cv2.boxFilter(known, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
+        total = cv2.boxFilter(colour, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
+        new = (known == 0) & (count > 0)
+        colour[new] = (total[new] / count[new][:, None]).round().astype(np.uint8)
+        known |= new.astype(np.uint8)
+    return np.dstack([colour, alpha])
+
+
+def document(
+    made: list[Page], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
+) -> dict[str, Any]:
+    """The JSON of page `number`: everything an engine needs, and each step's motion besides.
+
+    All frames have the same untrimmed size, its middle within a pixel of the mass centre.
+    """
+    page, count = made[number], orientations_of(sprites)
+    reach = _reach(sprites, index)
+    duration = round(1000 / rate_hz)
+    x, y = sprites["x_px"].to_numpy(), sprites["y_px"].to_numpy()
+    left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
+    frames = {
+        spot.name: _frame(spot, x[s], y[s], left[spot.row], top[spot.row], reach, duration)
+        for spot in page.spots
+        for s in [spot.row // count]
+    }
+    groups: dict[str, list[str]] = {}
+    for spot in page.spots:
+        groups.setdefault(spot.group, []).append(spot.name)
+    names = list(frames)
+    meta = {
+        "app": "finloop",
+        "version": "1.0",
+        "image": f"atlas-{number}.png",
+        "format": "RGBA8888",
+        "size": {"w": page.width, "h": page.height},
+        "scale": "1",
+        "frameRate": round(rate_hz, 4),
+        "frameTags": [
+            {"name": group, "from": names.index(of[0]), "to": names.index(of[-1]),
+             "direction": "forward"}
+            for group, of in groups.items()
+        ],
+        "motion": _motion(sprites),
+    }  # fmt: skip
+    if len(made) > 1:
+        others = [f"atlas-{n}.json" for n in range(len(made)) if n != number]
+        meta["related_multi_packs"] = others
+    return {"frames": frames, "animations": groups, "meta": meta}
+
+
+def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
+    """How far in px any picture reaches from the pixel that its mass centre lies in."""
+    places = sprites[["x_px", "y_px"]].to_numpy().repeat(orientations_of(sprites), axis=0)
+    x, y = np.floor(places + 0.5).T
+    left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
+    right = left + index["width_px"].to_numpy() - 1
+    bottom = top + index["height_px"].to_numpy() - 1
+    return int(max((x - left).max(), (right - x).max(), (y - top).max(), (bottom - y).max()))
+
+
+def _frame(
+    spot: Spot, x: float, y: float, left: int, top: int, reach: int, duration: int
+) -> dict[str, Any]:
+    size = 2 * reach + 1
+    origin_x, origin_y = int(np.floor(x + 0.5)) - reach, int(np.floor(y + 0.5)) - reach
+    pivot = {
+        "x": round((x - origin_x + 0.5) / size, 6),
+        "y": round((y - origin_y + 0.5) / size, 6),
+    }
+    return {
+        "frame": {"x": spot.x, "y": spot.y, "w": spot.width, "h": spot.height},
+        "rotated": False,
+        "trimmed": True,
+        "spriteSourceSize": {
+            "x": int(left - origin_x), "y": int(top - origin_y), "w": spot.width, "h": spot.height,
+        },
+        "sourceSize": {"w": size, "h": size},
+        "pivot": pivot,
+        "anchor": pivot,  # PixiJS's name for it
+        "duration": duration,
+    }  # fmt: skip
+
+
+def _motion(sprites: pd.DataFrame) -> dict[str, dict[str, Any]]:
+    """How the fish moves from each step to the next, and how much its picture is to be scaled."""
+    numbers = ["scale", "forward", "sideways", "turn_deg"]
+    return {
+        f"{row.sequence}/{row.step:02d}": {"phase": row.phase}
+        | {name: round(float(getattr(row, name)), 4) for name in numbers}
+        for row in sprites.itertuples()
+    }

@@ -1,0 +1,188 @@
+"""What the sprites are like: Table 1 after synthesis, closure of loops, faults, contact sheet."""
+
+from collections.abc import Callable
+from typing import Any
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.features.metrics import table1
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
+from finloop.features.table import direction_deg, orientations_of
+from finloop.sprites.orient import Choice
+from finloop.sprites.pick import SIDES, STILL, Look, closure, cycle_heading, steps
+from finloop.sprites.turn import Placed
+
+TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
+Picture = NDArray[np.uint8]
+
+
+def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
+    """Table 1 of the sprites in all orientations; motion areas over the *clip's* largest."""
+    count = orientations_of(sprites)
+    every = pd.DataFrame(
+        {
+            "orientation": np.tile(np.arange(1, count + 1), len(sprites)),
+            "orientations": count,
+            "swimming_type": np.repeat(sprites["sequence"].map(TYPES).to_numpy(), count),
+            "motion_area": np.repeat(sprites["bend"].abs().to_numpy(), count),
+        }
+    )
+    table = table1(every)
+    for word, kind in SIDES.items():
+        mine = every.loc[every["swimming_type"] == kind, "motion_area"].max()
+        clip = features.loc[features["swimming_type"] == kind, "motion_area"].max()
+        if clip > 0:  # NaN where the clip never turns to this side and the other is mirrored
+            table[f"max_area_{word}"] *= mine / clip
+    return table
+
+
+def complete(table: pd.DataFrame) -> int:
+    """How many orientations of a Table 1 show all three types."""
+    return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
+
+
+def numbers(
+    sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
+) -> dict[str, float]:
+    """Flat numbers about the picks, for metrics.json; `table` is that of swimmers."""
+    of = dict(iter(sprites.groupby("sequence", sort=False)))
+    picked = sprites[["track_id", "frame"]].drop_duplicates()
+    result: dict[str, float] = {
+        "sprites": len(sprites),
+        "pictures": len(sprites) * orientations_of(sprites),
+        "picked_of_fish_frames_pct": 100 * len(picked) / len(table),
+        "picked_of_film_frames_pct": 100 * picked["frame"].nunique() / frames,
+        "tracks_used": sprites["track_id"].nunique(),
+        "scale_min": sprites["scale"].min(),
+        "scale_max": sprites["scale"].max(),
+        "mirrored_turns": sum(of[word]["mirrored"].any() for word in SIDES),
+        "orientations_with_all_types_before": complete(table1(features)),
+        "orientations_with_all_types_after": complete(table1_after(sprites, features)),
+        "tail_beat_hz": rate_hz / len(of["straight"]),
+    }
+    for word, rows in of.items():
+        result |= {
+            f"{word}_frames": len(rows),
+            f"{word}_speed_body_lengths_per_s": rows["forward"].mean() * rate_hz,
+            f"{word}_turn_deg": rows["turn_deg"].sum(),
+            f"{word}_motion_area_max_rel": rows["motion_area_rel"].max(),
+        }
+    return result
+
+
+def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> dict[str, float]:
+    """How well a cycle closes, in median natural steps, and how far its tail swings."""
+    rows = np.arange(choice.stretch.rows.start, choice.stretch.rows.stop)
+    n = len(rows)
+    more = np.r_[rows, min(rows[-1] + 1, len(table) - 1)]
+    goes_on = table["track_id"].iat[more[-1]] == choice.stretch.track_id and more[-1] > rows[-1]
+    tail = table["tail"].to_numpy()[rows]
+    pictures = look(more, cycle_heading(table, rows[0], n)) if goes_on else None
+    result = {f"{word}_tail_swing_body_lengths": float(np.ptp(tail))}
+    if pictures is not None:
+        median = max(float(np.median(steps(pictures))), 1e-9)
+        jump = float(np.linalg.norm(pictures[n - 1] - pictures[0]))
+        result[f"{word}_closure_last_to_first"] = jump / median
+        result[f"{word}_closure_after_last_to_first"] = closure(pictures)
+    return result
+
+
+def is_still(choice: Choice, table: pd.DataFrame, least: int) -> bool:
+    """Whether a slide is one: long enough, and with a still tail."""
+    tail = table["tail"].to_numpy()[choice.stretch.rows]
+    return len(tail) >= least and float(np.ptp(tail)) <= STILL
+
+
+def faults(chosen: dict[str, Choice]) -> pd.DataFrame:
+    """Why these frames: every fault of each choice, in units of what is just acceptable."""
+    return pd.DataFrame(
+        [
+            (word, f"{s.track_id}:{s.first}-{s.last}", name, value)
+            for word, one in chosen.items()
+            for s in [one.stretch]
+            for name, value in (s.faults or {"listed by hand": 0.0}).items()
+        ],
+        columns=["sequence", "frames", "fault", "value"],
+    )
+
+
+# -- contact sheet ---------------------------------------------------------------------------------
+
+_GROUND, _INK = 205, (150, 30, 30)
+
+
+def contact_sheet(
+    sprites: pd.DataFrame, pictures: Callable[[int], Placed], columns: int = 12, size: int = 150
+) -> Picture:
+    """Every step of each sequence in orientation 1, then all orientations of the strongest bend.
+
+    `pictures` gives row sprite · orientations + orientation − 1 of sprites.arrow. A cross marks the
+    pivot.
+    """
+    count = orientations_of(sprites)
+    reach = 1 + max(
+        _reach(pictures(row.sprite * count + o), row)
+        for row in sprites.itertuples()
+        for o in (0, count // 4)
+    )
+    bands = []
+    for word, rows in sprites.groupby("sequence", sort=False):
+        tiles = [
+            _tile(
+                pictures(row.sprite * count), row, reach, size,
+                f"{word} {row.step} {row.phase}",
+                f"{row.track_id}:{row.frame} a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg",
+            )
+            for row in rows.itertuples()
+        ]  # fmt: skip
+        bands.append(_rows(tiles, columns))
+    row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
+    bands.append(
+        _rows(
+            [
+                _tile(
+                    pictures(row.sprite * count + o), row, reach, size,
+                    f"orientation {o + 1}", f"{direction_deg(o + 1, count):.0f} deg",
+                )
+                for o in range(count)
+            ],
+            columns,
+        )
+    )  # fmt: skip
+    return np.vstack(bands)
+
+
+def _reach(one: Placed, row: Any) -> int:
+    h, w = one.pixels.shape[:2]
+    x, y = row.x_px - one.x0_px, row.y_px - one.y0_px
+    return int(np.ceil(max(x, y, w - x, h - y)))
+
+
+def _tile(one: Placed, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
+    """A picture enlarged on grey, its mass centre in the middle of a tile."""
+    scale = size / (2 * reach)
+    matrix = np.array(
+        [
+            [scale, 0, size / 2 - scale * (row.x_px - one.x0_px)],
+            [0, scale, size / 2 - scale * (row.y_px - one.y0_px)],
+        ]
+    )
+    big = cv2.warpAffine(one.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC)
+    big = np.clip(big, 0, 255)
+    tile = np.broadcast_to(big[..., :-1] + _GROUND * (1 - big[..., -1:] / 255), (size, size, 3))
+    tile = np.ascontiguousarray(np.clip(np.rint(tile), 0, 255).astype(np.uint8))
+    middle = size // 2
+    cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)
+    cv2.rectangle(tile, (0, 0), (size - 1, size - 1), (225,) * 3, 1)
+    for text, y in ((above, 12), (below, size - 5)):
+        cv2.putText(tile, text, (4, y), cv2.FONT_HERSHEY_SIMPLEX, 0.32, _INK, 1, cv2.LINE_AA)
+    return tile
+
+
+def _rows(tiles: list[Picture], columns: int) -> Picture:
+    while len(tiles) % columns:
+        tiles.append(np.full_like(tiles[0], 255))
+    return np.vstack([np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)])

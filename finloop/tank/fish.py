@@ -1,0 +1,69 @@
+"""One fish of an edit list, tick after tick: its surface in the tank and the skin it wears."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.tank.body import lengths, surface
+from finloop.tank.skin import Skins
+from finloop.tank.swim import Poses
+
+Floats = NDArray[np.floating]
+Picture = NDArray[np.uint8]
+_BATCH = 256  # shapes made at once
+
+
+@dataclass(frozen=True)
+class Fish:
+    """poses; place (ticks, 3): its mass centre in the tank; typical, length_px: of the animal."""
+
+    poses: Poses
+    place: Floats
+    skins: Skins
+    typical: Floats
+    length_px: float
+
+    def __len__(self) -> int:
+        return len(self.poses)
+
+    def shape(self, ticks: slice) -> tuple[Floats, Floats]:
+        """Points and normals (ticks, rings, around, 3), relative to the mass centre."""
+        one = self.poses
+        return surface(one.backbone[ticks], one.half_width[ticks], self.typical, self.length_px)
+
+    def at(self, tick: int) -> tuple[Floats, Floats, Picture]:
+        """Points in the tank and normals (rings, around, 3), and the skin, of one tick."""
+        points, normals = self.shape(slice(tick, tick + 1))
+        return points[0] + self.place[tick], normals[0], self.skin(tick)
+
+    def skin(self, tick: int) -> Picture:
+        """The skin worn at a tick."""
+        first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
+        flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
+        return self.skins.worn(int(first.row[tick]), int(second.row[tick]), weight, flips)
+
+    def points(self) -> NDArray[np.float32]:
+        """The surface at every tick, (ticks, rings · around, 3), relative to the mass centre."""
+        parts = [
+            self.shape(slice(at, at + _BATCH))[0].astype(np.float32)
+            for at in range(0, len(self), _BATCH)
+        ]
+        every = np.concatenate(parts)
+        return every.reshape(len(every), -1, 3)
+
+    def typical_skin(self, most: int = 25) -> Picture:
+        """The median of the skins at some ticks."""
+        some = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
+        return np.rint(np.median([self.skin(int(tick)) for tick in some], axis=0)).astype(np.uint8)
+
+    @property
+    def head(self) -> Floats:
+        """(ticks, 3): the tip of the head in the tank."""
+        return self.place + np.pad(self.poses.backbone[:, 0], ((0, 0), (0, 1)))
+
+    def bent(self) -> int:
+        """A tick at which the fish is well bent: more than at nine of ten."""
+        line = self.poses.backbone
+        chord = np.linalg.norm(line[:, -1] - line[:, 0], axis=-1) / lengths(line)
+        return int(np.argsort(chord, kind="stable")[len(chord) // 10])

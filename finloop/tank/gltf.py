@@ -1,0 +1,228 @@
+"""The tank as glTF, its fish swimming: floor, glass, water and shadow; one skin, shapes that mix.
+
+A glTF mesh may be mixed from a few shapes (morph targets). The shapes that the fish takes, seen
+from its own heading, are few: their mean and `MODES` principal components stand for all ticks, and
+an animation says how much of each there is, where the fish is and where it looks.
+"""
+
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.io.gltf import Glb
+from finloop.tank.body import AROUND, RINGS, normals, texture_places, triangles
+from finloop.tank.camera import Room
+from finloop.tank.light import SUN, WATER
+
+Floats = NDArray[np.floating]
+
+MODES = 8  # readers on the web mix eight at most
+_SAMPLE = 400  # shapes that the components are found from
+_SIDE = AROUND // 4  # the column of a grid that is the fish's side
+_LIFT = 0.01  # of the shadow above the floor, in body lengths
+_LINES, _FACES = 1, 4
+_JPEG = [cv2.IMWRITE_JPEG_QUALITY, 88]
+
+
+class Shapes(NamedTuple):
+    """mean (v, 3) and modes (m, v, 3) px; weights (ticks, m): mean + weights · modes is the fish.
+
+    error_px: the greatest distance of a point from where it should be.
+    """
+
+    mean: Floats
+    modes: Floats
+    weights: Floats
+    error_px: float
+
+
+def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
+    """The principal components of a fish's shapes.
+
+    points (ticks, v, 3): relative to the mass centre, y up; heading (ticks,): rad.
+    """
+    cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
+    own = points.copy()
+    own[..., 0] = cos * points[..., 0] + sin * points[..., 1]
+    own[..., 1] = cos * points[..., 1] - sin * points[..., 0]
+    flat = own.reshape(len(own), -1)
+    some = flat[np.unique(np.linspace(0, len(flat) - 1, _SAMPLE).astype(int))]
+    mean = some.mean(0)
+    _, size, axes = np.linalg.svd(some - mean, full_matrices=False)
+    kept = min(modes, int((size > 1e-9 * max(size[0], 1e-9)).sum()))
+    spread = size[:kept, None] / np.sqrt(len(some))
+    weights = (flat - mean) @ axes[:kept].T / spread.T
+    off = (flat - mean - weights @ (spread * axes[:kept])).reshape(own.shape)
+    return Shapes(
+        mean.reshape(-1, 3),
+        (spread * axes[:kept]).reshape(kept, len(mean) // 3, 3),
+        weights,
+        float(np.linalg.norm(off, axis=-1).max()),
+    )
+
+
+def tank_glb(
+    room: Room,
+    background: NDArray[np.uint8],
+    skin: NDArray[np.uint8],
+    shape: Shapes,
+    place: Floats,
+    heading: Floats,
+    rate_hz: float,
+) -> bytes:
+    """The bytes of a .glb: a fish is one unit long, y is up, the tank's middle is the origin.
+
+    background: (H, W) or (H, W, 3), skin (a, l, 3), uint8; place (ticks, 3) px of the mass centre
+    in the tank, heading (ticks,) rad without jumps of 2π.
+    """
+    glb = Glb("finloop")
+    glb.use("KHR_materials_unlit")
+    fish, shadow = _fish(glb, skin, shape), _shadow(glb, shape, room.length)
+    on_floor = place - place[:, 2:] * (SUN / SUN[2]) + (0, 0, _LIFT * room.length)
+    _swim(glb, rate_hz, {fish: place, shadow: on_floor}, heading, shape.weights)
+    inside = [*_still(glb, room, background), shadow, fish]
+    root = glb.add("nodes", {
+        "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
+        "scale": [1 / room.length] * 3, "translation": upright(-room.middle / room.length),
+    })  # fmt: skip
+    glb.show([root])
+    return glb.encoded()
+
+
+def upright(place: Floats) -> list[float]:
+    """A place of the tank with y up and z towards the viewer, as glTF wants it."""
+    return [float(place[0]), float(place[2]), float(-place[1])]
+
+
+def _single(array: Floats) -> NDArray[np.float32]:
+    return np.asarray(array, np.float32)
+
+
+def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
+    grid = (1, RINGS, AROUND, 3)
+    straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
+    targets = []
+    for mode in shape.modes:
+        bent = normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
+        targets.append({
+            "POSITION": glb.add_array(_single(mode), vertices=True),
+            "NORMAL": glb.add_array(_single(bent - straight), vertices=True),
+        })  # fmt: skip
+    coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
+    texture = {"index": glb.add_texture(coded, "image/png")}
+    material = glb.add("materials", {
+        "name": "skin",
+        "pbrMetallicRoughness": {
+            "baseColorTexture": texture, "metallicFactor": 0.0, "roughnessFactor": 0.45,
+        },
+    })  # fmt: skip
+    primitive = {
+        "attributes": {
+            "POSITION": glb.add_array(_single(shape.mean), vertices=True),
+            "NORMAL": glb.add_array(_single(straight), vertices=True),
+            "TEXCOORD_0": glb.add_array(texture_places(), vertices=True),
+        },
+        "indices": glb.add_array(triangles().astype(np.uint16).ravel(), indices=True),
+        "material": material,
+    }
+    return _moved(glb, "fish", primitive, targets)
+
+
+def _moved(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
+    """A node whose mesh mixes shapes."""
+    mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
+    if targets:
+        primitive["targets"] = targets
+        mesh["weights"] = [0.0] * len(targets)
+    return glb.add("nodes", {"name": name, "mesh": glb.add("meshes", mesh)})
+
+
+def _shadow(glb: Glb, shape: Shapes, length_px: float) -> int:
+    """What the body covers of the floor, one layer: a strip between its two sides."""
+
+    def strip(points: Floats) -> NDArray[np.float32]:
+        sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
+        return _single(sides.reshape(-1, 3) * (1, 1, 0))
+
+    at = 2 * np.arange(RINGS - 1)[:, None]
+    faces = np.concatenate([at + np.array([0, 2, 1]), at + np.array([1, 2, 3])], axis=1).astype(
+        np.uint16
+    )
+    primitive = {
+        "attributes": {"POSITION": glb.add_array(strip(shape.mean), vertices=True)},
+        "indices": glb.add_array(faces.ravel(), indices=True),
+        "material": _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38)),
+    }
+    targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
+    return _moved(glb, "shadow", primitive, targets)
+
+
+def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
+    """A material without light, seen from both sides; see-through if its alpha is below 1."""
+    base: dict = {"baseColorFactor": list(colour), "metallicFactor": 0.0, "roughnessFactor": 1.0}
+    if texture is not None:
+        base["baseColorTexture"] = {"index": texture}
+    return glb.add("materials", {
+        "name": name, "pbrMetallicRoughness": base, "doubleSided": True,
+        "alphaMode": "BLEND" if colour[3] < 1 else "OPAQUE",
+        "extensions": {"KHR_materials_unlit": {}},
+    })  # fmt: skip
+
+
+def _swim(
+    glb: Glb, rate_hz: float, nodes: dict[int, Floats], heading: Floats, weights: Floats
+) -> None:
+    """The animation of nodes that follow these places."""
+    time = glb.add_array(_single(np.arange(len(heading)) / rate_hz))
+    zero = np.zeros_like(heading)
+    turn = np.stack([zero, zero, np.sin(heading / 2), np.cos(heading / 2)], -1)
+    rotation = glb.add_array(_single(turn))
+    mixed = glb.add_array(_single(weights).ravel()) if weights.shape[1] else None
+    channels: list[dict] = []
+    samplers: list[dict] = []
+    for node, place in nodes.items():
+        tracks = {"translation": glb.add_array(_single(place)), "rotation": rotation}
+        if mixed is not None:
+            tracks["weights"] = mixed
+        for path, output in tracks.items():
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
+    glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
+
+
+def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
+    """Floor, edges, water and glass, in the order in which they are to be drawn."""
+    left, top = -0.5, 0.5
+    right, bottom, high = left + room.width, top - room.height, room.depth
+    base = np.array([[left, bottom], [right, bottom], [right, top], [left, top]])
+    low, water, rim = (np.c_[base, np.full(4, z)] for z in (0.0, high, 1.08 * high))
+    colour = background if background.ndim == 2 else cv2.cvtColor(background, cv2.COLOR_RGB2BGR)
+    coded = cv2.imencode(".jpg", colour, _JPEG)[1].tobytes()
+    floor = _plain(glb, "floor", (*WATER, 1.0), glb.add_texture(coded, "image/jpeg"))
+    both = np.concatenate([low, rim])
+    walls = np.array(
+        [[i, (i + 1) % 4, (i + 1) % 4 + 4, i, (i + 1) % 4 + 4, i + 4] for i in range(4)]
+    )
+    edges = np.array([[i, (i + 1) % 4, i + 4, (i + 1) % 4 + 4, i, i + 4] for i in range(4)])
+    square, sewn = np.array([0, 1, 2, 0, 2, 3]), np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
+    sewn_on = {"TEXCOORD_0": glb.add_array(_single(sewn), vertices=True)}
+
+    def node(
+        name: str, points: Floats, faces: NDArray, material: int, more: dict[str, int], mode: int
+    ) -> int:
+        primitive = {
+            "attributes": {"POSITION": glb.add_array(_single(points), vertices=True)} | more,
+            "indices": glb.add_array(faces.ravel().astype(np.uint16), indices=True),
+            "material": material,
+            "mode": mode,
+        }
+        return _moved(glb, name, primitive, [])
+
+    return [
+        node("floor", low, square, floor, sewn_on, _FACES),
+        node("edges", both, edges, _plain(glb, "edges", (0.85, 0.97, 1.0, 1.0)), {}, _LINES),
+        node("water", water, square, _plain(glb, "water", (0.62, 0.82, 0.9, 0.16)), {}, _FACES),
+        node("glass", both, walls, _plain(glb, "glass", (0.8, 0.95, 1.0, 0.07)), {}, _FACES),
+    ]

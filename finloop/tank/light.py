@@ -1,0 +1,142 @@
+"""Light in the tank: ripples of the water, what they throw on the floor, and the fish's shadow.
+
+The sun stands still; all that moves is a sum of waves of fixed frequencies, so that the same tick
+is always lit the same.
+"""
+
+import math
+from itertools import pairwise
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.tank.camera import Room
+
+Floats = NDArray[np.floating]
+
+SUN = np.array([-0.28, 0.34, 0.9]) / np.linalg.norm([-0.28, 0.34, 0.9])
+_WAVES = (  # direction rad, length in depths of the water, turns per second, phase
+    (0.3, 1.05, 0.41, 0.0), (1.5, 0.83, 0.47, 1.3), (2.6, 0.67, 0.55, 4.0), (3.9, 0.95, 0.38, 2.2),
+    (5.2, 0.58, 0.61, 5.1),
+)  # fmt: skip
+_STEEP = 0.045  # slope of the steepest wave
+WATER = (0.80, 0.95, 1.0)  # red, green and blue that the water lets through
+_BRIGHTEST = 1.25  # of the floor, where light gathers
+_GATHERS = 0.17  # how much it does
+_SHADE = 0.55  # how much a shadow takes away
+_CELL_PX = 10  # of the pattern of light
+
+
+def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, Floats, Floats]:
+    """Height (px) and slopes of the water at places of any shape."""
+    high, along_x, along_y = np.zeros_like(x), np.zeros_like(x), np.zeros_like(x)
+    for angle, length, rate, phase in _WAVES:
+        number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
+        cos, sin = math.cos(angle), math.sin(angle)
+        turned = math.remainder(2 * math.pi * rate * time_s - phase, 2 * math.pi)
+        wave = number * cos * x + number * sin * y - turned
+        high += _STEEP / number * np.sin(wave)
+        slope = _STEEP * np.cos(wave)
+        along_x += cos * slope
+        along_y += sin * slope
+    return high, along_x, along_y
+
+
+class Floor:
+    """The floor of the tank as it is lit at a tick: (H, W) or (H, W, 3) uint8, as the background.
+
+    Parameters
+    ----------
+    background
+        (H, W) or (H, W, 3) uint8, the film without fish.
+    room
+        The tank.
+    most_px
+        A larger background is made as small as this.
+    """
+
+    def __init__(self, background: NDArray[np.uint8], room: Room, most_px: int = 960) -> None:
+        self._px = min(1.0, most_px / max(background.shape[:2]))  # of the floor per px of the film
+        small = background
+        if self._px < 1:
+            wide, tall = (max(2, round(self._px * side)) for side in background.shape[1::-1])
+            small = cv2.resize(background, (wide, tall), interpolation=cv2.INTER_AREA)
+        self.plain = np.ascontiguousarray(small)
+        self._room = room
+        across, along = (max(2, round(side / _CELL_PX)) for side in small.shape[:2])
+        columns = np.linspace(0, room.width, along, dtype=np.float32)
+        rows = np.linspace(0, -room.height, across, dtype=np.float32)
+        self._x, self._y = np.meshgrid(columns, rows)
+
+    def lit(self, fish: Floats, time_s: float) -> NDArray[np.uint8]:
+        """The floor under the points (rings, around, 3) of a fish."""
+        height, width = self.plain.shape[:2]
+        light = cv2.resize(self._gathered(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
+        self._shade(light, fish)
+        if self.plain.ndim == 3:
+            light = cv2.merge([light] * 3)
+        return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)
+
+    def _gathered(self, time_s: float) -> NDArray[np.uint8]:
+        """Light on the floor: bright lines where two families of waves have their crests."""
+        x, y, deep = self._x, self._y, self._room.depth
+        _, bend_x, bend_y = slopes(x, y, deep, 0.7 * time_s)
+        reach = 2.2 * deep
+        _, a, b = slopes(x + reach * bend_x, y + reach * bend_y, 1.35 * deep, 0.9 * time_s + 7)
+        line = 1 - np.minimum(np.abs(a + 0.6 * b) / (1.6 * _STEEP), 1)
+        light = (1 - 0.3 * _GATHERS + _GATHERS * line**3) / _BRIGHTEST
+        return np.rint(np.clip(255 * light, 0, 255)).astype(np.uint8)
+
+    def _shade(self, light: NDArray[np.uint8], fish: Floats) -> None:
+        """Take the shadow of a fish out of the light: softer, the higher it swims."""
+        on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
+        at = (on_floor * (1, -1) * self._px).astype(np.float32)
+        blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._px)
+        rim = int(np.ceil(3 * blur)) + 1
+        low = np.floor(at.min((0, 1))).astype(int) - rim
+        high = np.ceil(at.max((0, 1))).astype(int) + rim + 1
+        mask = np.zeros((high - low)[::-1], np.uint8)
+        for pair in pairwise(at):
+            hull = cv2.convexHull(np.concatenate(pair) - low.astype(np.float32))
+            cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)
+        mask = cv2.GaussianBlur(mask, (0, 0), blur)
+        first, last = np.maximum(low, 0), np.minimum(high, light.shape[::-1])
+        if (first >= last).any():
+            return
+        there = np.s_[first[1] : last[1], first[0] : last[0]]
+        inside = mask[first[1] - low[1] : last[1] - low[1], first[0] - low[0] : last[0] - low[0]]
+        light[there] = np.rint(light[there] * (1 - _SHADE / 255 * inside)).astype(np.uint8)
+
+
+class Surface:
+    """The water's surface as a grid (m, n) over the tank: its heights and what it looks like."""
+
+    def __init__(self, room: Room, cells: int = 44) -> None:
+        across = max(8, round(cells * room.height / max(room.width, room.height)))
+        along = max(8, round(cells * room.width / max(room.width, room.height)))
+        columns = np.linspace(-0.5, room.width - 0.5, along, dtype=np.float32)
+        rows = np.linspace(-room.height + 0.5, 0.5, across, dtype=np.float32)
+        self.x, self.y = np.meshgrid(columns, rows)
+        self._room = room
+
+    def at(self, time_s: float, camera: Floats, parallel: bool) -> tuple[Floats, NDArray[np.uint8]]:
+        """Points (m · n, 3) and RGBA (m · n, 4) as seen from a place: clear, with the sky in it."""
+        high, along_x, along_y = slopes(self.x, self.y, self._room.depth, time_s)
+        points = np.stack([self.x, self.y, self._room.depth + high], -1)
+        normal = np.stack([-along_x, -along_y, np.ones_like(high)], -1)
+        normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
+        view = np.array([0, 0, 1], np.float32) if parallel else camera.astype(np.float32) - points
+        view = view / np.linalg.norm(view, axis=-1, keepdims=True)
+        facing = np.abs((view * normal).sum(-1))
+        mirror = 0.03 + 0.97 * (1 - facing) ** 5  # Schlick's share of what is reflected
+        half = view + SUN.astype(np.float32)
+        half /= np.linalg.norm(half, axis=-1, keepdims=True)
+        glint = np.clip((half * normal).sum(-1), 0, 1) ** 160
+        sky = np.array([176, 212, 228], np.float32) + 22 * (12 * (along_x - along_y))[
+            ..., None
+        ].clip(-1, 1)
+        colour = sky + glint[..., None] * (255 - sky)
+        alpha = np.clip(0.05 + 0.75 * mirror + 0.75 * glint, 0, 0.95)
+        rgba = np.concatenate([colour.clip(0, 255), 255 * alpha[..., None]], -1)
+        return points.reshape(-1, 3), np.rint(rgba).astype(np.uint8).reshape(-1, 4)

@@ -1,0 +1,186 @@
+"""The tank as a scene of VTK, drawn off-screen in software: floor, glass, water and one fish.
+
+Made to be quick without a graphics card: one window for all pictures, one light, no oversampling;
+what can be worked out at the corners of a mesh (water) or on a picture (light on the floor, the
+shadow) is, so that only the fish is lit pixel by pixel.
+"""
+
+from typing import Any, cast
+
+import cv2
+import numpy as np
+import pyvista as pv
+from numpy.typing import NDArray
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+
+from finloop.tank.body import AROUND as AROUND_BODY
+from finloop.tank.body import RINGS, texture_places, triangles
+from finloop.tank.camera import VIEW_DEG, Room, Views
+from finloop.tank.light import SUN, WATER, Floor, Surface
+from finloop.tank.skin import AROUND, LENGTHWISE
+
+Floats = NDArray[np.floating]
+Picture = NDArray[np.uint8]
+_SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
+_SKY_PX = 6.0  # of film widths: how far away it is; by the sine of the elevation, what is there
+_GLASS, _EDGE = "#d5f0f5", "#e6fbff"
+_GLASS_ALPHA, _EDGE_ALPHA = 0.07, 0.75
+_COLOURS = "colours"
+_RIM = 1.08  # the glass stands out of the water
+
+
+class Scene:
+    """One window, drawn again and again; `close` it, or use it in a `with` block.
+
+    Parameters
+    ----------
+    background
+        (H, W) or (H, W, 3) uint8, the floor.
+    room
+        The tank.
+    size
+        (width, height) of the pictures, px.
+
+    `tank.display.choose_window` comes before.
+    """
+
+    def __init__(self, background: Picture, room: Room, size: tuple[int, int]) -> None:
+        self._size, self._room = size, room
+        self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
+        self._window = cast(Any, self._plotter.ren_win)
+        self._window.SetMultiSamples(1)
+        self._plotter.renderer.SetUseOIT(False)  # layers are drawn in order: no need to sort
+        self._plotter.camera.view_angle = VIEW_DEG
+        self._floor, self._water = Floor(background, room), Surface(room)
+        self._add_light()
+        self._add_sky()
+        self._floor_picture = self._add_floor()
+        self._fish, self._skin = self._add_fish()
+        self._surface = self._add_water()
+        self._add_glass()
+        self._pixels = vtkUnsignedCharArray()
+        self._plotter.show(auto_close=False)
+
+    def __enter__(self) -> "Scene":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        self._plotter.close()
+
+    def frame(
+        self, points: Floats, normals: Floats, skin: Picture, views: Views, tick: int, time_s: float
+    ) -> Picture:
+        """The picture (height, width, 3) uint8 of a fish, points and normals (rings, around, 3).
+
+        points are in coordinates of the tank; the camera is that of views at the tick.
+        """
+        self._look(views, tick)
+        self._fish.points[:] = points.reshape(-1, 3)
+        self._fish.point_data["Normals"][:] = normals.reshape(-1, 3)
+        self._skin.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
+        floor = cv2.flip(self._floor.lit(points, time_s), 0)
+        held = self._floor_picture.point_data[_COLOURS]
+        held[:] = floor.reshape(held.shape)
+        place, colours = self._water.at(time_s, views.place[tick], views.height_px is not None)
+        self._surface.points[:] = place
+        self._surface.point_data[_COLOURS][:] = colours
+        for one in (self._fish, self._skin, self._floor_picture, self._surface):
+            one.Modified()
+        self._window.Render()
+        width, height = self._size
+        self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)
+        return cv2.flip(vtk_to_numpy(self._pixels).reshape(height, width, 3), 0)
+
+    def _look(self, views: Views, tick: int) -> None:
+        camera = self._plotter.camera
+        camera.position, camera.focal_point = views.place[tick], views.aim[tick]
+        camera.up = (0, 0, 1) if views.height_px is None else (0, 1, 0)
+        camera.SetParallelProjection(views.height_px is not None)
+        if views.height_px is not None:
+            camera.SetParallelScale(views.height_px)
+        camera.clipping_range = 0.2 * self._room.length, 25 * self._room.width
+
+    def _add_light(self) -> None:
+        sun = pv.Light(position=tuple(SUN), light_type="scene light", intensity=0.95)
+        sun.positional = False
+        fill = pv.Light(position=(0.3, -0.6, -0.5), light_type="scene light", intensity=0.38)
+        fill.positional = False
+        for light in (sun, fill):
+            self._plotter.add_light(light)
+
+    def _add_sky(self) -> None:
+        """A ball around everything; VTK's own gradient takes twice as long."""
+        ball = pv.Sphere(
+            radius=_SKY_PX * self._room.width, center=self._room.middle.tolist(),
+            theta_resolution=24, phi_resolution=33,
+        )  # fmt: skip
+        up = (ball.points[:, 2] - self._room.middle[2]) / (_SKY_PX * self._room.width)
+        known = np.array([pv.Color(colour).int_rgb for colour in _SKY.values()], float)
+        levels = [np.interp(up, list(_SKY), part) for part in known.T]
+        ball[_COLOURS] = np.rint(np.stack(levels, -1)).astype(np.uint8)
+        self._plotter.add_mesh(ball, scalars=_COLOURS, rgba=True, lighting=False)
+
+    def _add_floor(self) -> Any:
+        picture = _image(self._floor.plain.shape)
+        left, top = -0.5, 0.5
+        right, bottom = left + self._room.width, top - self._room.height
+        corners = [[left, bottom, 0.0], [right, bottom, 0.0], [right, top, 0.0], [left, top, 0.0]]
+        mesh = pv.PolyData(np.array(corners), np.array([4, 0, 1, 2, 3]))
+        mesh.active_texture_coordinates = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)
+        self._plotter.add_mesh(mesh, texture=_texture(picture), lighting=False, color=WATER)
+        return picture
+
+    def _add_fish(self) -> tuple[Any, Any]:
+        skin = _image((AROUND, LENGTHWISE, 3))
+        faces = np.insert(triangles(), 0, 3, axis=1).ravel()
+        mesh = pv.PolyData(np.zeros((RINGS * AROUND_BODY, 3)), faces)
+        mesh.active_texture_coordinates = texture_places() * np.array([1, -1]) + np.array([0, 1])
+        mesh.point_data.active_normals = np.tile([0.0, 0.0, 1.0], (RINGS * AROUND_BODY, 1))
+        self._plotter.add_mesh(
+            mesh, texture=_texture(skin), ambient=0.34, diffuse=0.8, specular=0.32,
+            specular_power=28, smooth_shading=False, interpolation="Phong",
+        )  # fmt: skip
+        return mesh, skin
+
+    def _add_water(self) -> Any:
+        rows, columns = self._water.x.shape
+        first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+        faces = np.stack(
+            [np.full_like(first, 4), first, first + 1, first + columns + 1, first + columns], -1
+        )
+        points, colours = self._water.at(0.0, self._room.middle, True)
+        mesh = pv.PolyData(points, faces.ravel())
+        mesh[_COLOURS] = colours
+        self._plotter.add_mesh(mesh, scalars=_COLOURS, rgba=True, lighting=False)
+        return mesh
+
+    def _add_glass(self) -> None:
+        room, top = self._room, _RIM * self._room.depth
+        x, y = np.array([-0.5, room.width - 0.5]), np.array([0.5 - room.height, 0.5])
+        box = pv.Box((*x, *y, 0, top))
+        walls = box.extract_cells([i for i in range(6) if np.ptp(box.get_cell(i).points[:, 2]) > 0])
+        self._plotter.add_mesh(walls, color=_GLASS, opacity=_GLASS_ALPHA, lighting=False)
+        edges = box.extract_all_edges()
+        self._plotter.add_mesh(
+            edges.tube(radius=0.0016 * room.width, n_sides=6), color=_EDGE, opacity=_EDGE_ALPHA,
+            lighting=False,
+        )  # fmt: skip
+
+
+def _image(shape: tuple[int, ...]) -> Any:
+    height, width = shape[:2]
+    image = pv.ImageData(dimensions=(width, height, 1))
+    image.point_data[_COLOURS] = np.zeros((width * height, *shape[2:]), np.uint8)
+    image.set_active_scalars(_COLOURS)
+    return image
+
+
+def _texture(image: Any) -> pv.Texture:
+    texture = pv.Texture(image)
+    texture.interpolate = True
+    return texture

@@ -1,0 +1,107 @@
+"""The skin of a fish: the pixels of its own cut-out, seen from above, wrapped around the body.
+
+A point of the body's side shows the pixel that lies over it. Below, where the film saw nothing, the
+same pixels are shown paler, as the bellies of most fish are.
+"""
+
+from collections.abc import Callable
+from functools import lru_cache
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.io.cutouts import Cutout
+from finloop.tank.body import hang, limited, plan
+from finloop.tank.swim import Film
+
+Picture = NDArray[np.uint8]
+LENGTHWISE, AROUND = 128, 64  # pixels of a skin: from head to tail, from below over left and right
+_INSIDE = 0.85  # of the half width: the outermost pixels are half water
+_SOLID = 200  # alpha from which a pixel's own colour is sure
+_PALE, _PALE_SHARE = 236.0, 0.5  # grey level of a belly, and how much of it
+_EYE = 0.075, 0.42, 0.021  # place along the body; around, 0 = back, 1 = belly; radius, body lengths
+_PUPIL, _IRIS = 22.0, 206.0
+
+
+class Skins:
+    """Skins (AROUND, LENGTHWISE, 3) float32 by row of the film; the most recent `keep` are held.
+
+    Parameters
+    ----------
+    film, typical
+        Bodies, and the half widths of `tank.body.typical_width`.
+    centres_px
+        (n, 2) the mass centres, px of the film, y down.
+    cutout
+        Gives the cut-out of a row.
+    """
+
+    def __init__(
+        self,
+        film: Film,
+        typical: NDArray[np.floating],
+        centres_px: NDArray[np.floating],
+        cutout: Callable[[int], Cutout],
+        keep: int = 256,
+    ) -> None:
+        self._film, self._typical, self._centres, self._cutout = film, typical, centres_px, cutout
+        around = np.pi * (1 - 2 * (np.arange(AROUND) + 0.5) / AROUND)
+        along = (np.arange(LENGTHWISE) + 0.5) / LENGTHWISE
+        self._how = hang(along, around, film.backbone.shape[1])
+        below = np.clip((-np.cos(around) + 0.1) / 0.9, 0, 1)
+        self._pale = (_PALE_SHARE * below * below * (3 - 2 * below)).astype(np.float32)[:, None]
+        self._eyes = _eyes(along, around)
+        self.skin = lru_cache(keep)(self._skin)
+
+    def _skin(self, row: int) -> NDArray[np.float32]:
+        cutout, line = self._cutout(row), self._film.backbone[row : row + 1]
+        width = limited(self._film.half_width[row : row + 1], line, self._typical)
+        place = plan(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
+        origin = np.array([cutout.x0_px, cutout.y0_px])
+        at = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
+        seen = cv2.remap(
+            _colours(cutout.pixels), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        skin = seen.reshape(AROUND, LENGTHWISE, -1)
+        if skin.shape[2] == 1:
+            skin = skin.repeat(3, axis=2)
+        skin = skin + self._pale[..., None] * (_PALE - skin)
+        for share, level in self._eyes:
+            skin += share[..., None] * (level - skin)
+        return skin
+
+    def worn(self, row: int, other: int, weight: float, flips: tuple[bool, bool]) -> Picture:
+        """The skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: whether either is mirrored."""
+        skin = self.skin(row)[:: -1 if flips[0] else 1]
+        if weight > 0:
+            skin = skin + np.float32(weight) * (self.skin(other)[:: -1 if flips[1] else 1] - skin)
+        return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
+
+
+def _colours(pixels: Picture) -> NDArray[np.float32]:
+    """Colours (h, w, c) without alpha; where it is too low to tell, those of the fish nearby."""
+    pixel = pixels.astype(np.float32)
+    near = cv2.GaussianBlur(pixel, (0, 0), 2.0)
+    alpha = pixel[..., -1:]
+    around = near[..., :-1] / np.maximum(near[..., -1:], 1e-3)
+    own = pixel[..., :-1] / np.maximum(alpha, 1)
+    return 255 * np.where(alpha >= _SOLID, own, around)
+
+
+def _eyes(along: NDArray[np.float64], around: NDArray[np.float64]) -> list[tuple[NDArray, float]]:
+    """How much of the iris and of the pupil every pixel of a skin shows, and their grey levels.
+
+    The film, from above, hardly shows the eyes, which are at the sides of the head.
+    """
+    place, turn, radius = _EYE
+    round_px = 0.3  # a way of π around the head, in body lengths
+    far = np.hypot(
+        along - place, ((np.abs(around) / np.pi - turn) * round_px)[:, None]
+    ) / radius  # fmt: skip
+
+    def disc(edge: float) -> NDArray[np.float32]:
+        return np.clip((edge - far) / 0.4 + 0.5, 0, 1).astype(np.float32)
+
+    return [(disc(1.0), _IRIS), (disc(0.68), _PUPIL)]

@@ -1,0 +1,153 @@
+"""What an edit list asks for, as the backbone and the half widths of one fish, tick after tick.
+
+A picture of an edit list is a frame of the film or a sprite, and a sprite is a frame of the film,
+turned and perhaps mirrored. So every tick has one backbone of the film, or in a cross-fade two,
+which are mixed by their weight as the pictures are (`finloop.render.painter`).
+
+Coordinates of the tank are px of the film with y up (−y of the film) and z above the floor; angles
+anticlockwise as seen from above. A backbone runs from head to tail, relative to the mass centre.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.features.table import direction_deg, orientations_of
+from finloop.io.table import lists_to_array
+
+Floats = NDArray[np.floating]
+Rows = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Film:
+    """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px."""
+
+    backbone: Floats
+    half_width: Floats
+
+
+class Cast(NamedTuple):
+    """Which body of the film is seen, how it is turned, and whether it is mirrored first.
+
+    Mirrored is about the line of direction `axis_deg` through the mass centre. All are (ticks,).
+    """
+
+    row: Rows
+    turn_deg: Floats
+    scale: Floats
+    mirrored: NDArray[np.bool_]
+    axis_deg: Floats
+
+
+@dataclass(frozen=True)
+class Poses:
+    """The fish at every tick, in coordinates of the tank.
+
+    centre (ticks, 2): mass centre; backbone (ticks, p, 2) relative to it; half_width (ticks, p);
+    heading (ticks,): rad; first, second: whose skin it wears, `weight` the share of the second.
+    """
+
+    centre: Floats
+    backbone: Floats
+    half_width: Floats
+    heading: Floats
+    first: Cast
+    second: Cast
+    weight: Floats
+
+    def __len__(self) -> int:
+        return len(self.centre)
+
+
+def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
+    """The film's backbones, head first, relative to the mass centre, y up.
+
+    tracks: as `extract` wrote it; features: track_id, frame and the head of each of its rows.
+    """
+    key = ["track_id", "frame"]
+    head = tracks[key].merge(features, on=key, how="left", validate="one_to_one")
+    names = ("backbone_x_px", "backbone_y_px")
+    line = np.stack([lists_to_array(tracks[name]) for name in names], axis=-1).astype(float)
+    half_width = lists_to_array(tracks["half_width_px"]).astype(float)
+    there = head[["head_x_px", "head_y_px"]].to_numpy(float)[:, None]
+    far = np.linalg.norm(line[:, [0, -1]] - there, axis=-1)
+    backwards = far[:, 0] > far[:, 1]
+    line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
+    local = line - tracks[["x_px", "y_px"]].to_numpy(float)[:, None]
+    return Film(local * (1, -1), half_width)
+
+
+def poses(edit: pd.DataFrame, film: Film, tracks: pd.DataFrame, sprites: pd.DataFrame) -> Poses:
+    """The fish at every tick of an edit list (schema EDIT).
+
+    tracks: track_id, frame of every row of the film; sprites: schema SPRITES, may be empty if the
+    list has none.
+    """
+    first = _cast(edit, "", "source", tracks, sprites)
+    weight = edit["weight"].to_numpy(float)
+    fades = weight > 0
+    second = Cast(*(np.where(fades, b, a) for a, b in zip(
+        first, _cast(edit, "partner_", "partner", tracks, sprites), strict=True,
+    )))  # fmt: skip
+    (line, width), (other, other_width) = (_bodies(film, cast) for cast in (first, second))
+    share = weight[:, None]
+    return Poses(
+        edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
+        line + share[..., None] * (other - line),
+        width + share * (other_width - width),
+        np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
+        first,
+        second,
+        weight,
+    )
+
+
+def _cast(
+    edit: pd.DataFrame, prefix: str, number: str, tracks: pd.DataFrame, sprites: pd.DataFrame
+) -> Cast:
+    """Every tick's picture as a body of the film; where there is none, any."""
+    source = edit[number].fillna(0).to_numpy(int)
+    turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
+    scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
+    kind = edit[f"{prefix}kind"].fillna(FRAME)
+    drawn = (kind == SPRITE).to_numpy()
+    row, axis = np.where(drawn, 0, source), np.zeros(len(edit))
+    mirrored = np.zeros(len(edit), bool)
+    if drawn.any():
+        count = orientations_of(sprites)
+        which = sprites.iloc[source[drawn] // count]
+        rows = pd.Series(np.arange(len(tracks)), pd.MultiIndex.from_frame(tracks[_KEY]))
+        row[drawn] = rows.loc[pd.MultiIndex.from_frame(which[_KEY])].to_numpy()
+        axis[drawn], mirrored[drawn] = which["heading_deg"], which["mirrored"]
+        turn[drawn] += direction_deg(source[drawn] % count + 1, count) - axis[drawn]
+    return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
+
+
+_KEY = ["track_id", "frame"]
+
+
+def _bodies(film: Film, cast: Cast) -> tuple[Floats, Floats]:
+    """Backbones (ticks, p, 2) and half widths (ticks, p), mirrored, turned and scaled."""
+    line = film.backbone[cast.row]
+    twice = 2 * np.radians(cast.axis_deg)
+    mirror = _matrices(np.cos(twice), np.sin(twice), np.sin(twice), -np.cos(twice))
+    line = np.where(cast.mirrored[:, None, None], line @ mirror.swapaxes(1, 2), line)
+    angle = np.radians(cast.turn_deg)
+    turn = _matrices(np.cos(angle), -np.sin(angle), np.sin(angle), np.cos(angle))
+    scale = cast.scale[:, None]
+    return scale[..., None] * (line @ turn.swapaxes(1, 2)), scale * film.half_width[cast.row]
+
+
+def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
+    return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
+
+
+def heights(time_s: Floats, depth: float) -> Floats:
+    """How high above the floor the fish swims, px: the film does not tell, so it slowly wanders."""
+    slow, slower = (np.sin(2 * np.pi * time_s / period) for period in (7.3, 17.0))
+    return depth * (0.5 + 0.13 * slower + 0.05 * slow)
