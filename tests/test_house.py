@@ -1,0 +1,72 @@
+"""Limits that keep the code readable: lines of a module and of a function, arguments of a kernel.
+
+Ruff (PLR0913, `max-args` in pyproject.toml) counts the arguments of all other functions.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS = 350, 60, 6
+# What is still above a limit; an entry goes as soon as it is below.
+EXCEPTIONS: set[str] = {
+    "finloop/animate/kinematics.py::straight",
+    "finloop/animate/kinematics.py::turn",
+    "finloop/animate/search.py::jump_cost",
+    "finloop/animate/search.py::leg",
+    "finloop/animate/search.py::look",
+    "finloop/bpn/train.py::train",
+    "finloop/curve/problem.py::checked",
+    "finloop/drawn/carp/draw.py::draw",
+    "finloop/drawn/carp/motion.py",
+    "finloop/drawn/carp/motion.py::advance",
+    "finloop/drawn/carp/skin.py::look",
+    "finloop/export/tracks.py::poses",
+    "finloop/extract/backbone.py",
+    "finloop/extract/backbone.py::_flank",
+    "finloop/gait/transfer.py::transfer",
+    "finloop/io/footage.py",
+    "finloop/io/video.py",
+    "finloop/live/server.py::app",
+    "finloop/loops/find.py",
+    "finloop/morph/exact.py::meet",
+    "finloop/morph/folds.py::_bernstein",
+    "finloop/morph/folds.py::_passes",
+    "finloop/morph/layers.py::morph",
+    "finloop/render/painter.py",
+    "finloop/render/painter.py::_lay",
+    "finloop/sprites/pick.py",
+    "stages/extract.py::main",
+}
+
+
+def above(path: str, text: str) -> Iterator[str]:
+    """What is above a limit in a module: its path, or path::function."""
+    if len(text.splitlines()) > MODULE_LINES:
+        yield path
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            lines = node.end_lineno - node.lineno + 1
+            kernel = any("njit" in ast.unparse(decorator) for decorator in node.decorator_list)
+            arguments = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
+            if lines > FUNCTION_LINES or (kernel and arguments > KERNEL_ARGUMENTS):
+                yield f"{path}::{node.name}"
+
+
+def test_modules_functions_and_kernels_keep_their_limits():
+    found = {
+        name
+        for room in ("finloop", "stages", "hydra_plugins")
+        for path in (ROOT / room).rglob("*.py")
+        for name in above(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
+    }
+    assert found == EXCEPTIONS
+
+
+def test_what_is_above_a_limit_is_found():
+    long = "def f():\n" + "    pass\n" * FUNCTION_LINES
+    assert list(above("a.py", long)) == ["a.py::f"]
+    assert list(above("a.py", "x = 1\n" * (MODULE_LINES + 1))) == ["a.py"]
+    crowd = "(a, b, c, d, e, f, g):\n    pass\n"
+    assert list(above("a.py", f"@njit(cache=True)\ndef f{crowd}\ndef g{crowd}")) == ["a.py::f"]
