@@ -24,6 +24,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
+from finloop.base.cutout import Cutout
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.extract.backbone import trace
 from finloop.extract.film import Detector, Settings, detected, rows, survey, tracks
@@ -31,7 +32,7 @@ from finloop.extract.segment import silhouettes
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings
-from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.table import TableWriter, load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.io.wheel import cache_folder, zebrafish_clips

@@ -20,6 +20,7 @@ from finloop.animate.players import frame_hulls, players, reach
 from finloop.animate.search import film
 from finloop.animate.sprites import arrange
 from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
+from finloop.base.schema import lists_to_array
 from finloop.distance.picture import distance, film_rows, typical_length
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_frames
@@ -31,7 +32,7 @@ from finloop.io.goals import save_goals
 from finloop.io.model import load_model
 from finloop.io.picture import save_figure
 from finloop.io.scene import load_scene
-from finloop.io.table import lists_to_array, load_table, save_csv, save_table
+from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.find import LOOPS as LOOPS_TABLE
 from finloop.loops.graph import loop_graph

@@ -12,6 +12,7 @@ from typing import get_args
 import cv2
 import numpy as np
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.background import Image, Scene, sample_size
 from finloop.extract.film import (
@@ -29,7 +30,7 @@ from finloop.extract.film import (
 from finloop.extract.sheet import detections_picture
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.picture import save_picture
 from finloop.io.scene import save_scene
 from finloop.io.table import TableWriter

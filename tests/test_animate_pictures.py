@@ -17,9 +17,10 @@ from finloop.animate.pictures import (
     seams,
     without_ghosts,
 )
+from finloop.base.cutout import Cutout
 from finloop.distance.picture import SPAN, distance, film_rows, picture
 from finloop.features.table import orientation, wrap_deg
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.sprites.pictures import following, outlines, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml

@@ -5,10 +5,11 @@ import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.scene import load_scene, save_scene
 

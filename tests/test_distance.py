@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from finloop.base.cutout import Cutout
 from finloop.distance.picture import SPAN, centred, distance, steps
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.sprites.pictures import following, outlines, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml

@@ -20,12 +20,13 @@ import finloop.io.poses
 import stages.export
 import stages.sprites
 from finloop.animate.edit_list import EDIT
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
 from finloop.export.tracks import Poses, poses
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
-from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.poses import save_poses
 from finloop.io.scene import save_scene

@@ -23,6 +23,7 @@ from scratch import content, prepare, put_clip
 import stages.clip
 import stages.extract
 import stages.features
+from finloop.base.cutout import Cutout
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.errors import FinloopError
 from finloop.extract import film as extract
@@ -55,7 +56,7 @@ from finloop.extract.table import OUTLINE_POINTS, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import Settings as FeatureSettings
 from finloop.features.table import features
-from finloop.io.cutouts import Cutout, open_cutouts
+from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture
 from finloop.io.scene import load_scene
 from finloop.io.table import load_table, save_table

@@ -16,6 +16,7 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip
 
 import stages.gateways
+from finloop.base.cutout import Cutout
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import BODY, FILM, film_pictures, picture, steps
 from finloop.errors import FinloopError
@@ -31,7 +32,7 @@ from finloop.gateways.find import (
     numbers,
     sprite_pictures,
 )
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.distances import save_map_facts
 from finloop.io.picture import load_picture
 from finloop.io.table import load_table, save_table

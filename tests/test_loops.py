@@ -19,11 +19,12 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip, same_but_figures
 
 import stages.loops
+from finloop.base.cutout import Cutout
 from finloop.distance.map import PAIRS, STEPS, MapFacts
 from finloop.distance.picture import BODY, film_pictures, steps
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, wrap_deg
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.table import load_table, save_table

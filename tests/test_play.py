@@ -19,10 +19,10 @@ from finloop.animate.motion import TURN
 from finloop.animate.players import players
 from finloop.animate.sprites import from_bend
 from finloop.animate.swim import Swimmer, edit_list, swim
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
-from finloop.io.cutouts import Cutout
 from finloop.live import fish as play_fish
 from finloop.live.cut import cut, snapshot
 from finloop.live.fish import ROW

@@ -22,8 +22,9 @@ import stages.clip
 import stages.extract
 import stages.render
 from finloop.animate.edit_list import EDIT, Goal
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
-from finloop.io.cutouts import Cutout, CutoutWriter
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.goals import load_goals, save_goals
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture

@@ -18,12 +18,13 @@ from PIL import Image
 from scratch import content, prepare, put_clip
 
 import stages.sprites
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import table1
 from finloop.features.table import FEATURES, features, wrap_deg
 from finloop.features.table import Settings as FeatureSettings
-from finloop.io.cutouts import Cutout, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture
 from finloop.io.scene import save_scene
 from finloop.io.table import load_table, save_table

@@ -6,14 +6,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from finloop.base.schema import Column, Schema, lists_to_array
 from finloop.errors import FinloopError
-from finloop.io.table import (
-    Column,
-    Schema,
-    lists_to_array,
-    load_table,
-    save_table,
-)
+from finloop.io.table import load_table, save_table
 
 SCHEMA = Schema(
     (

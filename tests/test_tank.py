@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
-from finloop.io.cutouts import Cutout
 from finloop.render.painter import Painter, Turned, picture
 from finloop.sprites.orient import placed as placed_cutout
 from finloop.sprites.turn import turned

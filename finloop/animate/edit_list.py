@@ -8,7 +8,7 @@ is drawn at the same place, and `weight` is its share.
 
 from typing import NamedTuple
 
-from finloop.io.table import Column, Schema
+from finloop.base.schema import Column, Schema
 
 SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a picture of the sprites' store, or of the film's cut-outs."""

@@ -10,9 +10,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.base.cutout import Cutouts
 from finloop.distance.picture import FILM, film_pictures, picture
 from finloop.features.table import orientations_of
-from finloop.io.cutouts import CutoutStore
 
 SIZE = 64  # px of a centred picture
 _PAIRS, _LOT = 3000, 500  # natural steps that are looked at, and at once
@@ -21,7 +21,7 @@ Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 
-def film_steps(features: pd.DataFrame, film: CutoutStore) -> Floats:
+def film_steps(features: pd.DataFrame, film: Cutouts) -> Floats:
     """Eq. 5 between successive frames of the film, at most `_PAIRS` of them spread over it."""
     table = features[["track_id", "frame"]].to_numpy()
     starts = np.flatnonzero((np.diff(table, axis=0) == (0, 1)).all(1))
@@ -50,11 +50,11 @@ class Pictures:
     """
 
     sprites: pd.DataFrame
-    store: CutoutStore
+    store: Cutouts
     headed: Picture
     after: Picture
     features: pd.DataFrame
-    film: CutoutStore
+    film: Cutouts
     cutout: NDArray[np.int64]
 
     def __call__(self, kind: str, source: int, rotation_deg: float, scale: float) -> Picture:

@@ -17,9 +17,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.schema import Column, Schema
 from finloop.distance.picture import FILM
 from finloop.errors import FinloopError
-from finloop.io.table import Column, Schema
 
 EXACT = 1e-4
 """No distance between pictures of values 0 … 1 is farther off than this."""

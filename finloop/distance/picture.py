@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from finloop.io.cutouts import Cutout, CutoutStore
+from finloop.base.cutout import Cutout, Cutouts
 
 FILM, BODY = "film", "body"
 """Poses in which pictures are compared: as filmed, or turned to heading 0°."""
@@ -55,14 +55,14 @@ def picture(
     return centred(cutout.pixels, centre, length_px, size, turn_deg)
 
 
-def film_rows(film: CutoutStore) -> pd.Series:
+def film_rows(film: Cutouts) -> pd.Series:
     """The row of the store of every (track_id, frame)."""
     index = film.index
     return pd.Series(index.index, pd.MultiIndex.from_frame(index[["track_id", "frame"]]))
 
 
 def film_pictures(
-    features: pd.DataFrame, film: CutoutStore, size: int, pose: str, rows: NDArray[np.intp]
+    features: pd.DataFrame, film: Cutouts, size: int, pose: str, rows: NDArray[np.intp]
 ) -> NDArray[np.float32]:
     """Centred pictures (n, size, size, c) of some rows of the feature table, at least one.
 

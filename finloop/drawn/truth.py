@@ -6,7 +6,7 @@ at the tail, both + for a bend to the left; `mask_area_px` the drawn coverage, b
 `backbone_*_px` the midline from head to tail in equal steps.
 """
 
-from finloop.io.table import Column, Schema
+from finloop.base.schema import Column, Schema
 
 POINTS = 65
 """Points of a true midline."""

@@ -12,8 +12,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, SPRITE
+from finloop.base.schema import Column, Schema
 from finloop.features.table import orientations_of
-from finloop.io.table import Column, Schema
 from finloop.render.painter import Box, Gallery, Painter, Placed
 
 Image = NDArray[np.uint8]

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.schema import lists_to_array
 from finloop.errors import FinloopError
-from finloop.io.table import lists_to_array
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")

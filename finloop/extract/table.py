@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from finloop.io.table import Column, Schema
+from finloop.base.schema import Column, Schema
 
 OUTLINE_POINTS = 128
 

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 from scipy.stats import spearmanr
 
+from finloop.base.schema import lists_to_array
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import delta_of, orientations_of, wrap_deg
-from finloop.io.table import lists_to_array
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 

@@ -11,10 +11,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.schema import Column, Schema, lists_to_array
 from finloop.features.area import bend
 from finloop.features.head import head_first
 from finloop.features.swimming_type import swimming_type, turn
-from finloop.io.table import Column, Schema, lists_to_array
 
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
 

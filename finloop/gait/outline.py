@@ -15,10 +15,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.schema import lists_to_array
 from finloop.curve.contour import Curve, clockwise
 from finloop.errors import FinloopError
 from finloop.gait.period import Period, course, period, rated, started
-from finloop.io.table import lists_to_array
 
 Float = NDArray[np.float64]
 

@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from finloop.base.cutout import Cutouts
+from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, film_pictures, picture
 from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
-from finloop.io.cutouts import CutoutStore
-from finloop.io.table import Column, Schema
 from finloop.sprites.pictures import following, pictures
 
 IN, OUT = "in", "out"
@@ -80,7 +80,7 @@ class Nearness:
 
 
 def nearness(
-    sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame, film: CutoutStore,
+    sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame, film: Cutouts,
     size: int, pose: str, advance: Callable[[int], object] = lambda _: None,
 ) -> Nearness:  # fmt: skip
     """Compare all sprites with all rows, in blocks: no more than `_BLOCK` pictures are held.
@@ -117,7 +117,7 @@ def nearness(
 
 
 def sprite_pictures(
-    sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame, film: CutoutStore,
+    sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame, film: Cutouts,
     size: int, pose: str, number: int,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
     """What the film shows after every sprite, and the sprites themselves: (s, size, size, c) each.

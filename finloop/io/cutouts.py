@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
@@ -35,24 +35,6 @@ _SCHEMA = pa.schema(
 )
 _BATCH = 256  # cut-outs per record batch
 _CODEC = pa.Codec("zstd", compression_level=1)
-
-
-class Cutout(NamedTuple):
-    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
-
-    track_id: int
-    frame: int
-    x0_px: int
-    y0_px: int
-    pixels: NDArray[np.uint8]
-
-    def over(self, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
-        h, w = self.pixels.shape[:2]
-        tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
-        through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
-        film = self.pixels[..., :-1] + (through + 127) // 255
-        return film.reshape(tank.shape).astype(np.uint8)
 
 
 class CutoutWriter:

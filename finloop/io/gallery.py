@@ -7,9 +7,10 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.base.cutout import Cutouts
 from finloop.errors import FinloopError
 from finloop.features.table import orientations_of
-from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.cutouts import open_cutouts
 from finloop.render.painter import Gallery, Shelf
 
 PLACE = ["x_px", "y_px"]
@@ -41,7 +42,7 @@ def open_gallery(
 
 
 def shelves(
-    stores: Mapping[str, CutoutStore], tracks: pd.DataFrame, table: pd.DataFrame | None
+    stores: Mapping[str, Cutouts], tracks: pd.DataFrame, table: pd.DataFrame | None
 ) -> dict[str, Shelf]:
     """Open stores by kind, with the mass centres of their pictures; tables as for `open_gallery`.
 

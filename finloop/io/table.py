@@ -6,7 +6,6 @@ opened without this program still says what its numbers mean.
 
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from finloop.base.schema import Column, Schema
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
@@ -32,42 +32,20 @@ _TYPES: dict[str, pa.DataType] = {
 }
 
 
-@dataclass(frozen=True)
-class Column:
-    """One column: `dtype` is a NumPy name ("int32", "float32", "bool", "string", …).
-
-    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither
-    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers.
-    """
-
-    name: str
-    dtype: str
-    unit: str
-    nullable: bool = False
-    length: int = 0
-
-    @property
-    def arrow_type(self) -> pa.DataType:
-        """The type of the column in the file."""
-        inner = _TYPES[self.dtype]
-        return pa.list_(inner, self.length) if self.length else inner
+def _arrow_type(column: Column) -> pa.DataType:
+    """The type of the column in the file."""
+    inner = _TYPES[column.dtype]
+    return pa.list_(inner, column.length) if column.length else inner
 
 
-@dataclass(frozen=True)
-class Schema:
-    """The columns of a table, in order."""
-
-    columns: tuple[Column, ...]
-
-    @property
-    def arrow(self) -> pa.Schema:
-        """The same as Arrow says it, units in the fields' metadata."""
-        return pa.schema(
-            [
-                pa.field(column.name, column.arrow_type, column.nullable, {"unit": column.unit})
-                for column in self.columns
-            ]
-        )
+def _arrow(schema: Schema) -> pa.Schema:
+    """The schema as Arrow says it, units in the fields' metadata."""
+    return pa.schema(
+        [
+            pa.field(column.name, _arrow_type(column), column.nullable, {"unit": column.unit})
+            for column in schema.columns
+        ]
+    )
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
@@ -105,7 +83,7 @@ def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     ]
     if problems:
         raise _refused(f"the table for {name}", problems, "mend the stage that makes the table")
-    return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=schema.arrow)
+    return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=_arrow(schema))
 
 
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -134,7 +112,7 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
         if column.name not in table.column_names:
             continue
         field = table.schema.field(column.name)
-        if field.type != column.arrow_type:
+        if field.type != _arrow_type(column):
             problems.append(f"{column.name}: {field.type}, wanted {_wish(column)}")
             continue
         unit = (field.metadata or {}).get(b"unit", b"").decode()
@@ -152,11 +130,6 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int) -> None:
     """Write a small table for people and for plots, rounded, whole or not at all."""
     with whole_file(path) as part:
         frame.round(decimals).to_csv(part, index=False, lineterminator="\n")
-
-
-def lists_to_array(column: pd.Series) -> np.ndarray:
-    """Stack a list column into one array, (rows, length)."""
-    return np.stack(list(column)) if len(column) else np.empty((0, 0))
 
 
 def _wish(column: Column) -> str:
@@ -181,7 +154,7 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
     array = pa.array(values, from_pandas=True)
     if isinstance(array, pa.ChunkedArray):
         array = array.combine_chunks()
-    wanted = column.arrow_type
+    wanted = _arrow_type(column)
     # Safe casts refuse rounding; from float64 to float32 it is wanted.
     safe = not (pa.types.is_floating(array.type) and pa.types.is_floating(wanted))
     return array.cast(wanted, safe=safe)
@@ -241,7 +214,7 @@ class TableWriter:
         self._stack = ExitStack()
         part = self._stack.enter_context(whole_file(self._path))
         self._file = self._stack.enter_context(
-            pq.ParquetWriter(part, self._schema.arrow, compression="zstd")
+            pq.ParquetWriter(part, _arrow(self._schema), compression="zstd")
         )
         return self
 

@@ -18,10 +18,10 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.special import comb
 
+from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
 from finloop.errors import FinloopError
 from finloop.features.table import delta_of, wrap_deg
-from finloop.io.table import Column, Schema
 
 
 class NoLoops(FinloopError):

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
 from finloop.features.table import wrap_deg
-from finloop.io.table import Column, Schema
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
 POSITIONS = Schema(

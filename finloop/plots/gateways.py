@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutouts
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import film_pictures
 from finloop.gateways.find import IN, OUT, sprite_pictures
-from finloop.io.cutouts import CutoutStore
 
 Picture = NDArray[np.uint8]
-Cutouts = NDArray[np.float32]
+Stack = NDArray[np.float32]
 
 TILE = 150  # px
 _GROUND, _INK, _STRIP = 205, (150, 30, 30), 20
@@ -31,9 +31,9 @@ class Pair(NamedTuple):
     before: on screen; natural: what would come next; instead: what does; above, below: words.
     """
 
-    before: Cutouts
-    natural: Cutouts
-    instead: Cutouts
+    before: Stack
+    natural: Stack
+    instead: Stack
     above: str
     below: str
 
@@ -46,13 +46,13 @@ def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
 
 
 def pairs(
-    gateways: pd.DataFrame, sprites: pd.DataFrame, store: CutoutStore, features: pd.DataFrame,
-    film: CutoutStore, facts: MapFacts,
+    gateways: pd.DataFrame, sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame,
+    film: Cutouts, facts: MapFacts,
 ) -> Iterator[Pair]:  # fmt: skip
     """The pictures of gateways, in the pose in which they were compared."""
 
     @lru_cache(1)  # in the pose BODY there is but one
-    def of_sprites(number: int) -> tuple[Cutouts, Cutouts]:
+    def of_sprites(number: int) -> tuple[Stack, Stack]:
         return sprite_pictures(sprites, store, features, film, TILE, facts.pose, number)
 
     for way in gateways.itertuples():
@@ -90,7 +90,7 @@ def _tiles(pair: Pair) -> Picture:
     return whole
 
 
-def _on_ground(one: Cutouts) -> Picture:
+def _on_ground(one: Stack) -> Picture:
     laid = 255 * one[..., :-1] + _GROUND * (1 - one[..., -1:])
     whole = np.broadcast_to(laid, (*one.shape[:2], 3))
     return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))

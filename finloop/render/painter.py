@@ -25,8 +25,8 @@ import pandas as pd
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
-from finloop.io.cutouts import Cutout
 
 Image = NDArray[np.uint8]
 _ONE = np.float32(1)
@@ -266,7 +266,7 @@ def _lay(canvas, box, fish, fish_near, m, partner, partner_near, n, share):  # t
 
 
 class Store(Protocol):
-    """Cut-outs by number, as `finloop.io.cutouts.open_cutouts` gives them."""
+    """Cut-outs by number, see `finloop.base.cutout.Cutouts`."""
 
     def __len__(self) -> int: ...
     def __getitem__(self, row: int) -> Cutout: ...

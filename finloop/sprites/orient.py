@@ -9,10 +9,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import isotonic_regression
 
+from finloop.base.cutout import Cutout, Cutouts
+from finloop.base.schema import Column, Schema
 from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
-from finloop.io.cutouts import Cutout, CutoutStore
-from finloop.io.table import Column, Schema
 from finloop.sprites import pick
 from finloop.sprites.pick import SIDES, WORDS, Stretch, smooth
 from finloop.sprites.turn import Placed, aligned, turned
@@ -69,7 +69,7 @@ class Gallery:
     """The cut-outs of a table of swimmers, as pictures to compare (`sprites.pick.Look`)."""
 
     table: pd.DataFrame
-    cutouts: CutoutStore
+    cutouts: Cutouts
 
     def __call__(
         self, rows: NDArray[np.intp], heading_deg: NDArray[np.floating]

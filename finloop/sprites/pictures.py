@@ -5,9 +5,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutouts
 from finloop.distance.picture import film_rows, picture
 from finloop.features.table import direction_deg, orientations_of
-from finloop.io.cutouts import CutoutStore
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
 
@@ -15,7 +15,7 @@ Floats = NDArray[np.float64]
 
 
 def pictures(
-    sprites: pd.DataFrame, store: CutoutStore, length_px: float, size: int, number: int = 1
+    sprites: pd.DataFrame, store: Cutouts, length_px: float, size: int, number: int = 1
 ) -> NDArray[np.float32]:
     """Every sprite (n, size, size, c) in the orientation `number`, at the drawn size."""
     count = orientations_of(sprites)
@@ -28,7 +28,7 @@ def pictures(
 
 
 def following(
-    sprites: pd.DataFrame, features: pd.DataFrame, film: CutoutStore, length_px: float,
+    sprites: pd.DataFrame, features: pd.DataFrame, film: Cutouts, length_px: float,
     size: int, number: int = 1,
 ) -> NDArray[np.float32]:  # fmt: skip
     """What the film shows after every sprite, turned as the sprite's next one would be.
@@ -55,7 +55,7 @@ def following(
     return np.stack(found)
 
 
-def outlines(sprites: pd.DataFrame, store: CutoutStore) -> list[Floats]:
+def outlines(sprites: pd.DataFrame, store: Cutouts) -> list[Floats]:
     """The hull (k, 2) of every sprite, px from the mass centre at the drawn size: ahead, left."""
     found, count = [], orientations_of(sprites)
     for number, row in enumerate(sprites.itertuples()):

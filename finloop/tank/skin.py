@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.io.cutouts import Cutout
+from finloop.base.cutout import Cutout
 from finloop.tank.body import hang, limited, plan
 from finloop.tank.swim import Film
 

@@ -16,8 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.base.schema import lists_to_array
 from finloop.features.table import direction_deg, orientations_of
-from finloop.io.table import lists_to_array
 
 Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]

@@ -1,0 +1,37 @@
+"""A fish of a frame as a small picture with alpha, and stores of such pictures by number."""
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+
+class Cutout(NamedTuple):
+    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
+
+    track_id: int
+    frame: int
+    x0_px: int
+    y0_px: int
+    pixels: NDArray[np.uint8]
+
+    def over(self, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
+        h, w = self.pixels.shape[:2]
+        tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]
+        through = (255 - self.pixels[..., -1:].astype(np.uint16)) * tank.reshape(h, w, -1)
+        film = self.pixels[..., :-1] + (through + 127) // 255
+        return film.reshape(tank.shape).astype(np.uint8)
+
+
+class Cutouts(Protocol):
+    """Cut-outs by number, as `finloop.io.cutouts.open_cutouts` gives them.
+
+    `index`: a row per cut-out in the store's order, with its track_id, frame, place and size.
+    """
+
+    @property
+    def index(self) -> pd.DataFrame: ...
+    def __len__(self) -> int: ...
+    def __getitem__(self, row: int) -> Cutout: ...

@@ -1,0 +1,33 @@
+"""What a table holds: each column's name, dtype and unit; `finloop.io.table` checks files by it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column: `dtype` is a NumPy name ("int32", "float32", "bool", "string", …).
+
+    `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither
+    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers.
+    """
+
+    name: str
+    dtype: str
+    unit: str
+    nullable: bool = False
+    length: int = 0
+
+
+@dataclass(frozen=True)
+class Schema:
+    """The columns of a table, in order."""
+
+    columns: tuple[Column, ...]
+
+
+def lists_to_array(column: pd.Series) -> np.ndarray:
+    """Stack a list column into one array, (rows, length)."""
+    return np.stack(list(column)) if len(column) else np.empty((0, 0))
