@@ -9,6 +9,7 @@ import pytest
 from conftest import TINY_CARP
 from scratch import content, prepare, same_but_figures
 
+import finloop.distance.map
 import stages.clip
 import stages.distance
 import stages.extract
@@ -63,6 +64,21 @@ def test_the_full_map_is_brute_force(count):
     assert (found == found.T).all()
     assert (found.diagonal() == 0).all()
     assert (pictures == kept).all()
+
+
+def test_the_full_map_is_symmetric_where_a_product_is_not(monkeypatch):
+    """Some BLAS kernels round a block and its transpose differently."""
+    rng = np.random.default_rng(7)
+
+    def rounded(*arguments):
+        block = squared(*arguments)
+        return block * (1 + 1e-6 * rng.random(block.shape, np.float32))
+
+    squared = finloop.distance.map._squared
+    monkeypatch.setattr(finloop.distance.map, "_squared", rounded)
+    distances = full(random_pictures(rng, 1300))
+    assert (distances == distances.T).all()
+    assert (distances.diagonal() == 0).all()
 
 
 @pytest.mark.parametrize("spread", [0.0, 1e-4, 1e-2])

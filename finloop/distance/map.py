@@ -107,8 +107,9 @@ def full(pictures: Picture) -> Picture:
             if rows == columns:
                 np.fill_diagonal(block, np.inf)  # not to be measured again
             _sharpen(x, norms, Block(rows, columns), block)
-            if rows == columns:
-                np.fill_diagonal(block, 0)
+            if rows == columns:  # a kernel may round a product and its transpose differently
+                block = np.triu(block, 1)
+                block += block.T
             np.sqrt(block, out=block)
             found[rows, columns] = block
             found[columns, rows] = block.T
