@@ -63,7 +63,7 @@ $(VENV):
 	@$(ORIGIN) > $(VENV)/origin
 
 params: setup ## compose conf/ into params.yaml, after editing conf/
-	@python -m stages.params.compose $(S)
+	@python -m stages.compose $(S)
 
 repro: setup ## run what has changed
 	@dvc repro
@@ -87,7 +87,7 @@ lint: setup ## style and types
 	@mypy
 
 params-check: setup ## is params.yaml the composition of conf/?
-	@python -m stages.params.compose --check
+	@python -m stages.compose --check
 
 bench: setup ## measure speed and memory, as ratios in one run
 	@python -m benchmarks

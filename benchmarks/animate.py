@@ -20,8 +20,7 @@ from benchmarks.speed import paired
 from finloop.animate.edit_list import Goal
 from finloop.animate.swim import Player, random_goals
 from stages.animate import bring
-from stages.params import load
-from stages.params.animate import OPTIONS
+from stages.settings import load
 
 TICKS, COPIES = 20_000, 500
 STAGES = ("clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways")
@@ -37,7 +36,7 @@ def main() -> None:
         home = Path.cwd()
         os.chdir(scratch)
         try:
-            with bring(load("animate", OPTIONS)) as brought:
+            with bring(load("animate")) as brought:
                 players = brought.players
         finally:
             os.chdir(home)

@@ -18,7 +18,7 @@ def prepare(folder: Path, overrides: Sequence[str]) -> None:
     if not (folder / "conf").exists():
         shutil.copytree(ROOT / "conf", folder / "conf")
         shutil.copytree(ROOT / "hydra_plugins", folder / "hydra_plugins")
-    _python(folder, "stages.params.compose", *overrides)
+    _python(folder, "stages.compose", *overrides)
 
 
 def stage(folder: Path, word: str) -> dict[str, Any]:

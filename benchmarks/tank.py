@@ -20,8 +20,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.tank.camera import PRESETS, TOUR, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.scene import Scene
-from stages.params import load
-from stages.params.tank import OPTIONS
+from stages.settings import load
 from stages.tank import DATA, EXTRACT, opened
 
 SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
@@ -30,7 +29,7 @@ SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 def main() -> None:
     """Print and write the table."""
     choose_window()
-    p, facts = load("tank", OPTIONS), load_facts(DATA / "clip" / FACTS_NAME)
+    p, facts = load("tank"), load_facts(DATA / "clip" / FACTS_NAME)
     background = load_picture(EXTRACT / "background.png")
     rows = []
     with opened(p) as (fish, edit):

@@ -12,24 +12,21 @@ There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins
 """
 
 from dataclasses import fields, make_dataclass
-from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from stages.params import STAMP, complaint, conf_digest
-from stages.params.whole import GROUPS, problems
-
-CONF = Path(__file__).resolve().parents[1] / "conf"
+from finloop.settings import CONF, WORDS, variants
+from stages.settings import STAMP, all_problems, conf_digest, refusal
 
 
 def schema(option: type) -> type:
     """A parameter dataclass as OmegaConf understands it: not frozen, ranges left out.
 
     Every field is mandatory, as the original has no defaults; what OmegaConf has no type for is
-    simplified here and checked in full by `stages.params`.
+    simplified here and checked in full by `finloop.settings`.
     """
     hints = get_type_hints(option)  # drops Annotated
     return make_dataclass(
@@ -53,12 +50,12 @@ def stamp(*, _root_: DictConfig) -> str:
         for key in _root_
         if key != STAMP and (node := _root_._get_node(key)) is not None
     }
-    if found := problems(values):
-        raise complaint(found)
+    if problems := all_problems(values):
+        raise refusal(problems)
     return conf_digest(CONF)
 
 
-for word, options in GROUPS.items():
-    for name, option in options.items():
+for word in WORDS:
+    for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
 OmegaConf.register_new_resolver(STAMP, stamp, replace=True)

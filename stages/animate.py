@@ -18,6 +18,7 @@ from finloop.animate.motion import learn
 from finloop.animate.pictures import SIZE, Pictures, drawn_steps, film_steps, seams, without_ghosts
 from finloop.animate.players import frame_hulls, players, reach
 from finloop.animate.search import film
+from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
 from finloop.base.schema import lists_to_array
@@ -39,8 +40,7 @@ from finloop.loops.graph import loop_graph
 from finloop.plots.animate import kinematics
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.pictures import following, outlines, pictures
-from stages.params import load
-from stages.params.animate import OPTIONS, Animate
+from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 TRIAL_GOALS = 3
@@ -59,7 +59,7 @@ class Brought:
 
 
 @contextmanager
-def bring(p: Animate) -> Iterator[Brought]:
+def bring(p: Settings) -> Iterator[Brought]:
     """Everything that planning and measuring need, from what the stages before have made."""
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
@@ -112,7 +112,7 @@ def bring(p: Animate) -> Iterator[Brought]:
 
 
 def trials(
-    p: Animate, fish: Player, film_motion: tuple[np.ndarray, np.ndarray]
+    p: Settings, fish: Player, film_motion: tuple[np.ndarray, np.ndarray]
 ) -> dict[str, float]:
     """The measures of further animations, to random goals, on average."""
     mode = fish.mode
@@ -129,7 +129,7 @@ def trials(
 
 def main() -> None:
     """Make data/animate/, reports/animate/."""
-    p = load("animate", OPTIONS)
+    p: Settings = load("animate")
     numbers: dict[str, dict[str, float]] = {}
     shown = {}
     with bring(p) as brought, whole_folder(OUT) as folder:

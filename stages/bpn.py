@@ -9,6 +9,7 @@ import numpy as np
 
 from finloop.bpn.held_out import assessment, figure15, held_out_figure
 from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
+from finloop.bpn.settings import Settings
 from finloop.bpn.train import Learning, train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, delta_of
@@ -17,14 +18,13 @@ from finloop.io.onnx import save_onnx
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table, save_csv
 from finloop.io.video import FACTS_NAME, load_facts
-from stages.params import load
-from stages.params.bpn import OPTIONS, Bpn
+from stages.settings import load
 
 FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parquet")
 OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
-def split(rows: Rows, by: str, p: Bpn, rate_hz: float) -> tuple[Mask, Mask]:
+def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
     """Rows to learn from and rows held out."""
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
@@ -34,7 +34,7 @@ def split(rows: Rows, by: str, p: Bpn, rate_hz: float) -> tuple[Mask, Mask]:
 
 def main() -> None:
     """Make data/bpn/, reports/bpn/."""
-    p = load("bpn", OPTIONS)
+    p: Settings = load("bpn")
     rate_hz = load_facts(FACTS).frame_rate_hz
     table = load_table(TABLE, FEATURES)
     delta = delta_of(table)

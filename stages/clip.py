@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.clip.normalise import circle_arena, psnr_db, rectangle_arena, segments_of
+from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
@@ -33,13 +34,11 @@ from finloop.io.video import (
     save_mask,
 )
 from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
-from stages.params import load
-from stages.params.clip import OPTIONS, CarpClip, FileClip, ZebrafishClip
+from stages.settings import load
 
 CLIP = Path("data/clip")
 METRICS = Path("reports/clip/metrics.json")
 ROWS = 512  # of truth that gather before they are written
-Params = ZebrafishClip | CarpClip | FileClip
 
 
 @dataclass(frozen=True)
@@ -52,7 +51,7 @@ class Reel:
     truth: list[dict[str, Any]]  # grows while the carp are drawn, until it is spilt
 
 
-def carp_reel(p: CarpClip) -> Reel:
+def carp_reel(p: Carp) -> Reel:
     """Draw carp."""
     carp = CarpFilm(**{field.name: getattr(p, field.name) for field in fields(CarpFilm)})
     if not carp.fits():
@@ -74,9 +73,9 @@ def carp_reel(p: CarpClip) -> Reel:
     return Reel(facts, [take()], Loss(), truth)
 
 
-def film_reel(p: ZebrafishClip | FileClip) -> Reel:
+def film_reel(p: Zebrafish | File) -> Reel:
     """Open films that are to follow one another."""
-    if isinstance(p, ZebrafishClip):
+    if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
     else:
@@ -115,11 +114,11 @@ def spilling(
     return step
 
 
-def arena_of(p: Params, width: int, height: int) -> np.ndarray:
+def arena_of(p: Settings, width: int, height: int) -> np.ndarray:
     """Mask of the pixels where animals can be."""
-    if isinstance(p, ZebrafishClip):
+    if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)
-    if not isinstance(p, FileClip) or p.arena == "none":
+    if not isinstance(p, File) or p.arena == "none":
         return np.ones((height, width), bool)
     if p.arena == "mask":
         return load_mask(Path(*p.arena_values()).expanduser(), width, height)
@@ -129,8 +128,8 @@ def arena_of(p: Params, width: int, height: int) -> np.ndarray:
 
 def main() -> None:
     """Make data/clip/ and reports/clip/metrics.json."""
-    p: Params = load("clip", OPTIONS)
-    reel = carp_reel(p) if isinstance(p, CarpClip) else film_reel(p)
+    p: Settings = load("clip")
+    reel = carp_reel(p) if isinstance(p, Carp) else film_reel(p)
     facts = reel.facts
     arena = arena_of(p, facts.width_px, facts.height_px)
     for note in facts.notes:
@@ -140,7 +139,7 @@ def main() -> None:
         with ExitStack() as stack:
             advance = stack.enter_context(progress("clip", facts.frames))
             writer = stack.enter_context(VideoWriter.of(clip, facts))
-            if isinstance(p, CarpClip):
+            if isinstance(p, Carp):
                 truth = stack.enter_context(TableWriter(folder / TRUTH_NAME, TRUTH))
                 advance = spilling(reel.truth, truth, advance)
             timing, tally = record(writer, reel.takes, facts.frame_rate, advance)

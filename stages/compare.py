@@ -20,7 +20,7 @@ import yaml
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
-from stages.params import PARAMS, STAMP
+from stages.settings import PARAMS, STAMP
 
 OUT = Path("reports/compare.html")
 BASE = "present commit"

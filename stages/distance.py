@@ -27,6 +27,7 @@ from finloop.distance.map import (
     usual_steps,
 )
 from finloop.distance.picture import film_pictures
+from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
@@ -34,8 +35,7 @@ from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import figure9, picture_rows
-from stages.params import load
-from stages.params.distance import OPTIONS
+from stages.settings import load
 
 CUTOUTS = Path("data/extract/cutouts.arrow")
 FEATURES_TABLE = Path("data/features/features.parquet")
@@ -71,7 +71,7 @@ def largest_error(
 
 def main() -> None:
     """Make data/distance/, reports/distance/."""
-    p = load("distance", OPTIONS)
+    p: Settings = load("distance")
     features = load_table(FEATURES_TABLE, FEATURES)
     kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
     # Pictures are made in this order, so that a band is a slice and no second copy is needed.

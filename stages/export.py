@@ -13,6 +13,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES
@@ -28,8 +29,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.painter import Box, Gallery, Placed, placed
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.pick import SIDES, WORDS
-from stages.params import load
-from stages.params.export import OPTIONS, Export
+from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
@@ -46,7 +46,7 @@ def film(
     crop: Box,
     webp_ticks: int,
     rate: Fraction,
-    p: Export,
+    p: Settings,
     advance: Callable[[], None],
 ) -> dict[str, Any]:
     """Write name.webm, and of its first `webp_ticks` name.webp; what films.json says of both."""
@@ -71,7 +71,7 @@ def film(
 
 
 def films(
-    folder: Path, p: Export, edit: pd.DataFrame, sprites: pd.DataFrame, gallery: Gallery
+    folder: Path, p: Settings, edit: pd.DataFrame, sprites: pd.DataFrame, gallery: Gallery
 ) -> dict[str, Any]:
     """Write the animation and every sequence of sprites; what films.json says of them."""
     facts = load_facts(CLIP / FACTS_NAME)
@@ -98,7 +98,7 @@ def films(
 
 def main() -> None:
     """Make data/export/, reports/export/."""
-    p = load("export", OPTIONS)
+    p: Settings = load("export")
     facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)

@@ -4,7 +4,6 @@ from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (bef
 
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -19,7 +18,6 @@ from finloop.extract.film import (
     Detected,
     Detector,
     Found,
-    Settings,
     Verdict,
     detected,
     follow,
@@ -27,6 +25,7 @@ from finloop.extract.film import (
     survey,
     tracks,
 )
+from finloop.extract.settings import Settings
 from finloop.extract.sheet import detections_picture
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
@@ -46,8 +45,7 @@ from finloop.io.video import (
     read_spread,
 )
 from finloop.parallel import warm_up
-from stages.params import load
-from stages.params.extract import OPTIONS
+from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 LONG = 60  # frames of a long track
@@ -87,7 +85,7 @@ def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
 
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
-    settings = Settings(**asdict(load("extract", OPTIONS)))
+    settings: Settings = load("extract")
     if THREADS > 1:
         warm_up(WORKERS_NEED)
     facts = load_facts(CLIP / FACTS_NAME)

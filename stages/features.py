@@ -3,7 +3,6 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,8 @@ import pandas as pd
 from finloop.drawn.truth import TRUTH
 from finloop.extract.table import tracks_schema
 from finloop.features.metrics import against_truth, summary, table1
-from finloop.features.table import FEATURES, USED, Settings, features
+from finloop.features.settings import Settings
+from finloop.features.table import FEATURES, USED, features
 from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.scene import load_scene
@@ -27,8 +27,7 @@ from finloop.plots.features import (
     rose,
     trajectories,
 )
-from stages.params import load
-from stages.params.features import OPTIONS
+from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 TRACKS_NAME, CUTOUTS_NAME, SCENE_NAME = "tracks.parquet", "cutouts.arrow", "scene.json"
@@ -54,7 +53,7 @@ def specimens(
 
 def main() -> None:
     """Make data/features/, reports/features/."""
-    settings = Settings(**asdict(load("features", OPTIONS)))
+    settings: Settings = load("features")
     facts = load_facts(CLIP / FACTS_NAME)
     scene = load_scene(EXTRACT / SCENE_NAME)
     tracks = load_table(EXTRACT / TRACKS_NAME, tracks_schema(scene.points), USED)

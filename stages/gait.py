@@ -22,6 +22,7 @@ from finloop.gait.film import Filmed, Keys, hips, samples_of
 from finloop.gait.fit import fit, moves_of
 from finloop.gait.model import Gait
 from finloop.gait.outline import of_track, swim
+from finloop.gait.settings import Settings
 from finloop.gait.transfer import repeated, transfer
 from finloop.io.animation import save_animation
 from finloop.io.atomic import whole_folder
@@ -34,9 +35,7 @@ from finloop.io.svg import load_svg
 from finloop.io.table import load_table, save_csv
 from finloop.io.video import FACTS_NAME, load_facts, read_frames
 from finloop.plots.gait import figures
-from stages.params import load
-from stages.params.gait import OPTIONS
-from stages.params.gait import Gait as Params
+from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 FEATURES_AT = Path("data/features/features.parquet")
@@ -77,7 +76,7 @@ class Learnt(NamedTuple):
 
 
 def learnt(
-    film: Filmed, name: str, frequency_hz: float, p: Params, source: str, confidence: float
+    film: Filmed, name: str, frequency_hz: float, p: Settings, source: str, confidence: float
 ) -> Learnt:
     """Fit a gait to a film, and to parts of it for the frames left out."""
     worth = compare(film, split=p.split, wavelet=p.wavelet, coarse=p.coarse)
@@ -88,7 +87,7 @@ def learnt(
     return Learnt(film, gait, keys, worth)
 
 
-def outlines(p: Params) -> tuple[Learnt | None, pd.DataFrame]:
+def outlines(p: Settings) -> tuple[Learnt | None, pd.DataFrame]:
     """Every track's tail beat; the gait of the one that is surest, if one repeats."""
     rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
     scene = load_scene(EXTRACT / "scene.json")
@@ -123,7 +122,7 @@ def outlines(p: Params) -> tuple[Learnt | None, pd.DataFrame]:
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
-def dog(p: Params) -> DogFilm:
+def dog(p: Settings) -> DogFilm:
     """The drawn dog that the parameters ask for."""
     size = p.dog_width_px / DogFilm.width_px
     return DogFilm(
@@ -147,7 +146,7 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     return shown, phases(walk)[which]
 
 
-def recovered(walk: DogFilm, table: pd.DataFrame, p: Params) -> dict[str, float]:
+def recovered(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
     """Fill in γ as it is, the clock's and that of exact contours; how far off they are at most."""
     exact = Filmed(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hips(exact))
@@ -178,7 +177,7 @@ def table_of(which: str, gait: Gait) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def limbs(p: Params, folder: Path) -> tuple[Learnt, Pictures | None]:
+def limbs(p: Settings, folder: Path) -> tuple[Learnt, Pictures | None]:
     """The gait of the drawn dog, or of own film's limbs."""
     if p.limbs == "dog":
         pictures: Pictures | None = filmed_dog(dog(p), folder)
@@ -195,7 +194,7 @@ def limbs(p: Params, folder: Path) -> tuple[Learnt, Pictures | None]:
     return learnt(cut, name, float(beat.frequency_hz), p, source, beat.confidence), pictures
 
 
-def driven(name: str, keys: tuple[str, str], gait: Gait, p: Params, folder: Path) -> dict:
+def driven(name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path) -> dict:
     """A drawing in motion, in every format; how far its feet slide."""
     one, two = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
@@ -214,7 +213,7 @@ def driven(name: str, keys: tuple[str, str], gait: Gait, p: Params, folder: Path
     return numbers
 
 
-def fish_gait(p: Params, swum: Learnt | None) -> Gait:
+def fish_gait(p: Settings, swum: Learnt | None) -> Gait:
     """The gait that drives the drawn fish: a shipped one, or the clip's own."""
     if p.fish_gait is not None:
         return load_gait(Path(p.fish_gait))
@@ -229,7 +228,7 @@ def fish_gait(p: Params, swum: Learnt | None) -> Gait:
 
 def main() -> None:
     """Make data/gait/, reports/gait/."""
-    p = load("gait", OPTIONS)
+    p: Settings = load("gait")
     with whole_folder(OUT) as folder:
         walked, pictures = limbs(p, folder)  # first: here most is given, and can be wrong
         swum, tracks = outlines(p)

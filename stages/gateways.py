@@ -3,7 +3,6 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -14,12 +13,12 @@ from finloop.gateways.find import (
     GATEWAYS,
     IN,
     OUT,
-    Settings,
     gateways,
     nearest,
     nearness,
     numbers,
 )
+from finloop.gateways.settings import Settings
 from finloop.io.cutouts import open_cutouts
 from finloop.io.distances import load_map_facts
 from finloop.io.picture import save_picture
@@ -27,8 +26,7 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.gateways import contact_sheet, pairs, spread
 from finloop.sprites.orient import SPRITES
-from stages.params import load
-from stages.params.gateways import OPTIONS
+from stages.settings import load
 
 SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
 TABLE = Path("data/gateways/gateways.parquet")
@@ -52,7 +50,7 @@ def say(kept: pd.DataFrame, every: pd.DataFrame, step: float, least_s: float) ->
 
 def main() -> None:
     """Make data/gateways/, reports/gateways/."""
-    settings = Settings(**asdict(load("gateways", OPTIONS)))
+    settings: Settings = load("gateways")
     rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
     facts = load_map_facts(Path("data/distance/facts.json"))
     features = load_table(Path("data/features/features.parquet"), FEATURES)

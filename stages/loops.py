@@ -4,7 +4,6 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,7 @@ from finloop.io.distances import MAP_FACTS_NAME, load_map_facts
 from finloop.io.picture import load_picture, save_figure
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.loops.find import LOOPS, NoLoops, Settings, as_map, find
+from finloop.loops.find import LOOPS, NoLoops, as_map, find
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.position_table import (
@@ -30,6 +29,7 @@ from finloop.loops.position_table import (
     routes_table,
     shown_ends,
 )
+from finloop.loops.settings import Settings
 from finloop.plots.loops import (
     Example,
     apart,
@@ -39,8 +39,7 @@ from finloop.plots.loops import (
     over_time,
     table_picture,
 )
-from stages.params import load
-from stages.params.loops import OPTIONS
+from stages.settings import load
 
 EXTRACT, DISTANCE = Path("data/extract"), Path("data/distance")
 FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
@@ -82,9 +81,7 @@ def nothing(none: NoLoops) -> None:
 
 def main() -> None:
     """Make data/loops/, reports/loops/."""
-    asked = asdict(load("loops", OPTIONS))
-    horizon_s = asked.pop("horizon_s")
-    settings = Settings(**asked)
+    settings: Settings = load("loops")
     rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
     facts = load_map_facts(DISTANCE / MAP_FACTS_NAME)
     step = facts.step_median
@@ -98,7 +95,7 @@ def main() -> None:
         nothing(none)
         return
     graph = loop_graph(loops, track)
-    where = positions(graph.ends, features, round(horizon_s * rate_hz))
+    where = positions(graph.ends, features, round(settings.horizon_s * rate_hz))
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", loops, LOOPS)
         save_table(folder / "positions.parquet", where, POSITIONS)

@@ -22,10 +22,10 @@ from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
 from finloop.morph.layers import METHODS, Physics, morph, there_and_back
 from finloop.morph.match import matched
+from finloop.morph.settings import Settings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
 from finloop.plots.morph import sheet
-from stages.params import load
-from stages.params.morph import OPTIONS, Morph
+from stages.settings import load
 
 OUT, REPORT = Path("data/morph"), Path("reports/morph")
 TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
@@ -50,7 +50,7 @@ def tables() -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def hoop(p: Morph) -> dict[str, float]:
+def hoop(p: Settings) -> dict[str, float]:
     """Figs. 6, 7: a bent hoop, round at rest, is let go; how far each way to solve it is off."""
     drawn = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
@@ -88,7 +88,7 @@ def hoop(p: Morph) -> dict[str, float]:
     return numbers
 
 
-def curves(p: Morph) -> dict[str, float]:
+def curves(p: Settings) -> dict[str, float]:
     """Figs. 2 and 3, and how much of K lies off its diagonal."""
     outline = max(glyph(p.glyph), key=lambda one: len(one.points))
     curve: Curve = resampled(outline, GLYPH_POINTS)
@@ -108,7 +108,7 @@ def curves(p: Morph) -> dict[str, float]:
 
 def main() -> None:
     """Make data/morph/, reports/morph/."""
-    p = load("morph", OPTIONS)
+    p: Settings = load("morph")
     numbers = curves(p) | hoop(p)
     save_csv(REPORT / "connection.csv", tables(), decimals=12)
     drawings = load_svg(Path(p.a)), load_svg(Path(p.b))

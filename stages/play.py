@@ -19,6 +19,7 @@ import numpy as np
 import finloop.live
 from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
 from finloop.animate.pictures import apart
+from finloop.animate.settings import Settings
 from finloop.extract.table import tracks_schema
 from finloop.io.gallery import PLACE, shelves
 from finloop.io.picture import load_picture
@@ -30,8 +31,7 @@ from finloop.live.tank import LiveTank
 from finloop.live.view import View
 from finloop.render.painter import Gallery, Painter
 from stages.animate import ALIKE, DATA, bring
-from stages.params import load
-from stages.params.animate import OPTIONS
+from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
 PORT = 8750
@@ -41,7 +41,7 @@ PICTURES = 2048  # are held, for the film comes round again and again
 @contextmanager
 def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     """The live tank, from what the stages have made."""
-    p = load("animate", OPTIONS)
+    p: Settings = load("animate")
     points = load_scene(DATA / "extract/scene.json").points
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
     painter = Painter(load_picture(DATA / "extract/background.png"))

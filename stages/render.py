@@ -23,9 +23,9 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
 from finloop.render.marks import Marks, parts
 from finloop.render.painter import Gallery, Painter, Steps, film_steps, placed, step_numbers
+from finloop.render.settings import Settings
 from finloop.sprites.orient import SPRITES
-from stages.params import load
-from stages.params.render import OPTIONS, Render
+from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
@@ -36,7 +36,7 @@ Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
 
 
 def films(
-    p: Render,
+    p: Settings,
     edit: pd.DataFrame,
     goals: list[Goal],
     tracks: pd.DataFrame,
@@ -102,7 +102,7 @@ def around(tick: int, ticks: int) -> range:
 
 def main() -> None:
     """Make data/render/, reports/render/."""
-    p = load("render", OPTIONS)
+    p: Settings = load("render")
     facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
     background = load_picture(EXTRACT / "background.png")
     columns = ["track_id", "frame", "x_px", "y_px"]

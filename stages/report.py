@@ -16,10 +16,9 @@ from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS
 from finloop.report.page import Page, Section, data_uri, html, shown
+from finloop.report.settings import Settings
 from finloop.report.tables import Table, headline, measures, of_frame, of_numbers
-from stages.params import STAMP, load, read
-from stages.params.changed import changed
-from stages.params.report import OPTIONS, Report
+from stages.settings import STAMP, load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 TIMES = Path("benchmarks/table2.csv")
@@ -54,7 +53,7 @@ def tables(chapter: str) -> Iterator[Table]:
             yield of_frame(pd.read_csv(REPORTS / name), caption)
 
 
-def sections(p: Report) -> Iterator[Section]:
+def sections(p: Settings) -> Iterator[Section]:
     """The chapters with the pictures that there are."""
     for one in CHAPTERS:
         pictures = [
@@ -77,7 +76,7 @@ def metrics(word: str) -> dict[str, float]:
 
 def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
     """Every group's keys and values, and whether they were overridden."""
-    differ = {one.partition("=")[0] for one in changed(values)}
+    differ = {one.partition("=")[0] for one in overrides(values)}
     return {
         word: [
             (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
@@ -100,14 +99,15 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
 
 def main() -> None:
     """Make reports/index.html, reports/report/."""
-    p, values = load("report", OPTIONS), read()
+    p: Settings = load("report")
+    values = read()
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked = RENDER / f"{mode}_marked.mp4"
     film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
     found = {word: metrics(word) for word in values if word not in (STAMP, "report")}
     made = list(sections(p))
-    overrides = [f"-S '{one}'" for one in changed(values)]
+    changes = [f"-S '{one}'" for one in overrides(values)]
     page = Page(
         title="A fish, filmed once and steered for ever",
         facts=facts_in_words(load_facts(CLIP / FACTS_NAME), source, found["features"]),
@@ -125,7 +125,7 @@ def main() -> None:
         parameters=parameters(values),
         commands=[
             "make setup",
-            " ".join([".venv/bin/dvc exp run", *overrides]),
+            " ".join([".venv/bin/dvc exp run", *changes]),
             "xdg-open reports/index.html",
         ],
         numbers=[of_numbers(one, word) for word, one in found.items() if one],

@@ -4,7 +4,6 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 
 import json
 import sys
-from dataclasses import asdict
 from pathlib import Path
 
 import pandas as pd
@@ -30,15 +29,14 @@ from finloop.sprites.orient import (
     SPRITES,
     Choice,
     Gallery,
-    Settings,
     choose,
     drawn,
     placed,
     sprite_table,
 )
 from finloop.sprites.pick import SIDES, swimmers
-from stages.params import load
-from stages.params.sprites import OPTIONS
+from finloop.sprites.settings import Settings
+from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 FEATURES_TABLE = Path("data/features/features.parquet")
@@ -69,9 +67,7 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 
 def main() -> None:
     """Make data/sprites/, reports/sprites/."""
-    asked = asdict(load("sprites", OPTIONS))
-    page_px = asked.pop("page_px")
-    settings = Settings(**asked)
+    settings: Settings = load("sprites")
     facts = load_facts(CLIP / FACTS_NAME)
     rate_hz = facts.frame_rate_hz
     scene = load_scene(EXTRACT / "scene.json")
@@ -93,7 +89,7 @@ def main() -> None:
                 for one in drawn(sprites, lambda track, frame: cutouts[int(where[track, frame])]):
                     writer.write(one)
                     advance()
-            pages = write_atlas(folder, sprites, page_px, rate_hz)
+            pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
         loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
 
     still = settings.slide is not None or is_still(

@@ -30,10 +30,10 @@ from finloop.tank.display import choose_window
 from finloop.tank.fish import Fish
 from finloop.tank.gltf import shapes, tank_glb, upright
 from finloop.tank.scene import Scene
+from finloop.tank.settings import Settings
 from finloop.tank.skin import Skins
 from finloop.tank.swim import film_bodies, heights, poses
-from stages.params import load
-from stages.params.tank import OPTIONS, Tank
+from stages.settings import load
 
 DATA, EXTRACT = Path("data"), Path("data/extract")
 OUT, REPORT = Path("data/tank"), Path("reports/tank")
@@ -46,7 +46,7 @@ _SHEET_PX = 480  # a picture on the contact sheet is so wide
 
 
 @contextmanager
-def opened(p: Tank) -> Iterator[tuple[Fish, pd.DataFrame]]:
+def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, as long as its film lasts, and that part of the list."""
     edit = load_edit(DATA / "animate", p.mode, "tank")
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
@@ -80,7 +80,7 @@ def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
 
 def main() -> None:
     """Make data/tank/, reports/tank/."""
-    p = load("tank", OPTIONS)
+    p: Settings = load("tank")
     choose_window()
     facts, background = (
         load_facts(DATA / "clip" / FACTS_NAME),

@@ -77,7 +77,7 @@ class Copy:
         return self.run("git", *arguments)
 
     def compose(self, *overrides: str) -> str:
-        return self.run("python", "-m", "stages.params.compose", *TINY_CARP, *overrides)
+        return self.run("python", "-m", "stages.compose", *TINY_CARP, *overrides)
 
     def start(self, *command: str) -> subprocess.Popen[str]:
         """Start a command as a terminal would, in a process group of its own."""

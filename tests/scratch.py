@@ -22,9 +22,8 @@ from finloop.io.video import (
     save_facts,
     save_mask,
 )
-from stages.params import CONF, PARAMS, complaint
-from stages.params.compose import composed
-from stages.params.whole import problems
+from stages.compose import composed
+from stages.settings import CONF, PARAMS, all_problems, refusal
 
 
 @cache  # composing takes Hydra a fifth of a second
@@ -44,8 +43,8 @@ def _params(overrides: tuple[str, ...]) -> str:
         asked = parser.parse_override(one)
         word, key = asked.key_or_group.split(".")
         values[word][key] = asked.value()
-    if found := problems(values):
-        raise complaint(found)
+    if problems := all_problems(values):
+        raise refusal(problems)
     return yaml.safe_dump(values, sort_keys=False)
 
 

@@ -50,9 +50,8 @@ from finloop.io import wheel
 from finloop.io.footage import Footage, Loss, open_footage
 from finloop.io.table import load_table
 from finloop.io.video import load_facts, load_mask, read_frames
+from finloop.settings import check, variants
 from stages import clip as stage
-from stages.params import check
-from stages.params.clip import OPTIONS
 
 ROOT = Path(__file__).parents[1]
 REAL = ROOT.parent / "shared" / "clips"
@@ -843,7 +842,7 @@ def test_the_cache_lies_outside_the_project(tmp_path, monkeypatch):
 def parameters(source: str, **changes):
     values = yaml.safe_load((ROOT / f"conf/clip/{source}.yaml").read_text())
     values = {key: value for key, value in values.items() if key != "defaults"}
-    return check("clip", OPTIONS, values | changes)
+    return check("clip", variants("clip"), values | changes)
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ from conftest import ROOT, TINY_CARP
 
 from finloop.errors import FinloopError
 from finloop.report.compare import OBJECTIVES, comparison, html, pareto
-from stages.params import experiment as door
-from stages.params.changed import changed
-from stages.params.compose import composed
-from stages.params.experiment import experiment
+from stages import experiment as door
+from stages.compose import composed
+from stages.experiment import experiment
+from stages.settings import overrides as changed
 
 EXPERIMENTS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
 

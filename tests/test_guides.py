@@ -8,12 +8,12 @@ import pytest
 import yaml
 from scratch import prepare
 
-from stages.params.whole import GROUPS
+from finloop.settings import WORDS
 
 ROOT = Path(__file__).parents[1]
 GUIDES = [ROOT / "docs" / name for name in ("tutorial.md", "troubleshooting.md")]
 STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-VALUE = re.compile(rf"\b((?:{'|'.join(GROUPS)})\.\w+)=([^\s`\"]+)")
+VALUE = re.compile(rf"\b((?:{'|'.join(WORDS)})\.\w+)=([^\s`\"]+)")
 
 
 def values(text: str) -> list[tuple[str, str]]:

@@ -55,7 +55,13 @@ from finloop.plots.loops import apart, sample
 RATE = 20.0
 DELTA = 4
 EASY = Settings(
-    threshold=1.0, least_s=0.5, apart_s=0.1, dynamics=1, improper_deg=90.0, most_per_end=6
+    threshold=1.0,
+    least_s=0.5,
+    apart_s=0.1,
+    dynamics=1,
+    improper_deg=90.0,
+    most_per_end=6,
+    horizon_s=10.0,
 )
 
 

@@ -1,6 +1,10 @@
 """Parameters: what is refused, by which name, when; and params.yaml is the composition of conf/."""
 
+import inspect
+import re
 import shutil
+import subprocess
+import sys
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -11,14 +15,15 @@ import yaml
 from pydantic import Field
 
 from finloop.errors import FinloopError
-from stages import params as door
-from stages.params import STAMP, check, complaint, conf_digest, load
-from stages.params.compose import composed
-from stages.params.experiment import FOLDER
-from stages.params.whole import GROUPS, problems
+from finloop.settings import WORDS, check, settings, values_of, variants
+from stages import settings as door
+from stages.compose import composed
+from stages.experiment import FOLDER
+from stages.settings import STAMP, all_problems, conf_digest, load, refusal
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
+GROUPS = {word: variants(word) for word in WORDS}
 EVERY = [(word, option) for word, options in GROUPS.items() for option in options]
 
 
@@ -91,7 +96,7 @@ def test_an_unknown_key_like_no_other_names_all():
 def test_every_problem_is_told_at_once():
     found = toy(size_px=-1, fish=0, polarity=3, arena=["x"], new=1)
     assert len(found) == 5
-    message = str(complaint(found))
+    message = str(refusal(found))
     assert message.startswith("5 parameters are refused:")
     assert all(problem in message for problem in found)
 
@@ -116,7 +121,7 @@ def made(*overrides: str) -> str:
     return composed(list(overrides))
 
 
-def values_of(word: str, option: str) -> dict[str, Any]:
+def composed_values(word: str, option: str) -> dict[str, Any]:
     usual = {word: option} in yaml.safe_load((ROOT / "conf/config.yaml").read_text())["defaults"]
     asked = [] if usual else [f"{word}={option}", *TO_GIVE.get((word, option), [])]
     return yaml.safe_load(made(*asked))[word]
@@ -124,14 +129,14 @@ def values_of(word: str, option: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_option_composes_into_its_dataclass(word, option):
-    group, none = check(word, GROUPS[word], values_of(word, option))
+    group, none = check(word, GROUPS[word], composed_values(word, option))
     assert none == []
     assert isinstance(group, GROUPS[word][option])
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
-    values = values_of(word, option)
+    values = composed_values(word, option)
     for key, kind in get_type_hints(GROUPS[word][option]).items():
         if key == "source":
             continue
@@ -150,6 +155,49 @@ def test_a_group_is_flat_and_has_no_values_of_its_own(word, option):
         assert repr(field.default) == repr(field.default_factory), f"{field.name} has a default"
 
 
+@pytest.mark.parametrize(("word", "option"), EVERY)
+def test_a_parameter_stands_in_two_places(word, option):
+    declared = [field.name for field in fields(GROUPS[word][option])]
+    assert sorted(values_of(word, option)) == sorted(declared)
+
+
+@pytest.mark.parametrize(("word", "option"), EVERY)
+def test_every_parameter_has_its_unit_or_values_and_a_sentence(word, option):
+    kind = GROUPS[word][option]
+    entries = inspect.getdoc(kind).partition("Attributes\n----------\n")[2]
+    listed = re.findall(r"^([a-z_0-9, ]+) : \S.*\n    [A-Za-zΔ0-9].*\.", entries, re.MULTILINE)
+    told = [name for names in listed for name in names.split(", ")]
+    told += re.findall(r"^([a-z_0-9]+) : \S.*\n(?:    .*\n)*    .*\.$", entries, re.MULTILINE)
+    assert set(told) == {field.name for field in fields(kind)}
+
+
+def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    usual = settings("extract")
+    (other,) = {settings("extract", noise_sigmas=6).noise_sigmas} - {usual.noise_sigmas}
+    assert other == 6.0 and type(other) is float
+    carp = settings("clip", source="carp", frames=50)
+    assert type(carp) is GROUPS["clip"]["carp"] and carp.frames == 50
+    for wrong, named in (({"nois_sigmas": 1.0}, "did you mean extract.noise_sigmas"),
+                         ({"points": 3.5}, "extract.points: should be a valid integer")):  # fmt: skip
+        with pytest.raises(FinloopError, match=named):
+            settings("extract", **wrong)
+    with pytest.raises(FinloopError, match=r"clip\.source: should be"):
+        settings("clip", source="goldfish")
+
+
+def test_what_is_declared_is_cheap_to_know():
+    """DVC imports every declaration while it composes; none may bring its algorithm with it."""
+    heavy = ("cv2", "matplotlib", "numba", "pandas", "scipy", "torch", "vtkmodules")
+    code = (
+        "import sys; from finloop.settings import WORDS, variants\n"
+        "for word in WORDS: variants(word)\n"
+        f"print(*(set({heavy}) & set(sys.modules)))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
+    assert (done.returncode, done.stdout.split()) == (0, []), done.stderr
+
+
 def test_conf_holds_the_options_and_no_others():
     files = [path for path in (ROOT / "conf").glob("*/*.yaml") if path.parent.name != FOLDER]
     found = {(path.parent.name, path.stem) for path in files}
@@ -162,10 +210,10 @@ def test_params_yaml_is_the_composition_of_conf():
 
 def test_the_whole_must_be_there_and_nothing_else():
     whole = yaml.safe_load(made())
-    assert problems(whole) == []
-    assert problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
+    assert all_problems(whole) == []
+    assert all_problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
     del whole["extract"]
-    assert all(problem.startswith("extract.") for problem in problems(whole))
+    assert all(problem.startswith("extract.") for problem in all_problems(whole))
 
 
 @pytest.mark.parametrize(
@@ -212,14 +260,14 @@ def elsewhere(tmp_path, monkeypatch):
 
 def test_load_gives_the_group(elsewhere):
     for word, options in GROUPS.items():
-        assert type(load(word, options)).__name__ in {kind.__name__ for kind in options.values()}
+        assert type(load(word)) in options.values()
 
 
 def test_an_edited_conf_is_never_passed_over(elsewhere):
     with (elsewhere / "conf/config.yaml").open("a") as file:
         file.write("# edited\n")
     with pytest.raises(FinloopError, match="make params"):
-        load("extract", GROUPS["extract"])
+        load("extract")
 
 
 def test_load_lists_the_problems_of_its_group(elsewhere):
@@ -228,7 +276,7 @@ def test_load_lists_the_problems_of_its_group(elsewhere):
     values["extract"] |= {"new": 1, "other": 2}
     path.write_text(yaml.safe_dump(values))
     with pytest.raises(FinloopError, match=r"2 parameters are refused:\s+extract.new: unknown"):
-        load("extract", GROUPS["extract"])
+        load("extract")
 
 
 @pytest.mark.parametrize("text", [None, "", "- 1\n", "a: [", "\x00\xff"])

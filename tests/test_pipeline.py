@@ -16,7 +16,7 @@ import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive
 
-from stages.params.whole import GROUPS
+from finloop.settings import WORDS
 
 ROOT = Path(__file__).parents[1]
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())
@@ -81,16 +81,15 @@ def outputs(word: str) -> dict[str, dict[str, Any]]:
 def folder(file: str) -> str:
     """How dvc.yaml names a file: by its package's folder, by itself where it lies in none."""
     parts = Path(file).parts
-    inside = len(parts) > 2 and (parts[0] == "finloop" or parts[1] == "params")
-    return "/".join(parts[:2]) if inside else file
+    return "/".join(parts[:2]) if len(parts) > 2 and parts[0] == "finloop" else file
 
 
 @pytest.mark.parametrize("word", STAGES)
 def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
-    own = f"stages/{word}.py"
-    start = own if (ROOT / own).is_file() else f"stages/{word}/__main__.py"
-    files = closure({start} | module_files(f"stages.{word}"))
+    files = closure(module_files(f"stages.{word}"))
     wanted = {folder(file) for file in files - {"finloop/__init__.py", "stages/__init__.py"}}
+    if word == "params":  # looks at every declaration, by name
+        wanted |= {f"finloop/{one}/settings.py" for one in WORDS}
     deps = STAGES[word]["deps"]
     listed = {dep for dep in deps if dep.startswith(("finloop", "stages"))}
     assert sorted(wanted - listed) == [], "imported, but not under deps"
@@ -100,7 +99,7 @@ def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
 
 def test_the_closure_sees_imports_of_imports_and_inside_functions():
     assert "finloop/errors.py" in closure({"stages/run.py"})
-    assert {"stages/__init__.py", "stages/params/__init__.py"} <= module_files("stages.params.clip")
+    assert {"stages/__init__.py", "stages/sweep/__init__.py"} <= module_files("stages.sweep.x")
     assert "finloop/io/atomic.py" in imported("stages/run.py")
 
 
@@ -111,14 +110,14 @@ def test_a_stage_is_one_word_everywhere(word):
     if word == "params":
         return
     assert stage["params"] == [word]
-    assert word in GROUPS
+    assert word in WORDS
     made = "reports/index.html" if word == "report" else f"data/{word}"
     assert made in {"/".join(Path(out).parts[:2]) for out in outputs(word)}
     assert f"reports/{word}/metrics.json" in outputs(word)
 
 
 def test_every_group_belongs_to_a_stage():
-    assert set(GROUPS) == set(STAGES) - {"params"}
+    assert set(WORDS) == set(STAGES) - {"params"}
 
 
 def test_nothing_runs_before_the_parameters_are_checked():
@@ -160,7 +159,7 @@ def test_a_run_leaves_only_numbers_to_git(first_run: Copy):
     assert {Path(name).suffix for name in made} <= {".json", ".csv"}
     assert repo.git("status", "--porcelain") == ""
     assert repo.git("ls-files", ".dvc/plots_page.html")  # a temporary experiment has it too
-    for word in GROUPS:
+    for word in WORDS:
         assert json.loads(repo.text(f"reports/{word}/metrics.json"))
 
 
@@ -310,7 +309,7 @@ def stop(repo: Copy, word: str, blow: Any) -> None:
 
 def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(repo: Copy):
     wanted = lock(repo)  # the digest of every artifact of a run without a stop
-    words = list(GROUPS)[: list(GROUPS).index("render") + 1]
+    words = list(WORDS)[: list(WORDS).index("render") + 1]
     for word in words:
         shutil.rmtree(repo.root / "data" / word)
         shutil.rmtree(repo.root / "reports" / word)

@@ -70,7 +70,7 @@ RATE = 25.0
 POINTS = 33
 LENGTH = 60.0
 HALF_WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt
-AUTOMATIC = Settings(None, None, None, None, 0.4, 1.0)
+AUTOMATIC = Settings(None, None, None, None, 0.4, 1.0, 4096)
 
 
 # -- a toy film -------------------------------------------------------------------------------------

@@ -20,7 +20,6 @@ from finloop.errors import FinloopError
 from finloop.extract.backbone import trace
 from finloop.extract.background import (
     Image,
-    Polarity,
     Scene,
     flat_background,
     median_background,
@@ -33,28 +32,9 @@ from finloop.extract.segment import (
     measure,
     silhouettes,
 )
+from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
 from finloop.parallel import ordered_map
-
-
-@dataclass(frozen=True)
-class Settings:
-    """How fish are found; see conf/extract/default.yaml for what each is for."""
-
-    background: Literal["median", "threshold", "mog2"]
-    polarity: Polarity
-    noise_sigmas: float
-    least_contrast: float
-    outline_share: float
-    least_area_px: float
-    least_area_ratio: float
-    most_area_ratio: float
-    least_contrast_ratio: float
-    gate_body_lengths: float
-    step_area_ratio: float
-    samples: int
-    least_frames: int
-    points: int
 
 
 class Typical(NamedTuple):

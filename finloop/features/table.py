@@ -5,8 +5,6 @@ the change of heading over the next Δ; *bend* the signed motion area. Angles ar
 anticlockwise as seen on screen, 0 = to the right.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -14,20 +12,10 @@ from numpy.typing import NDArray
 from finloop.base.schema import Column, Schema, lists_to_array
 from finloop.features.area import bend
 from finloop.features.head import head_first
+from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
 
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
-
-
-@dataclass(frozen=True)
-class Settings:
-    """See conf/features/default.yaml."""
-
-    delta_s: float
-    turn_threshold_deg: float
-    bend_threshold: float
-    release: float
-    orientations: int
 
 
 USED = (

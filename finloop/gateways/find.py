@@ -21,6 +21,7 @@ from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, film_pictures, picture
 from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
+from finloop.gateways.settings import Settings
 from finloop.sprites.pictures import following, pictures
 
 IN, OUT = "in", "out"
@@ -48,17 +49,6 @@ sprite stands in for; the whole film is turned alike.
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """See conf/gateways/default.yaml; `threshold` is in median natural steps."""
-
-    top_in: int
-    top_out: int
-    threshold: float
-    apart_s: float
-    least_s: float
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,7 @@ from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
 from finloop.errors import FinloopError
 from finloop.features.table import delta_of, wrap_deg
+from finloop.loops.settings import Settings
 
 
 class NoLoops(FinloopError):
@@ -44,18 +45,6 @@ RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean hea
 
 Rows = NDArray[np.integer]
 Floats = NDArray[np.floating]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """See conf/loops/default.yaml. Times in seconds, `threshold` in median natural steps."""
-
-    threshold: float
-    least_s: float
-    apart_s: float
-    dynamics: int
-    improper_deg: float
-    most_per_end: int
 
 
 @dataclass(frozen=True)

@@ -15,21 +15,10 @@ from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.sprites import pick
 from finloop.sprites.pick import SIDES, WORDS, Stretch, smooth
+from finloop.sprites.settings import Settings
 from finloop.sprites.turn import Placed, aligned, turned
 
 BACK_DEG = 8.0  # half a sector of 24
-
-
-@dataclass(frozen=True)
-class Settings:
-    """See conf/sprites/default.yaml; each sequence is None or "track:first-last"."""
-
-    straight: str | None
-    slide: str | None
-    left: str | None
-    right: str | None
-    slide_least_s: float
-    slide_most_s: float
 
 
 SPRITES = Schema(

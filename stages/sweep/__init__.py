@@ -36,10 +36,9 @@ from omegaconf.errors import OmegaConfBaseException
 
 from finloop.errors import FinloopError
 from stages.compare import compare, git, head, table
-from stages.params import read
-from stages.params.changed import changed
-from stages.params.compose import composed
-from stages.params.experiment import experiment
+from stages.compose import composed
+from stages.experiment import experiment
+from stages.settings import overrides, read
 
 COMMAND = "exec python -m "  # of every stage in dvc.yaml
 LOG = Path(".dvc/tmp/sweep.log")
@@ -214,7 +213,7 @@ def main() -> None:
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
     given = parser.parse_args()
-    asked, base = experiment(given.experiment), changed(read()) + given.overrides
+    asked, base = experiment(given.experiment), overrides(read()) + given.overrides
     runs = asked.runs(given.experiment)
     composed([*base, *next(iter(runs.values()))])  # refused now rather than in every run
     head()  # a commit is there for the experiments to stand on

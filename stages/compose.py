@@ -1,4 +1,4 @@
-"""Compose conf/ into params.yaml: `python -m stages.params.compose [--check] [key=value ...]`.
+"""Compose conf/ into params.yaml: `python -m stages.compose [--check] [key=value ...]`.
 
 The composing is DVC's own, as in `dvc exp run -S`, so both give the same file. With --check nothing
 is written; the exit status is 1 where params.yaml is not the composition of conf/.
@@ -16,7 +16,7 @@ from omegaconf.errors import OmegaConfBaseException
 
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
-from stages.params import CONF, PARAMS
+from stages.settings import CONF, PARAMS
 
 
 def composed(overrides: list[str]) -> str:

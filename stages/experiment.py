@@ -10,8 +10,8 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
 from finloop.errors import FinloopError
-from stages.params import CONF
-from stages.params.whole import GROUPS
+from finloop.settings import WORDS
+from stages.settings import CONF
 
 FOLDER = "experiment"  # below conf/; no group of params.yaml
 Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
@@ -29,7 +29,7 @@ class Experiment:
 
     def __post_init__(self) -> None:
         for name in (self.until, *(one.partition(".")[0] for one in (*self.sweep, *self.measures))):
-            if name not in GROUPS:
+            if name not in WORDS:
                 raise ValueError(f"{name} is no stage")
 
     def runs(self, name: str) -> dict[str, list[str]]:
@@ -51,7 +51,7 @@ def experiment(name: str) -> Experiment:
         raise FinloopError(f"there is no {path}", f"one of {known}", "make sweep experiment=…")
     strict = ConfigDict(extra="forbid", strict=True)
     kind: TypeAdapter[Any] = TypeAdapter(checked(Experiment, frozen=True, config=strict))
-    try:  # as JSON: see stages.params.check
+    try:  # as JSON: see finloop.settings.check
         return kind.validate_json(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))
     except (ValidationError, yaml.YAMLError) as error:
         said = str(error)

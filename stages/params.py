@@ -1,4 +1,4 @@
-"""The first stage: is the whole of params.yaml right, and composed from the present conf/?
+"""Stage `params`, the first: is params.yaml right, and composed from the present conf/?
 
 Every root of the pipeline depends on its one constant output, so nothing runs before it, and
 nothing runs again because of it.
@@ -9,16 +9,15 @@ from stages.run import run  # isort: skip
 from pathlib import Path
 
 from finloop.io.atomic import whole_file
-from stages.params import complaint, read
-from stages.params.whole import problems
+from stages.settings import all_problems, read, refusal
 
 CHECKED = Path("data/params/checked.txt")
 
 
 def main() -> None:
     """Refuse what is wrong by name; else write the output."""
-    if found := problems(read()):
-        raise complaint(found)
+    if problems := all_problems(read()):
+        raise refusal(problems)
     with whole_file(CHECKED) as part:
         part.write_text("params.yaml is whole and composed from conf/\n", encoding="utf-8")
 

@@ -1,0 +1,128 @@
+"""Parameters: what a stage word declares, the values in conf/, and the check of both.
+
+A parameter is declared once, in the frozen dataclass `Settings` of `finloop/<word>/settings.py`:
+its type and range as an annotation, its unit and meaning in the docstring. It has no default there;
+its value stands in `conf/<word>/default.yaml`. Where a word has several variants, `Settings` is the
+union of their dataclasses, each with a field `source` that names its file in `conf/<word>/`.
+`__post_init__` may raise ValueError for values that must not be together. A dataclass is flat.
+
+Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are never allowed.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from difflib import get_close_matches
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_type_hints
+
+import yaml
+from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic.dataclasses import dataclass as checked
+
+from finloop.errors import FinloopError
+
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Share = Annotated[float, Field(gt=0, lt=1)]
+Count = Annotated[int, Field(ge=1)]
+Seed = Annotated[int, Field(ge=0)]
+Crf = Annotated[int, Field(ge=0, le=51)]  # quality of H.264: 0 = lossless or best, 51 = worst
+Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
+
+WORDS = (
+    "clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways", "animate",
+    "render", "tank", "export", "morph", "gait", "report",
+)  # fmt: skip
+"""The stage words that have parameters, in the order of conf/config.yaml."""
+CONF = Path(__file__).parents[1] / "conf"
+
+
+def settings(word: str, **values: Any) -> Any:
+    """The parameters of a stage word: its values in conf/, with `values` in place of some.
+
+    `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.Settings`;
+    `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. Needs no Hydra.
+
+    Raises
+    ------
+    FinloopError
+        If a name is unknown, or a value has a wrong type or is out of range; all are listed.
+    """
+    whole = values_of(word, values.get("source", usual_options()[word])) | values
+    group, problems = check(word, variants(word), whole)
+    if problems:
+        raise FinloopError(
+            "\n    ".join(problems),
+            f"names, types and ranges as in finloop/{word}/settings.py",
+            "correct the arguments of settings()",
+        )
+    return group
+
+
+def variants(word: str) -> dict[str, type]:
+    """The dataclasses of a stage word, by the names of their files in conf/<word>/."""
+    declared = import_module(f"finloop.{word}.settings").Settings
+    union = get_args(declared)
+    if not union:
+        return {"default": declared}
+    return {get_args(get_type_hints(one)["source"])[0]: one for one in union}
+
+
+def usual_options() -> dict[str, str]:
+    """The variant of every stage word that conf/config.yaml takes."""
+    listed = _load(CONF / "config.yaml")["defaults"]
+    return {
+        word: option
+        for entry in listed
+        if isinstance(entry, dict)
+        for word, option in entry.items()
+    }
+
+
+def values_of(word: str, option: str) -> dict[str, Any]:
+    """The values in conf/<word>/<option>.yaml; none where there is no such file."""
+    path = CONF / word / f"{option}.yaml"
+    values = _load(path) if path.is_file() else {}
+    return {key: value for key, value in values.items() if key != "defaults"}
+
+
+def _load(path: Path) -> dict[str, Any]:
+    return yaml.safe_load(path.read_text(encoding="utf-8"))
+
+
+def check(
+    word: str, options: Mapping[str, type], values: Any
+) -> tuple[Any, list[str]] | tuple[None, list[str]]:
+    """One group's values as its dataclass, or None and every problem by its dotted name."""
+    if not isinstance(values, Mapping):
+        return None, [f"{word}: should be a group of parameters, got {values!r}"]
+    values = {key: value for key, value in values.items() if value != "???"}  # not given (Hydra)
+    option, *more = options.values()
+    if more:
+        name = values.get("source")
+        if name not in options:
+            return None, [f"{word}.source: should be one of {', '.join(options)}, got {name!r}"]
+        option = options[name]
+    names = [field.name for field in fields(option)]
+    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    adapter: TypeAdapter[Any] = TypeAdapter(checked(option, frozen=True, config=strict))
+    try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
+        group = adapter.validate_json(json.dumps(values, default=str))
+    except ValidationError as error:
+        return None, [_problem(word, names, dict(detail)) for detail in error.errors()]
+    # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
+    return option(**{name: getattr(group, name) for name in names}), []
+
+
+def _problem(word: str, known: list[str], detail: dict[str, Any]) -> str:
+    name = ".".join(map(str, (word, *detail["loc"])))
+    if detail["type"] == "missing":
+        return f"{name}: has no value"
+    if detail["type"] == "unexpected_keyword_argument":
+        near = get_close_matches(str(detail["loc"][0]), known, 1)
+        hint = f"did you mean {word}.{near[0]}?" if near else f"{word} has {', '.join(known)}"
+        return f"{name}: unknown; {hint}"
+    message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
+    return f"{name}: {message}" + (f", got {detail['input']!r}" if detail["loc"] else "")

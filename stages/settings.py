@@ -1,0 +1,111 @@
+"""Parameters at the door of a stage: params.yaml is read, checked and becomes dataclasses.
+
+params.yaml is composed from conf/ by `make params` or `dvc exp run`; a plain `dvc repro` composes
+nothing. So params.yaml is stamped with a digest of conf/, and refused where conf/ was edited since.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from finloop.errors import FinloopError
+from finloop.settings import WORDS, check, usual_options, values_of, variants
+
+PARAMS = Path("params.yaml")
+CONF = Path("conf")
+STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from
+
+
+def load(word: str) -> Any:
+    """The parameters of a stage word from params.yaml, as its `Settings`.
+
+    Raises
+    ------
+    FinloopError
+        If a parameter is refused (all are listed, by dotted name), or if conf/ was edited after
+        params.yaml was composed.
+    """
+    group, problems = check(word, variants(word), read().get(word, {}))
+    if problems:
+        raise refusal(problems)
+    return group
+
+
+def read() -> dict[str, Any]:
+    """params.yaml, composed from the present conf/; FinloopError where it is not."""
+    try:
+        values = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise FinloopError(
+            f"{PARAMS} cannot be read: {error}", "what `make params` writes", "make params"
+        ) from error
+    if not isinstance(values, dict):
+        raise FinloopError(
+            f"{PARAMS} holds no parameters", "what `make params` writes", "make params"
+        )
+    _refuse_stale(values)
+    return values
+
+
+def _refuse_stale(values: Mapping[str, Any]) -> None:
+    if values.get(STAMP) != conf_digest(CONF):
+        raise FinloopError(
+            f"{CONF}/ is not what {PARAMS} was composed from",
+            f"a {PARAMS} composed from the present {CONF}/, so that no old value is used unseen",
+            "make params, then dvc repro; or dvc exp run, which composes by itself (a temporary "
+            "experiment sees only files that git tracks: git add new ones)",
+        )
+
+
+def conf_digest(conf: Path) -> str:
+    """A digest of every .yaml file in a folder, names and contents, whatever the line ends."""
+    digest = hashlib.sha256()
+    for path in sorted(conf.rglob("*.yaml"), key=lambda path: path.relative_to(conf).as_posix()):
+        text = path.read_bytes().replace(b"\r\n", b"\n")
+        name = path.relative_to(conf).as_posix().encode()
+        digest.update(b"%d %s %d %s" % (len(name), name, len(text), text))
+    return digest.hexdigest()[:16]
+
+
+def all_problems(values: Mapping[str, Any]) -> list[str]:
+    """Everything that is wrong in a whole params.yaml, by dotted name."""
+    problems = [f"{word}: unknown" for word in values if word not in (*WORDS, STAMP)]
+    for word in WORDS:
+        problems += check(word, variants(word), values.get(word, {}))[1]
+    return problems
+
+
+def refusal(problems: list[str]) -> FinloopError:
+    """One message about all problems."""
+    count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
+    return FinloopError(
+        f"{count} refused:\n    " + "\n    ".join(problems),
+        "the names, types and ranges in finloop/<word>/settings.py",
+        "correct conf/ and run `make params`, or override: dvc exp run -S name=value",
+    )
+
+
+def overrides(values: Mapping[str, Any]) -> list[str]:
+    """The Hydra overrides, `clip=carp`, `bpn.hidden=30`, with which conf/ composes to `values`.
+
+    Groups come in the order of `values`, a variant before the keys that differ from it.
+    """
+    usual = usual_options()
+    changes = []
+    for word, group in values.items():
+        if word == STAMP:
+            continue
+        option = group.get("source", usual[word])
+        if option != usual[word]:
+            changes.append(f"{word}={option}")
+        in_conf = values_of(word, option)
+        changes += [
+            f"{word}.{key}={json.dumps(value, separators=(',', ':'))}"
+            for key, value in group.items()
+            if in_conf[key] != value
+        ]
+    return changes
