@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from finloop.clip.normalise import circle_arena, psnr_db, rectangle_arena, segments_of
+from finloop.clip import Tally, circle_arena, psnr_db, rectangle_arena
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_folder
-from finloop.io.footage import Loss, open_footage, record
+from finloop.io.footage import Loss, Timing, nearest_in_time, open_footage, segments_of
+from finloop.io.movie import VideoWriter
 from finloop.io.table import TableWriter
 from finloop.io.video import (
     ARENA_NAME,
@@ -27,7 +28,6 @@ from finloop.io.video import (
     FACTS_NAME,
     TRUTH_NAME,
     VideoFacts,
-    VideoWriter,
     load_mask,
     read_spread,
     save_facts,
@@ -43,16 +43,16 @@ ROWS = 512  # of truth that gather before they are written
 
 @dataclass(frozen=True)
 class Reel:
-    """What is to be recorded: facts as far as they are known before, and the frames."""
+    """A clip before it is written: its facts, as far as they are known, and its frames."""
 
     facts: VideoFacts
     takes: list[Iterator[tuple[float, np.ndarray]]]
     loss: Loss
-    truth: list[dict[str, Any]]  # grows while the carp are drawn, until it is spilt
+    truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
 
 
 def carp_reel(p: Carp) -> Reel:
-    """Draw carp."""
+    """The film of the drawn carp."""
     carp = CarpFilm(**{field.name: getattr(p, field.name) for field in fields(CarpFilm)})
     if not carp.fits():
         raise FinloopError(
@@ -74,7 +74,7 @@ def carp_reel(p: Carp) -> Reel:
 
 
 def film_reel(p: Zebrafish | File) -> Reel:
-    """Open films that are to follow one another."""
+    """Films that follow one another in the clip."""
     if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
         films = [open_footage(path, colour=False) for path in paths]
@@ -95,27 +95,57 @@ def film_reel(p: Zebrafish | File) -> Reel:
     return Reel(facts, [footage.frames(loss) for footage in films], loss, [])
 
 
-def spill(rows: list[dict[str, Any]], table: TableWriter) -> None:
-    """Write the rows of truth that have gathered."""
+def flush(rows: list[dict[str, Any]], table: TableWriter) -> None:
+    """Write the rows of truth to their table, and empty the list."""
     table.write(pd.DataFrame(rows))
     rows.clear()
 
 
-def spilling(
+def flushing(
     rows: list[dict[str, Any]], table: TableWriter, advance: Callable[..., None]
 ) -> Callable[..., None]:
-    """`advance`, which now and then writes the truth that has gathered, so that it never grows."""
+    """`advance` that also writes the rows of truth whenever there are `ROWS` of them."""
 
     def step(frames: int = 1) -> None:
         advance(frames)
         if len(rows) >= ROWS:
-            spill(rows, table)
+            flush(rows, table)
 
     return step
 
 
+def record(writer: VideoWriter, reel: Reel, advance: Callable[..., None]) -> tuple[Timing, Tally]:
+    """Write the takes one after the other, each re-timed to a constant rate from its first frame.
+
+    Raises
+    ------
+    FinloopError
+        If fewer than two frames can be read, or all frames are plain.
+    """
+    timing, tally = Timing(), Tally()
+    for take in reel.takes:
+        for frame in nearest_in_time(take, reel.facts.frame_rate, timing):
+            writer.write(frame)
+            tally.add(frame)
+            advance()
+    if tally.frames < 2:
+        raise FinloopError(
+            came=f"only {tally.frames} frame(s) could be decoded",
+            wanted="at least 2 frames: without motion there is nothing to follow",
+            do="copy or record the film again",
+        )
+    if tally.plain:
+        raise FinloopError(
+            came=f"all {tally.frames} frames show an even grey of {tally.brightness_mean:.0f} "
+            "(0 = black, 255 = white)",
+            wanted="a film in which something is to be seen",
+            do="check the camera's cap, exposure and file; or choose another range of time",
+        )
+    return timing, tally
+
+
 def arena_of(p: Settings, width: int, height: int) -> np.ndarray:
-    """Mask of the pixels where animals can be."""
+    """Mask (height, width) of the pixels where animals can be."""
     if isinstance(p, Zebrafish):
         return rectangle_arena(width, height, *TANK_PX)
     if not isinstance(p, File) or p.arena == "none":
@@ -141,10 +171,10 @@ def main() -> None:
             writer = stack.enter_context(VideoWriter.of(clip, facts))
             if isinstance(p, Carp):
                 truth = stack.enter_context(TableWriter(folder / TRUTH_NAME, TRUTH))
-                advance = spilling(reel.truth, truth, advance)
-            timing, tally = record(writer, reel.takes, facts.frame_rate, advance)
+                advance = flushing(reel.truth, truth, advance)
+            timing, tally = record(writer, reel, advance)
             if reel.truth:
-                spill(reel.truth, truth)
+                flush(reel.truth, truth)
         facts = replace(
             facts,
             frames=timing.frames,
@@ -158,7 +188,7 @@ def main() -> None:
             print(f"finloop: WARNING: {note}", file=sys.stderr)
         save_facts(folder / FACTS_NAME, facts)
         save_mask(folder / ARENA_NAME, arena)
-        coded = read_spread(clip, list(tally.kept), colour=facts.colour)
+        coded = read_spread(clip, list(tally.samples), colour=facts.colour)
         numbers = {
             "frames": facts.frames,
             "width_px": facts.width_px,
@@ -172,7 +202,7 @@ def main() -> None:
             "brightness_mean_level": tally.brightness_mean,
             "brightness_min_level": tally.darkest,
             "brightness_max_level": tally.brightest,
-            "coding_psnr_db": psnr_db(zip(tally.kept.values(), coded, strict=True)),
+            "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
             "clip_size_mb": clip.stat().st_size / 1e6,
             "arena_fraction": float(arena.mean()),
         }

@@ -13,12 +13,12 @@ import yaml
 from conftest import ROOT
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
+from finloop.io.movie import VideoWriter
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
     VideoFacts,
-    VideoWriter,
     save_facts,
     save_mask,
 )

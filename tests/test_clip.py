@@ -26,28 +26,31 @@ from av.stream import Disposition
 from hypothesis import given
 from hypothesis import strategies as st
 
-from finloop.clip import normalise as clip
-from finloop.clip.normalise import (
-    Tally,
-    Timing,
-    Turn,
-    chroma_fraction,
-    circle_arena,
-    deep_levels,
-    frame_rate_of,
-    nearest_in_time,
-    psnr_db,
-    rectangle_arena,
-    segments_of,
-    stretched,
-    turn_of,
-)
+from finloop.clip import quality
+from finloop.clip.arena import circle_arena, rectangle_arena
+from finloop.clip.quality import Tally, psnr_db
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
-from finloop.io import footage as footage_module
 from finloop.io import wheel
-from finloop.io.footage import Footage, Loss, open_footage
+from finloop.io.footage import (
+    Footage,
+    Loss,
+    Timing,
+    nearest_in_time,
+    open_footage,
+    segments_of,
+)
+from finloop.io.footage import film as footage_film
+from finloop.io.footage.coding import (
+    CHROMA_FRACTION,
+    Turn,
+    chroma_fraction,
+    deep_levels,
+    stretched,
+    turn_of,
+)
+from finloop.io.footage.timing import frame_rate_of
 from finloop.io.table import load_table
 from finloop.io.video import load_facts, load_mask, read_frames
 from finloop.settings import check, variants
@@ -186,9 +189,9 @@ def test_colour_is_what_differs_from_the_tint():
     film = np.repeat(grey, 3, axis=2)
     assert chroma_fraction([film]) == 0
     tinted = (film // 2 + [80, 20, 110]).astype(np.uint8)
-    assert chroma_fraction([tinted]) < clip.CHROMA_FRACTION
+    assert chroma_fraction([tinted]) < CHROMA_FRACTION
     film[10:15, 10:12] = [220, 90, 20]  # a goldfish
-    assert chroma_fraction([film]) > clip.CHROMA_FRACTION
+    assert chroma_fraction([film]) > CHROMA_FRACTION
 
 
 def test_deep_levels_ignore_hot_pixels():
@@ -210,10 +213,10 @@ def test_tally_is_bounded_and_spread():
     for level in range(200):
         tally.add(np.full((2, 2), level, np.uint8))
     assert (tally.darkest, tally.brightest, tally.brightness_mean) == (0, 199, 99.5)
-    assert clip.KEPT_FRAMES / 2 < len(tally.kept) <= clip.KEPT_FRAMES
-    assert len(set(np.diff(list(tally.kept)))) == 1
-    assert all(frame[0, 0] == number for number, frame in tally.kept.items())
-    assert max(tally.kept) > 150
+    assert quality.SAMPLES / 2 < len(tally.samples) <= quality.SAMPLES
+    assert len(set(np.diff(list(tally.samples)))) == 1
+    assert all(frame[0, 0] == number for number, frame in tally.samples.items())
+    assert max(tally.samples) > 150
 
 
 def test_tally_of_colour_and_of_nothing_to_see():
@@ -462,7 +465,7 @@ def test_range_of_time(avi, start_s, end_s, expected):
 def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     path = make_film(tmp_path / "a.mp4", (picture(k % 50) for k in range(250)), codec="libx264")
     decoded = 0
-    in_range = footage_module._in_range
+    in_range = footage_film.in_range
 
     def counted(footage, time_s):
         nonlocal decoded
@@ -470,7 +473,7 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
         return in_range(footage, time_s)
 
     footage = open_footage(path, start_s=9.6, colour=False)
-    monkeypatch.setattr(footage_module, "_in_range", counted)
+    monkeypatch.setattr(footage_film, "in_range", counted)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
 
@@ -970,9 +973,9 @@ def test_an_even_film_is_refused(run_stage, tmp_path, level):
 
 
 def test_a_film_of_broken_frames_is_refused(run_stage, monkeypatch, avi):
-    monkeypatch.setattr(footage_module, "_decoded", lambda *_: iter([None, None]))
+    monkeypatch.setattr(footage_film, "decoded", lambda *_: iter([None, None]))
     monkeypatch.setattr(
-        footage_module, "_look_at", lambda *_: footage_module._Look(
+        footage_film, "survey", lambda *_: footage_film.Survey(
             WIDTH, HEIGHT, 0.0, Turn(), True, False, 0.0, 0.0, None
         ),
     )  # fmt: skip

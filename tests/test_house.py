@@ -26,8 +26,6 @@ EXCEPTIONS: set[str] = {
     "finloop/extract/backbone.py",
     "finloop/extract/backbone.py::_flank",
     "finloop/gait/transfer.py::transfer",
-    "finloop/io/footage.py",
-    "finloop/io/video.py",
     "finloop/live/server.py::app",
     "finloop/loops/find.py",
     "finloop/morph/exact.py::meet",

@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.io.video import VideoWriter, read_frames
+from finloop.io.movie import VideoWriter
+from finloop.io.video import read_frames
 from finloop.parallel import ordered_map
 
 

@@ -12,9 +12,9 @@ import pytest
 
 from finloop.errors import FinloopError
 from finloop.io import atomic, video
+from finloop.io.movie import VideoWriter
 from finloop.io.video import (
     VideoFacts,
-    VideoWriter,
     load_facts,
     load_mask,
     read_frames,

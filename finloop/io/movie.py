@@ -1,7 +1,7 @@
-"""Films for people: H.264 in MP4 that every browser plays, and animated WebP; frame by frame.
+"""Writing films frame by frame: the normalised clip, MP4 for browsers, animated WebP.
 
-Frames are (h, w) grey or (h, w, 3) RGB uint8. Nothing is held but what the coders hold; the file
-appears under its name when it is whole; the same frames give the same bytes.
+Frames are (h, w) grey or (h, w, 3) RGB uint8. The file appears under its name when it is whole; the
+same frames give the same bytes.
 """
 
 from abc import ABC, abstractmethod
@@ -24,10 +24,11 @@ from av.video.reformatter import (
 from numpy.typing import NDArray
 
 from finloop.io.atomic import whole_file
-from finloop.io.video import THREADS
+from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
 
-_SAME = "mbtree=0:rc-lookahead=0:weightp=0"
-_KEY_EVERY_S = 2  # a player can jump to every two seconds
+# With B-frames, looking ahead or weights x264 does not always give the same bytes.
+_REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
+_KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
     Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
     Colorspace.ITU601: (ColorPrimaries.SMPTE170M, ColorTrc.SMPTE170M),
@@ -35,7 +36,13 @@ _COLOURS = {
 
 
 class Movie(ABC):
-    """One file with one stream of pictures of one shape."""
+    """A file with one stream of frames of one shape; it appears at `path` when it is whole.
+
+    Raises
+    ------
+    FinloopError
+        On leaving the block, if the disk was full. Nothing is left of the file then.
+    """
 
     def __init__(self, path: Path, shape: tuple[int, ...], frame_rate: Fraction) -> None:
         self._path, self._shape, self._rate = path, shape, frame_rate
@@ -45,7 +52,7 @@ class Movie(ABC):
     def _begin(
         self, kind: str, container: dict[str, str], coder: str, options: dict[str, str]
     ) -> Any:
-        """Open the file; the stream has its rate, but neither size nor format yet."""
+        """Open the file with a stream that has its rate, but neither size nor pixel format yet."""
         with ExitStack() as stack:
             part = stack.enter_context(whole_file(self._path))
             self._file = stack.enter_context(
@@ -58,7 +65,7 @@ class Movie(ABC):
         return self._stream
 
     def _halved(self, stream: Any, pixels: str, matrix: Colorspace) -> None:
-        """Size and format of a film with colours at half the size: sides even, range limited."""
+        """Set the stream to colours of half the size: even sides, limited range."""
         height, width = self._shape[:2]
         self._odd = height % 2, width % 2
         stream.height, stream.width = height + self._odd[0], width + self._odd[1]
@@ -69,7 +76,7 @@ class Movie(ABC):
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
     def _even(self, frame: NDArray[np.uint8], border: int) -> NDArray[np.uint8]:
-        """A frame with the sides that `_halved` has set; `border`: what is added, for OpenCV."""
+        """The frame padded to even sides; `border` is OpenCV's border type."""
         if not any(self._odd):
             return frame
         return cv2.copyMakeBorder(frame, 0, self._odd[0], 0, self._odd[1], border)
@@ -107,8 +114,8 @@ _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 
 
 def _coded(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
-    """A picture of even sides as 4:2:0 of limited range."""
-    if frame.ndim == 2:  # swscale would give grey a tint, and not always the same
+    """A frame of even sides as 4:2:0 of limited range."""
+    if frame.ndim == 2:  # swscale gives grey a tint that varies
         height, width = frame.shape
         planes = np.full((height * 3 // 2, width), 128, np.uint8)
         cv2.LUT(frame, _LIMITED, dst=planes[:height])
@@ -121,10 +128,83 @@ def _coded(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
     )
 
 
-class Mp4Writer(Movie):
-    """H.264, 4:2:0, limited range, BT.709, its index at the front: what browsers play at once.
+class VideoWriter(Movie):
+    """The normalised clip: H.264 of constant frame rate that gives the pixels back.
 
-    4:2:0 wants even sides: a last odd row or column is repeated once, so that nothing is lost.
+    Mono film is coded as 4:0:0, so that the decoded Y plane *is* the picture: at `crf` 0 the grey
+    levels come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 if both sides are
+    even and 4:4:4 if one is odd, so that no row or column is lost. Every `KEY_FRAME_EVERY`-th frame
+    can be sought.
+
+    Parameters
+    ----------
+    path
+        Where the .mp4 goes.
+    width, height
+        In pixels, any size from 1.
+    frame_rate
+        Frames per second.
+    colour
+        Frames are (height, width, 3) RGB instead of (height, width) grey; both uint8.
+    crf
+        0 = lossless (grey bit for bit; RGB up to the rounding of its YUV form), else the quality
+        of libx264, 51 = worst.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        width: int,
+        height: int,
+        frame_rate: Fraction,
+        colour: bool = False,
+        crf: int = 0,
+    ) -> None:
+        super().__init__(path, (height, width, 3) if colour else (height, width), frame_rate)
+        even = height % 2 == 0 and width % 2 == 0
+        self._format = ("yuv420p" if even else "yuv444p") if colour else "gray"
+        self._crf = crf
+
+    @classmethod
+    def of(cls, path: Path, facts: VideoFacts) -> Self:
+        """The writer of a clip whose size, rate, colour and quality are known."""
+        size = facts.width_px, facts.height_px
+        return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
+
+    def __enter__(self) -> Self:
+        options = (
+            {"qp": "0", "preset": "ultrafast"}
+            if self._crf == 0
+            else {"crf": str(self._crf), "preset": "veryfast", "bf": "0"}
+        )
+        stream = self._begin("mp4", {}, "libx264", options)
+        stream.height, stream.width = self._shape[:2]
+        stream.pix_fmt = self._format
+        coder = stream.codec_context
+        coder.gop_size = KEY_FRAME_EVERY
+        coder.color_range, coder.colorspace = ColorRange.JPEG, Colorspace.ITU601
+        return self
+
+    def write(self, frame: NDArray[np.uint8]) -> None:
+        """Append one frame, uint8 of the clip's shape."""
+        self._check(frame)
+        if frame.ndim == 3:
+            picture = VideoFrame.from_ndarray(frame, format="rgb24").reformat(
+                format=self._format,
+                dst_colorspace=Colorspace.ITU601,
+                dst_color_range=ColorRange.JPEG,
+                threads=THREADS,
+            )
+        else:
+            picture = VideoFrame.from_ndarray(frame, format="gray")
+            picture.color_range = ColorRange.JPEG
+        self._encode(picture)
+
+
+class Mp4Writer(Movie):
+    """H.264 in MP4 that every browser plays: 4:2:0, limited range, BT.709, index in front.
+
+    4:2:0 needs even sides: a last odd row or column is repeated once, so that nothing is lost.
 
     Parameters
     ----------
@@ -143,8 +223,7 @@ class Mp4Writer(Movie):
         self._crf = crf
 
     def __enter__(self) -> Self:
-        # With B-frames, looking ahead or weights x264 does not always give the same bytes.
-        options = {"crf": str(self._crf), "preset": "veryfast", "bf": "0", "x264-params": _SAME}
+        options = {"crf": str(self._crf), "preset": "veryfast"} | _REPEATABLE
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
         self._halved(stream, "yuv420p", Colorspace.ITU709)
         return self
@@ -156,7 +235,7 @@ class Mp4Writer(Movie):
 
 
 class WebpWriter(Movie):
-    """An animated WebP that repeats for ever, made smaller.
+    """An animated WebP, scaled down, that repeats for ever.
 
     Parameters
     ----------
@@ -167,7 +246,7 @@ class WebpWriter(Movie):
     frame_rate
         Frames per second; a frame begins at a whole millisecond.
     width
-        Of the picture in the file, px; never more than the frames', and even as the height is.
+        Of the picture in the file, px; at most the frames' width. Width and height become even.
     quality
         0 … 100, lossy.
     """
@@ -191,4 +270,4 @@ class WebpWriter(Movie):
         """Append one frame."""
         self._check(frame)
         small = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
-        self._encode(_coded(small, Colorspace.ITU601))  # what WebP is defined in
+        self._encode(_coded(small, Colorspace.ITU601))  # as WebP is defined

@@ -1,19 +1,16 @@
-"""The normalised clip: H.264 of constant frame rate, written whole, read back frame by frame.
+"""The normalised clip: its facts, and its frames read one by one or at random.
 
-Mono film is coded as 4:0:0, so that the decoded Y plane *is* the picture: at `crf` 0 the grey
-levels come back bit for bit. Colour film is coded in full-range BT.601, 4:2:0 where both sides
-are even and 4:4:4 where one is odd, so that no row or column is cut off. Every 12th frame can be
-jumped to. Pixels are (row, column) = (y down, x right), uint8.
+`io.movie.VideoWriter` writes it and says how it is coded. Pixels are (row, column) = (y down,
+x right), uint8.
 """
 
 import json
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import av
@@ -22,15 +19,14 @@ import cv2
 import numpy as np
 from av.container import InputContainer
 from av.video.frame import VideoFrame
-from av.video.reformatter import ColorRange, Colorspace
 from av.video.stream import VideoStream
 
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
-KEY_FRAME_EVERY = 12  # a jump decodes at most 11 frames for nothing, for about 5 % more bytes
-# A fixed number: x264 gives the same bytes again only for the same number of threads, and the
-# colour conversion would start as many as the machine has cores, whoever else may use them.
+KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % more bytes
+# A fixed number: x264 gives the same bytes only with the same number of threads, and the colour
+# conversion would take every core of the machine.
 THREADS = 2
 
 CLIP_NAME, FACTS_NAME, ARENA_NAME, TRUTH_NAME = (
@@ -43,7 +39,7 @@ CLIP_NAME, FACTS_NAME, ARENA_NAME, TRUTH_NAME = (
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """What there is to know about the normalised clip, kept beside it as `facts.json`.
+    """Facts about the normalised clip, kept beside it as `facts.json`.
 
     Attributes
     ----------
@@ -58,22 +54,21 @@ class VideoFacts:
     segments
         Half-open frame ranges [start, stop) filmed without a cut.
     frames_repeated, frames_dropped
-        By re-timing a variable frame rate to a constant one.
+        Frames that re-timing to a constant rate repeated and dropped.
     frames_missing
-        Promised by the file but not there or not decodable.
+        Frames that the file promises and that could not be decoded.
     rotation_deg
-        By which the coded picture was turned anticlockwise to stand upright.
+        How far the coded picture was turned anticlockwise to be upright.
     mirrored
-        Whether it was also mirrored (left and right swapped, before turning).
+        Whether the picture was also mirrored (left and right exchanged, before turning).
     pixel_aspect
-        Width : height of one pixel as the file states it; pixels are never resampled.
+        Width : height of one pixel as the file states it; pictures are not resampled.
     level_low, level_high
-        Grey levels of a deep (over 8 bits) source that became 0 and 255; 0 and 255 where
-        nothing was stretched.
+        Grey levels of a source of more than 8 bits that became 0 and 255; 0 and 255 for 8 bits.
     crf
         Quality of the coding, 0 = lossless.
     notes
-        Sentences about the source that a person should know.
+        Sentences about the source that a person should read.
     """
 
     source: str
@@ -112,7 +107,7 @@ def save_facts(path: Path, facts: VideoFacts) -> None:
 
 
 def load_facts(path: Path) -> VideoFacts:
-    """Read back what `save_facts` wrote.
+    """Read the facts that `save_facts` wrote.
 
     Raises
     ------
@@ -128,116 +123,18 @@ def load_facts(path: Path) -> VideoFacts:
         record["notes"] = tuple(record["notes"])
         facts = VideoFacts(**record)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        wanted = ", ".join(field.name for field in fields(VideoFacts))
+        keys = ", ".join(field.name for field in fields(VideoFacts))
         raise FinloopError(
             came=f"{path} cannot be read as the facts of a clip ({error})",
-            wanted=f"JSON with {wanted}",
+            wanted=f"JSON with {keys}",
             do="make the clip again: `dvc repro --force clip`",
         ) from error
     return facts
 
 
-class VideoWriter:
-    """Write one normalised clip; the file appears at `path` only when it is whole.
-
-    Parameters
-    ----------
-    path
-        Where the .mp4 goes.
-    width, height
-        In pixels, any size from 1.
-    frame_rate
-        Frames per second.
-    colour
-        Frames are (height, width, 3) RGB instead of (height, width) grey; both uint8.
-    crf
-        0 = lossless (grey bit for bit; RGB up to the rounding of its YUV form), else the quality
-        of libx264, 51 = worst.
-
-    Raises
-    ------
-    FinloopError
-        On leaving the block, if the disk was full. Nothing is left of the file then.
-    """
-
-    def __init__(
-        self,
-        path: Path,
-        width: int,
-        height: int,
-        frame_rate: Fraction,
-        colour: bool = False,
-        crf: int = 0,
-    ) -> None:
-        self._path, self._shape = path, (height, width, 3) if colour else (height, width)
-        self._frame_rate, self._colour, self._crf = frame_rate, colour, crf
-        self._stack = ExitStack()
-        self.frames = 0
-
-    @classmethod
-    def of(cls, path: Path, facts: VideoFacts) -> "VideoWriter":
-        """Make the writer of a clip of which size, rate, colour and quality are known."""
-        size = facts.width_px, facts.height_px
-        return cls(path, *size, facts.frame_rate, facts.colour, facts.crf)
-
-    def __enter__(self) -> "VideoWriter":
-        with ExitStack() as stack:
-            part = stack.enter_context(whole_file(self._path))
-            self._container = stack.enter_context(av.open(str(part), "w", format="mp4"))
-            options = (
-                {"qp": "0", "preset": "ultrafast"}
-                if self._crf == 0
-                else {"crf": str(self._crf), "preset": "veryfast", "bf": "0"}
-            )
-            stream = self._container.add_stream("libx264", rate=self._frame_rate, options=options)
-            stream.height, stream.width = self._shape[:2]
-            even = stream.height % 2 == 0 and stream.width % 2 == 0
-            self._format = ("yuv420p" if even else "yuv444p") if self._colour else "gray"
-            stream.pix_fmt = self._format
-            coder = stream.codec_context
-            coder.time_base = 1 / self._frame_rate
-            coder.gop_size = KEY_FRAME_EVERY
-            coder.color_range = ColorRange.JPEG
-            coder.colorspace = Colorspace.ITU601
-            coder.thread_count = THREADS
-            self._stream = stream
-            self._stack = stack.pop_all()
-        return self
-
-    def write(self, frame: np.ndarray) -> None:
-        """Append one frame, uint8 of the clip's shape."""
-        if frame.shape != self._shape or frame.dtype != np.uint8:
-            raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
-        if self._colour:
-            picture = VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-                format=self._format,
-                dst_colorspace=Colorspace.ITU601,
-                dst_color_range=ColorRange.JPEG,
-                threads=THREADS,
-            )
-        else:
-            picture = VideoFrame.from_ndarray(frame, format="gray")
-            picture.color_range = ColorRange.JPEG
-        picture.pts, picture.time_base = self.frames, 1 / self._frame_rate
-        self._container.mux(self._stream.encode(picture))
-        self.frames += 1
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> bool | None:
-        with self._stack as stack:
-            if kind is None:
-                self._container.mux(self._stream.encode(None))
-            stack_exit = stack.pop_all()
-        return stack_exit.__exit__(kind, error, trace)
-
-
 @contextmanager
 def _opened(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStream, Fraction]]:
-    """Open a normalised clip; also give the time from one frame to the next, in ticks."""
+    """Open a normalised clip: container, stream, ticks from one frame to the next."""
     try:
         with av.open(str(path)) as container:
             stream = container.streams.video[0]
@@ -257,15 +154,14 @@ def _damaged(path: Path, why: str) -> FinloopError:
 
 
 def _number(frame: VideoFrame, step: Fraction) -> int:
-    """Give the number of a frame whose distance from the next one is `step` ticks."""
+    """Number of a frame, at `step` ticks a frame."""
     return round(Fraction(frame.pts or 0) / step)
 
 
 def luma(frame: VideoFrame) -> np.ndarray:
-    """Show the Y plane, (h, w) uint8, without the padding at the end of its rows.
+    """The Y plane, (h, w) uint8, without the padding at the end of its rows.
 
-    A view of the decoder's own memory, which lives as long as the view does. It is read-only,
-    because the decoder predicts later frames from it.
+    It is a read-only view of the decoder's memory: the decoder predicts later frames from it.
     """
     plane = frame.planes[0]
     rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
@@ -274,7 +170,7 @@ def luma(frame: VideoFrame) -> np.ndarray:
 
 
 def _rgb(frame: VideoFrame) -> np.ndarray:
-    """Convert to (h, w, 3) uint8 RGB; the range and matrix are those the frame carries."""
+    """Convert to (h, w, 3) uint8 RGB, by the range and matrix that the frame states."""
     return frame.to_ndarray(format="rgb24", threads=THREADS)
 
 
@@ -286,7 +182,7 @@ def read_frames(
     stop: int | None = None,
     threads: int = THREADS,
 ) -> Iterator[np.ndarray]:
-    """Give the frames `start` … `stop` - 1 of a normalised clip, one after the other.
+    """Stream the frames `start` … `stop` - 1 of a normalised clip.
 
     Parameters
     ----------
@@ -298,7 +194,7 @@ def read_frames(
     start, stop
         Half-open range of frames; `stop` None = to the end.
     threads
-        For decoding.
+        Of the decoder.
 
     Raises
     ------
@@ -312,24 +208,24 @@ def read_frames(
             return
         if start > 0:
             container.seek(int(start * step), stream=stream)
-        following = start
+        number = start
         for frame in container.decode(stream):
             index = _number(frame, step)
             if index < start:
                 continue
-            if index != following:
-                raise _damaged(path, f"frame {following} is missing")
+            if index != number:
+                raise _damaged(path, f"frame {number} is missing")
             yield convert(frame)
-            following += 1
-            if following == stop:
+            number += 1
+            if number == stop:
                 return
-        raise _damaged(path, f"it ends before frame {following}")
+        raise _damaged(path, f"it ends before frame {number}")
 
 
 def read_spread(
     path: Path, frames: Sequence[int], *, colour: bool = False, threads: int = THREADS
 ) -> Iterator[np.ndarray]:
-    """Give the frames with the numbers `frames` (ascending, repeats allowed), jumping between.
+    """Read the frames with the numbers `frames` (ascending, repeats allowed), by seeking.
 
     Raises
     ------
@@ -343,16 +239,16 @@ def read_spread(
     with _opened(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma
         decoded: Iterator[VideoFrame] = iter(())
-        at, current = -KEY_FRAME_EVERY, None
-        for wanted in frames:
-            if wanted - at >= KEY_FRAME_EVERY:  # else decoding on is as quick as jumping
-                container.seek(int(wanted * step), stream=stream)
+        position, current = -KEY_FRAME_EVERY, None
+        for number in frames:
+            if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
+                container.seek(int(number * step), stream=stream)
                 decoded, current = container.decode(stream), None
-            while current is None or at < wanted:
+            while current is None or position < number:
                 current = next(decoded, None)
                 if current is None:
-                    raise _damaged(path, f"frame {wanted} is missing")
-                at = _number(current, step)
+                    raise _damaged(path, f"frame {number} is missing")
+                position = _number(current, step)
             yield convert(current)
 
 

@@ -1,0 +1,58 @@
+"""Brightness of a clip, whether anything is to be seen in it, and what its coding has cost."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import cv2
+import numpy as np
+
+PLAIN_LEVELS = 8  # a film with less between its darkest and brightest pixel shows nothing
+SAMPLES = 32  # frames kept of a clip, at most, to compare them with the coded ones
+
+
+@dataclass
+class Tally:
+    """Brightness of a clip and samples of its frames, gathered frame by frame."""
+
+    frames: int = 0
+    brightness_sum: float = 0.0
+    darkest: int = 255
+    brightest: int = 0
+    samples: dict[int, np.ndarray] = field(default_factory=dict)
+    _stride: int = 1
+
+    def add(self, frame: np.ndarray) -> None:
+        """Count one frame; at most `SAMPLES` copies, evenly spread, are kept."""
+        self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
+        low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
+        self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
+        if self.frames % self._stride == 0:
+            self.samples[self.frames] = frame.copy()
+            if len(self.samples) > SAMPLES:
+                self._stride *= 2
+                self.samples = {
+                    i: sample for i, sample in self.samples.items() if i % self._stride == 0
+                }
+        self.frames += 1
+
+    @property
+    def brightness_mean(self) -> float:
+        """Mean grey level of all pixels of all frames, 0 … 255."""
+        return self.brightness_sum / max(self.frames, 1)
+
+    @property
+    def plain(self) -> bool:
+        """Whether all pixels of all frames have about one level."""
+        return self.brightest - self.darkest < PLAIN_LEVELS
+
+
+def psnr_db(pairs: Iterable[tuple[np.ndarray, np.ndarray]]) -> float:
+    """Peak signal-to-noise ratio over all pairs, 10 log₁₀(255² / mean squared difference).
+
+    Infinite where nothing differs.
+    """
+    squares = pixels = 0.0
+    for a, b in pairs:
+        squares += float(np.square(cv2.absdiff(a, b).astype(np.float32)).sum(dtype=np.float64))
+        pixels += a.size
+    return 10 * np.log10(255**2 * pixels / squares) if squares else float("inf")

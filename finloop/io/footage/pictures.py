@@ -1,0 +1,218 @@
+"""Folders of pictures and stacks of TIFF pages: their order, and their frames."""
+
+import re
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple, TypeVar
+
+import cv2
+import numpy as np
+from tifffile import TiffFile, TiffFileError
+
+from finloop.errors import FinloopError
+from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_levels, stretched
+from finloop.io.footage.source import (
+    SAMPLES,
+    Footage,
+    Frames,
+    Loss,
+    in_range,
+    other_size,
+    thinned,
+    too_few,
+)
+from finloop.io.video import THREADS
+
+S = TypeVar("S")
+T = TypeVar("T")
+
+SUFFIXES = {".png", ".tif", ".tiff", ".jpg", ".jpeg", ".bmp", ".webp", ".jp2"}
+SUFFIXES |= {".pgm", ".ppm", ".pnm"}
+
+
+class Album(NamedTuple):
+    """The pictures of a folder, or the pages of a stack, by number."""
+
+    length: int
+    name: Callable[[int], str]
+    load: Callable[[int], np.ndarray]  # (h, w) grey or (h, w, 3) RGB, as stored
+    threads: int
+
+
+@contextmanager
+def _album(path: Path) -> Iterator[Album]:
+    """Open a folder or a stack."""
+    if path.is_dir():
+        files = _listed(path)
+
+        def load(k: int) -> np.ndarray:
+            return _load_picture(files[k])
+
+        yield Album(len(files), lambda k: str(files[k]), load, THREADS)
+        return
+    try:
+        with TiffFile(path) as stack:
+
+            def load_page(k: int) -> np.ndarray:
+                return _page(stack, k)
+
+            name = f"{path}, page {{}},"
+            yield Album(len(stack.pages), lambda k: name.format(k + 1), load_page, 1)
+    except (TiffFileError, OSError) as error:
+        raise FinloopError(
+            came=f"{path} cannot be read as a TIFF: {error}",
+            wanted="a TIFF with a page for each frame",
+            do="save it as a folder of pictures",
+        ) from error
+
+
+def open_pictures(
+    path: Path, rate: Fraction | None, colour: bool | None
+) -> tuple[Footage, np.ndarray]:
+    """What is known of a folder or stack before it is read, and the times [s] of its frames."""
+    with _album(path) as album:
+        if album.length < 2:
+            raise too_few(path, album.length)
+        if rate is None:
+            raise FinloopError(
+                came=f"{path}: {album.length} pictures, which do not say how fast they were taken",
+                wanted="their frame rate",
+                do="give it: -S clip.frame_rate_hz=30.0",
+            )
+        first = album.load(0)
+        numbers = np.unique(np.linspace(0, album.length - 1, SAMPLES).astype(int))
+        samples = [thinned(album.load(int(k))) for k in numbers]
+        times = np.arange(album.length) / float(rate)
+    levels = None if first.dtype == np.uint8 else deep_levels(samples)
+    if colour is None:
+        rgb = (_to_uint8(sample, True, levels) for sample in samples)
+        colour = chroma_fraction(rgb) > CHROMA_FRACTION
+    footage = Footage(
+        path=path,
+        width_px=first.shape[1],
+        height_px=first.shape[0],
+        frame_rate=rate,
+        colour=colour,
+        frames_expected=len(times),
+        reader=picture_frames,
+        levels=levels,
+        renumbered=True,
+        last_s=float(times[-1]),
+    )
+    return footage, times
+
+
+def _listed(folder: Path) -> list[Path]:
+    """The pictures of a folder in natural order: 2 before 10."""
+    files = [
+        file
+        for file in folder.iterdir()
+        if file.suffix.lower() in SUFFIXES and not file.name.startswith(".")
+    ]
+    kinds = Counter(file.suffix.lower() for file in files)
+    if not files:
+        raise FinloopError(
+            came=f"the folder {folder} holds no pictures",
+            wanted=f"the frames of one film, all of one kind: {' '.join(sorted(SUFFIXES))}",
+            do="give that folder, or the film itself",
+        )
+    if len(kinds) > 1:
+        raise FinloopError(
+            came=f"{folder} holds pictures of several kinds: "
+            + ", ".join(f"{count} {kind}" for kind, count in sorted(kinds.items())),
+            wanted="the frames of one film and no other picture",
+            do="move the others away (a mask, a background, a preview)",
+        )
+    return sorted(files, key=_natural)
+
+
+def _natural(path: Path) -> list[tuple[int, str]]:
+    """Sort key in which frame2 comes before frame10."""
+    parts = re.split(r"(\d+)", path.name)
+    return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [
+        (0, path.name)
+    ]
+
+
+def _load_picture(path: Path) -> np.ndarray:
+    """Read one picture as it is stored: (h, w) grey or (h, w, 3) RGB, upright by its EXIF."""
+    data = np.fromfile(path, np.uint8)
+    flags = cv2.IMREAD_ANYDEPTH | cv2.IMREAD_ANYCOLOR
+    picture = cv2.imdecode(data, flags) if data.size else None
+    if picture is None:
+        raise FinloopError(
+            came=f"{path} cannot be read as a picture",
+            wanted="every file of the folder whole",
+            do="copy it again, or move it away",
+        )
+    return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
+
+
+def _page(stack: TiffFile, number: int) -> np.ndarray:
+    """Read one page of a stack: (h, w) grey or (h, w, 3) RGB."""
+    try:
+        picture = stack.pages[number].asarray()
+    except ValueError as error:  # a compression that is not supported
+        raise FinloopError(
+            came=f"{stack.filehandle.path}, page {number + 1}, cannot be read: {error}",
+            wanted="a stack that is not compressed, or by deflate",
+            do="save it so, or as a folder of pictures",
+        ) from error
+    if picture.ndim == 3 and picture.shape[2] in (3, 4):
+        return picture[..., :3]
+    if picture.ndim == 2:
+        return picture
+    raise FinloopError(
+        came=f"{stack.filehandle.path}, page {number + 1}, has the shape {picture.shape}",
+        wanted="pages of height × width, grey or RGB",
+        do="split its channels, or save it as a folder of pictures",
+    )
+
+
+def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | None) -> np.ndarray:
+    """Convert a picture as stored to uint8, grey or RGB."""
+    if levels:
+        picture = stretched(picture, *levels)
+    if colour and picture.ndim == 2:
+        return cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
+    if not colour and picture.ndim == 3:
+        return cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    return picture
+
+
+def picture_frames(footage: Footage, _: Loss) -> Frames:
+    """Stream a folder or stack; see `Footage.frames`."""
+    size = footage.width_px, footage.height_px
+    with _album(footage.path) as album:
+
+        def load(number: int) -> tuple[float, np.ndarray]:
+            picture = album.load(number)
+            if picture.shape[1::-1] != size:
+                raise other_size(album.name(number), picture.shape[1::-1], size)
+            if (picture.dtype == np.uint8) == (footage.levels is not None):
+                raise FinloopError(
+                    came=f"{album.name(number)} has {picture.dtype} levels, those before it others",
+                    wanted="pictures of one depth",
+                    do="move it away, or convert all alike",
+                )
+            time_s = number / float(footage.frame_rate)
+            return time_s, _to_uint8(picture, footage.colour, footage.levels)
+
+        numbers = [k for k in range(album.length) if in_range(footage, k / footage.frame_rate)]
+        yield from _ahead(load, numbers, album.threads)
+
+
+def _ahead(work: Callable[[S], T], items: Iterable[S], threads: int) -> Iterator[T]:
+    """Results of `work` in the order of `items`, computed in threads a few items ahead."""
+    with ThreadPoolExecutor(threads) as pool:
+        waiting: deque[Future[T]] = deque()
+        for item in items:
+            waiting.append(pool.submit(work, item))
+            if len(waiting) > 2 * threads:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()

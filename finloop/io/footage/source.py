@@ -1,0 +1,192 @@
+"""What is known of a source of frames before they are read, and what is wrong with it."""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from finloop.errors import FinloopError
+from finloop.io.footage.coding import UPRIGHT, Turn
+from finloop.io.video import VideoFacts
+
+SAMPLES = 12  # frames that are looked at to tell colour, depth and range
+SAMPLE_PIXELS = 5e5  # of a frame, at most
+WANTED = "a film that FFmpeg can read (mp4, avi, mov, mkv, webm, gif) or a folder of pictures"
+WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
+
+Frames = Iterator[tuple[float, np.ndarray]]
+"""Time (s, 0 = first frame of the source) and picture, uint8 grey or RGB."""
+
+
+@dataclass
+class Loss:
+    """Frames that the source promises and that cannot be read; counted while the film runs."""
+
+    damaged: int = 0
+    missing_at_end: int = 0
+
+    @property
+    def frames(self) -> int:
+        """Number of all lost frames."""
+        return self.damaged + self.missing_at_end
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Sentences about the loss, for a person."""
+        rest = "the clip holds what could be read"
+        notes = []
+        if self.damaged:
+            notes.append(f"{self.damaged} frames of the film are damaged and left out; {rest}")
+        if self.missing_at_end:
+            notes.append(f"the film breaks off {self.missing_at_end} frames early; {rest}")
+        return tuple(notes)
+
+
+@dataclass(frozen=True)
+class Footage:
+    """A source of frames and what is known of it before they are read.
+
+    Attributes
+    ----------
+    path
+        The film, the folder or the stack.
+    width_px, height_px
+        Of the upright picture.
+    frame_rate
+        The rate that the user sets, else the constant rate nearest to the film's time stamps.
+    colour
+        Whether `frames` gives RGB.
+    frames_expected
+        Ticks of `frame_rate` in the range of time, as far as the file says.
+    reader
+        Streams the frames of the range, see `frames`.
+    turn
+        Turns the coded picture upright.
+    levels
+        Levels of a source of more than 8 bits that become 0 and 255; None for 8 bits.
+    pixel_aspect
+        Width : height of a pixel as the file states it; pictures are not resampled.
+    notes
+        Sentences that a person should read.
+    start_s, end_s
+        Half-open range of time that `frames` gives.
+    full_range
+        Whether Y spans 0 … 255 although the film does not say so.
+    renumbered
+        Whether frame k has the time k / `frame_rate`, whatever its time stamp.
+    stamp_s
+        Time stamp of the first frame.
+    last_s
+        Time of the last frame that the file promises; 0 = the first frame.
+    """
+
+    path: Path
+    width_px: int
+    height_px: int
+    frame_rate: Fraction
+    colour: bool
+    frames_expected: int
+    reader: Callable[["Footage", Loss], Frames]
+    turn: Turn = UPRIGHT
+    levels: tuple[float, float] | None = None
+    pixel_aspect: Fraction = Fraction(1)
+    notes: tuple[str, ...] = ()
+    start_s: float = 0.0
+    end_s: float = math.inf
+    full_range: bool = False
+    renumbered: bool = False
+    stamp_s: float = 0.0
+    last_s: float = 0.0
+
+    def frames(self, loss: Loss) -> Frames:
+        """Stream the frames of the range, upright.
+
+        Parameters
+        ----------
+        loss
+            Counts the frames that cannot be read.
+
+        Raises
+        ------
+        FinloopError
+            If frames change their size, or a picture of a folder cannot be read.
+        """
+        return self.reader(self, loss)
+
+    def facts(self, source: str, crf: int) -> VideoFacts:
+        """The facts of the clip as far as they are known before the frames are read."""
+        return VideoFacts(
+            source=source,
+            width_px=self.width_px,
+            height_px=self.height_px,
+            frames=self.frames_expected,
+            frame_rate=self.frame_rate,
+            colour=self.colour,
+            segments=(),
+            rotation_deg=self.turn.rotation_deg,
+            mirrored=self.turn.mirrored,
+            pixel_aspect=self.pixel_aspect,
+            level_low=self.levels[0] if self.levels else 0.0,
+            level_high=self.levels[1] if self.levels else 255.0,
+            crf=crf,
+            notes=self.notes,
+        )
+
+
+def limited(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
+    """Restrict a source to a range of time; `times` [s] are those of its frames.
+
+    Raises
+    ------
+    FinloopError
+        If the range is empty, reaches beyond the source, or holds fewer than two frames.
+    """
+    step = 1 / float(footage.frame_rate)
+    length = float(times[-1]) + step
+    span = f"{start_s:g} s to {'the end' if math.isinf(end_s) else f'{end_s:g} s'}"
+    if start_s >= min(end_s, length) or length + step < end_s < math.inf:
+        raise FinloopError(
+            came=f"{footage.path} is {length:.3f} s long, and {span} was asked for",
+            wanted=f"0 ≤ start < end ≤ {length:.3f} s",
+            do="correct clip.start_s and clip.end_s (null = to the end)",
+        )
+    footage = replace(footage, start_s=start_s, end_s=end_s)
+    kept = times[[in_range(footage, time) for time in times]]
+    if kept.size < 2:
+        raise FinloopError(
+            came=f"{footage.path} shows {kept.size} frame(s) from {span}",
+            wanted=WANTED_TWO,
+            do="widen clip.start_s … clip.end_s",
+        )
+    return replace(footage, frames_expected=round((kept[-1] - kept[0]) / step) + 1)
+
+
+def in_range(footage: Footage, time_s: float | Fraction) -> bool:
+    """Whether a time lies in the range of the footage."""
+    slack = 0.01 / float(footage.frame_rate)  # makes up for rounded time stamps
+    return footage.start_s - slack <= time_s < footage.end_s - slack
+
+
+def too_few(path: Path, count: int) -> FinloopError:
+    """The error for a source of fewer than two frames."""
+    came = f"{path} holds {'a single frame' if count else 'no frame that can be decoded'}"
+    folder = f", or the folder of pictures: {path.parent}"
+    return FinloopError(came, WANTED_TWO, "give a whole film" + (folder if count else ""))
+
+
+def other_size(what: str, size: tuple[int, int], first: tuple[int, int]) -> FinloopError:
+    """The error for a frame whose size (width, height) is not that of the first."""
+    return FinloopError(
+        came=f"{what} is {size[0]}×{size[1]} pixels, those before it {first[0]}×{first[1]}",
+        wanted="frames of one size",
+        do="film without changing the size, or scale all frames alike first (ffmpeg -vf scale=…)",
+    )
+
+
+def thinned(frame: np.ndarray) -> np.ndarray:
+    """Every k-th row and column of a frame, so that at most `SAMPLE_PIXELS` remain."""
+    k = math.ceil(math.sqrt(frame.shape[0] * frame.shape[1] / SAMPLE_PIXELS))
+    return frame[::k, ::k]

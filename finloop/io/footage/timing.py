@@ -1,0 +1,110 @@
+"""Rate and time of a film's frames: from time stamps to the ticks of a constant rate.
+
+Times are seconds.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import TypeVar
+
+import numpy as np
+
+T = TypeVar("T")
+
+# A longer pause, or a clock that runs backwards, is a cut and not a slow frame: a new segment of
+# the film begins, instead of a fish that stands still.
+CUT_S, CUT_FRAMES = 1.0, 5.0  # whichever is longer
+
+
+def frame_rate_of(
+    times_s: Sequence[float] | np.ndarray, candidates: Sequence[Fraction]
+) -> Fraction:
+    """The constant rate that a film's time stamps are nearest to.
+
+    Each gap counts as the whole number of frames that it lasts at the median gap, so that
+    dropped frames do not slow the rate down; cuts are left out. Of the rates the file states
+    (`candidates`) the first is taken that stays within half a frame of this estimate over the whole
+    film; stamps are often rounded to milliseconds, and 30000/1001 is a better answer then.
+
+    Parameters
+    ----------
+    times_s
+        Time stamps of the frames, at least two, ascending.
+    candidates
+        Rates that the file states.
+    """
+    gaps = np.diff(np.asarray(times_s, np.float64))
+    gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
+    if not gaps.size:
+        return next((rate for rate in candidates if rate > 0), Fraction(25))
+    counts = np.rint(gaps / np.median(gaps))
+    estimate = float(counts.sum() / gaps.sum())
+    for rate in candidates:
+        if rate > 0 and abs(float(rate) / estimate - 1) * counts.sum() < 0.5:
+            return rate
+    return Fraction(estimate).limit_denominator(1001)
+
+
+@dataclass
+class Timing:
+    """Counts of re-timing, kept while the film runs; `cuts` are the first frames of segments."""
+
+    frames: int = 0
+    repeated: int = 0
+    dropped: int = 0
+    cuts: list[int] = field(default_factory=list)
+
+
+def nearest_in_time(
+    stamped: Iterable[tuple[float, T]], frame_rate: Fraction, timing: Timing
+) -> Iterator[T]:
+    """For every tick of a constant rate the item whose time is nearest.
+
+    Ticks start with the first item and again after every cut; a film of constant rate comes
+    through item by item, whatever the jitter of its stamps below half a frame.
+
+    Parameters
+    ----------
+    stamped
+        Pairs of time in seconds and item.
+    frame_rate
+        Of the output.
+    timing
+        Counts ticks, repeats, drops and cuts as they happen.
+    """
+    rate = float(frame_rate)
+    held: tuple[float, T] | None = None
+    start_s = 0.0  # time of tick 0 of this segment
+    ticks = 0  # of this segment
+
+    def repeats(until: float) -> Iterator[T]:
+        """The held item, once for each tick before `until` (in ticks of this segment)."""
+        nonlocal ticks
+        assert held is not None
+        times = max(0, int(np.ceil(until)) - ticks)
+        ticks += times
+        timing.frames += times
+        timing.repeated += max(0, times - 1)
+        timing.dropped += times == 0
+        for _ in range(times):
+            yield held[1]
+
+    for time_s, item in stamped:
+        if held is not None:
+            if 0 <= time_s - held[0] <= max(CUT_S, CUT_FRAMES / rate):
+                yield from repeats(((held[0] + time_s) / 2 - start_s) * rate)
+            else:
+                yield from repeats((held[0] - start_s) * rate + 0.5)
+                held = None
+        if held is None:
+            timing.cuts.append(timing.frames)
+            start_s, ticks = time_s, 0
+        held = time_s, item
+    if held is not None:
+        yield from repeats((held[0] - start_s) * rate + 0.5)
+
+
+def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:
+    """Half-open ranges of frames, from the first frames of the segments."""
+    return tuple(zip(cuts, [*cuts[1:], frames], strict=True))
