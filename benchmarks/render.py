@@ -18,11 +18,11 @@ import pandas as pd
 from benchmarks.pipeline import ROOT, prepare, stage
 from benchmarks.speed import paired, timed
 from finloop.animate.edit_list import Goal
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.cutouts import open_cutouts
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import THREADS
 from finloop.render.marks import COLOURS, Marks
@@ -122,7 +122,7 @@ def main() -> None:
         for word in ("clip", "extract"):
             stage(folder, word)
         extract = folder / "data/extract"
-        points = load_scene(extract / "scene.json").points
+        points = load_record(extract / "scene.json", SceneFacts, "extract").points
         background = load_picture(extract / "background.png")
         tracks = load_table(extract / "tracks.parquet", tracks_schema(points), ["x_px", "y_px"])
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from benchmarks.pipeline import ROOT
+from finloop.gait.tool import load_gait
 from finloop.gait.transfer import transfer
-from finloop.io.gait import load_gait
 from finloop.io.picture import save_picture
 from finloop.io.svg import load_svg
 from finloop.morph.layers import Morph

@@ -22,17 +22,16 @@ from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
 from finloop.base.schema import lists_to_array
+from finloop.bpn.model import motion_model
+from finloop.distance.map import MapFacts
 from finloop.distance.picture import distance, film_rows, typical_length
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES, delta_frames
 from finloop.gateways.find import GATEWAYS
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
-from finloop.io.distances import MAP_FACTS_NAME, load_map_facts
-from finloop.io.goals import save_goals
-from finloop.io.model import load_model
 from finloop.io.picture import save_figure
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.find import LOOPS as LOOPS_TABLE
@@ -64,10 +63,10 @@ def bring(p: Settings) -> Iterator[Brought]:
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    model = load_model(DATA / "bpn/model.json")
-    points = load_scene(DATA / "extract/scene.json").points
+    model = load_record(DATA / "bpn/model.json", motion_model, "bpn")
+    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
     outline = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE)
-    map_facts = load_map_facts(DATA / "distance" / MAP_FACTS_NAME)
+    map_facts = load_record(DATA / "distance" / "facts.json", MapFacts, "distance")
     found = load_table(DATA / "loops/loops.parquet", LOOPS_TABLE)
     gates = load_table(DATA / "gateways/gateways.parquet", GATEWAYS)
     arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
@@ -140,7 +139,7 @@ def main() -> None:
                 p.goals, p.goals_in, network.tank, network.touch_px + network.head_px
             )
         ]
-        save_goals(folder / "goals.json", goals)
+        save_records(folder / "goals.json", goals)
         motion, ticks = network.motion, round(p.seconds * network.motion.rate_hz)
         swum = measures.motion_of_film(brought.features, motion)
         for name, fish in brought.players.items():

@@ -9,13 +9,14 @@ import numpy as np
 
 from finloop.bpn.held_out import assessment, figure15, held_out_figure
 from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
+from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
 from finloop.bpn.train import Learning, train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, delta_of
-from finloop.io.model import save_model
-from finloop.io.onnx import save_onnx
+from finloop.io.atomic import save_bytes
 from finloop.io.picture import save_figure
+from finloop.io.record import save_json
 from finloop.io.table import load_table, save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from stages.settings import load
@@ -59,8 +60,8 @@ def main() -> None:
         kept = {name: found[name] for name in found if "held_out" in name or "skill" in name}
         metrics |= {f"other_split_{name}": value for name, value in kept.items()}
     (model, curve), (_, held) = learnt[0], sides[0]
-    save_model(OUT / "model.json", model)
-    save_onnx(OUT / "model.onnx", model)
+    save_json(OUT / "model.json", model.record(), indent=1)
+    save_bytes(OUT / "model.onnx", onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
     save_figure(REPORT / "fig15.png", figure15(curve))
     predicted = model.predict(rows.inputs[held])

@@ -31,8 +31,8 @@ from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
-from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
 from finloop.io.picture import save_figure
+from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import figure9, picture_rows
 from stages.settings import load
@@ -93,7 +93,7 @@ def main() -> None:
         save_table(folder / "pairs.parquet", pairs, PAIRS)
         save_table(folder / "steps.parquet", steps, STEPS)
         facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
-        save_map_facts(folder / MAP_FACTS_NAME, facts)
+        save_record(folder / "facts.json", facts)
 
     count = len(features) * (len(features) - 1) // 2
     done = computed(blocks)

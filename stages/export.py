@@ -12,19 +12,20 @@ from typing import Any
 
 import pandas as pd
 
+from finloop.animate.edit_list import EDIT
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.poses import deeplabcut
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
 from finloop.io.gallery import open_gallery
 from finloop.io.movie import Movie
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
-from finloop.io.poses import save_poses
-from finloop.io.scene import load_scene
-from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.record import load_record
+from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.painter import Box, Gallery, Placed, placed
 from finloop.sprites.orient import SPRITES
@@ -99,10 +100,11 @@ def films(
 def main() -> None:
     """Make data/export/, reports/export/."""
     p: Settings = load("export")
-    facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
+    facts = load_facts(CLIP / FACTS_NAME)
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
-    edit = load_edit(ANIMATE, p.mode, "export")
+    edit = load_edit(ANIMATE, p.mode, "export", EDIT)
     points = poses(
         tracks, load_table(FEATURES_TABLE, FEATURES, POINTS), facts.frames,
         p.body_points, round(p.tracks_least_s * facts.frame_rate), p.tracks_most,
@@ -120,7 +122,7 @@ def main() -> None:
         listed = readable(edit, tracks, sprites)
         save_csv(folder / f"{p.mode}.csv", listed, decimals=4)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
-        save_poses(folder / "tracks.csv", points)
+        save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
         sizes = {
             path.name.replace(".", "_") + "_bytes": path.stat().st_size for path in folder.iterdir()
         }

@@ -31,7 +31,7 @@ from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.picture import save_picture
-from finloop.io.scene import save_scene
+from finloop.io.record import save_record
 from finloop.io.table import TableWriter
 from finloop.io.video import (
     ARENA_NAME,
@@ -123,7 +123,7 @@ def main() -> None:
                 "allow shorter tracks (extract.least_frames), other sizes "
                 "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
             )
-        save_scene(
+        save_record(
             folder / "scene.json",
             SceneFacts(
                 scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points

@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 
 from finloop.drawn.truth import TRUTH
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth, summary, table1
 from finloop.features.settings import Settings
 from finloop.features.table import FEATURES, USED, features
 from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
 from finloop.plots.features import (
@@ -55,7 +55,7 @@ def main() -> None:
     """Make data/features/, reports/features/."""
     settings: Settings = load("features")
     facts = load_facts(CLIP / FACTS_NAME)
-    scene = load_scene(EXTRACT / SCENE_NAME)
+    scene = load_record(EXTRACT / SCENE_NAME, SceneFacts, "extract")
     tracks = load_table(EXTRACT / TRACKS_NAME, tracks_schema(scene.points), USED)
     table, backbones = features(tracks, facts.frame_rate_hz, settings)
     save_table(TABLE, table, FEATURES)

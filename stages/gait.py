@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from finloop.drawn.dog.draw import film, seen
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, true_gamma, truth
 from finloop.errors import FinloopError
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gait.compare import CLOCKS, Comparison, compare
 from finloop.gait.cycles import of_regions, of_swim
@@ -22,15 +22,16 @@ from finloop.gait.film import Filmed, Keys, hips, samples_of
 from finloop.gait.fit import fit, moves_of
 from finloop.gait.model import Gait
 from finloop.gait.outline import of_track, swim
+from finloop.gait.record import record_of
 from finloop.gait.settings import Settings
+from finloop.gait.tool import load_gait
 from finloop.gait.transfer import repeated, transfer
 from finloop.io.animation import save_animation
 from finloop.io.atomic import whole_folder
-from finloop.io.gait import load_gait, save_gait
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_figure
+from finloop.io.record import load_record, save_json
 from finloop.io.regions import load_regions, save_masks
-from finloop.io.scene import load_scene
 from finloop.io.svg import load_svg
 from finloop.io.table import load_table, save_csv
 from finloop.io.video import FACTS_NAME, load_facts, read_frames
@@ -90,7 +91,7 @@ def learnt(
 def outlines(p: Settings) -> tuple[Learnt | None, pd.DataFrame]:
     """Every track's tail beat; the gait of the one that is surest, if one repeats."""
     rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
-    scene = load_scene(EXTRACT / "scene.json")
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
     known = load_table(FEATURES_AT, FEATURES, ("track_id", "frame", "head_x_px", "head_y_px"))
     rows, best = [], None
@@ -244,7 +245,7 @@ def main() -> None:
         numbers |= walked.numbers("limbs")
         if p.limbs == "dog":
             numbers |= recovered(dog(p), table, p)
-        save_gait(folder / "limbs.json", walked.gait)
+        save_json(folder / "limbs.json", record_of(walked.gait), indent=1)
         with whole_folder(REPORT / "limbs") as shown:
             walked.draw(shown, pictures)
         with whole_folder(REPORT / "outline") as shown:
@@ -255,7 +256,7 @@ def main() -> None:
             else:
                 numbers |= swum.numbers("outline")
                 table = pd.concat([table, table_of("outline", swum.gait)], ignore_index=True)
-                save_gait(folder / "outline.json", swum.gait)
+                save_json(folder / "outline.json", record_of(swum.gait), indent=1)
                 swum.draw(shown)
         with progress("gait", 2, "drawings") as advance:
             numbers |= driven("dog", (p.dog_1, p.dog_2), walked.gait, p, folder)

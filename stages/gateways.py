@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from finloop.distance.map import MapFacts
 from finloop.features.table import FEATURES
 from finloop.gateways.find import (
     GATEWAYS,
@@ -20,8 +21,8 @@ from finloop.gateways.find import (
 )
 from finloop.gateways.settings import Settings
 from finloop.io.cutouts import open_cutouts
-from finloop.io.distances import load_map_facts
 from finloop.io.picture import save_picture
+from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.gateways import contact_sheet, pairs, spread
@@ -52,7 +53,7 @@ def main() -> None:
     """Make data/gateways/, reports/gateways/."""
     settings: Settings = load("gateways")
     rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
-    facts = load_map_facts(Path("data/distance/facts.json"))
+    facts = load_record(Path("data/distance/facts.json"), MapFacts, "distance")
     features = load_table(Path("data/features/features.parquet"), FEATURES)
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
     step = facts.step_median

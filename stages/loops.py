@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import PAIRS
+from finloop.distance.map import PAIRS, MapFacts
 from finloop.distance.picture import film_pictures
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
-from finloop.io.distances import MAP_FACTS_NAME, load_map_facts
 from finloop.io.picture import load_picture, save_figure
+from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.find import LOOPS, NoLoops, as_map, find
@@ -83,7 +83,7 @@ def main() -> None:
     """Make data/loops/, reports/loops/."""
     settings: Settings = load("loops")
     rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
-    facts = load_map_facts(DISTANCE / MAP_FACTS_NAME)
+    facts = load_record(DISTANCE / "facts.json", MapFacts, "distance")
     step = facts.step_median
     features = load_table(Path("data/features/features.parquet"), FEATURES)
     track = features["track_id"].to_numpy()

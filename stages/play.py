@@ -20,10 +20,10 @@ import finloop.live
 from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
 from finloop.animate.pictures import apart
 from finloop.animate.settings import Settings
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.gallery import PLACE, shelves
 from finloop.io.picture import load_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.live.message import MOST_FISH
 from finloop.live.server import HOST, Server, bound
@@ -42,7 +42,7 @@ PICTURES = 2048  # are held, for the film comes round again and again
 def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     """The live tank, from what the stages have made."""
     p: Settings = load("animate")
-    points = load_scene(DATA / "extract/scene.json").points
+    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
     painter = Painter(load_picture(DATA / "extract/background.png"))
     with bring(p) as brought:

@@ -9,15 +9,14 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import FRAME, SPRITE, Goal
-from finloop.extract.table import tracks_schema
+from finloop.animate.edit_list import EDIT, FRAME, SPRITE, Goal
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
 from finloop.io.gallery import open_gallery
-from finloop.io.goals import load_goals
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture, save_figure, save_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
@@ -103,11 +102,13 @@ def around(tick: int, ticks: int) -> range:
 def main() -> None:
     """Make data/render/, reports/render/."""
     p: Settings = load("render")
-    facts, scene = load_facts(CLIP / FACTS_NAME), load_scene(EXTRACT / "scene.json")
+    facts = load_facts(CLIP / FACTS_NAME)
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     background = load_picture(EXTRACT / "background.png")
     columns = ["track_id", "frame", "x_px", "y_px"]
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
-    edit, goals = load_edit(ANIMATE, p.mode, "render"), load_goals(ANIMATE / "goals.json")
+    edit = load_edit(ANIMATE, p.mode, "render", EDIT)
+    goals = load_records(ANIMATE / "goals.json", Goal, "animate")
     drawn = SPRITE in {*edit["kind"], *edit["partner_kind"]}
     table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES) if drawn else None
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table

@@ -8,12 +8,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES, orientations_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import save_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.sprites import atlas
@@ -70,7 +70,7 @@ def main() -> None:
     settings: Settings = load("sprites")
     facts = load_facts(CLIP / FACTS_NAME)
     rate_hz = facts.frame_rate_hz
-    scene = load_scene(EXTRACT / "scene.json")
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
     features = load_table(FEATURES_TABLE, FEATURES)
     table = swimmers(features, tracks)

@@ -10,16 +10,15 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import SPRITE
-from finloop.extract.table import tracks_schema
+from finloop.animate.edit_list import EDIT, SPRITE
+from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
-from finloop.io.atomic import whole_folder
+from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.edit_list import load_edit
-from finloop.io.gltf import save_glb
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.io.viewer import save_viewer
@@ -48,11 +47,10 @@ _SHEET_PX = 480  # a picture on the contact sheet is so wide
 @contextmanager
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, as long as its film lasts, and that part of the list."""
-    edit = load_edit(DATA / "animate", p.mode, "tank")
+    edit = load_edit(DATA / "animate", p.mode, "tank", EDIT)
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
-    tracks = load_table(
-        EXTRACT / "tracks.parquet", tracks_schema(load_scene(EXTRACT / "scene.json").points)
-    )
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
+    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points))
     columns = ["track_id", "frame", "head_x_px", "head_y_px"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
     sprites = pd.DataFrame()
@@ -114,7 +112,7 @@ def main() -> None:
         glb = tank_glb(
             room, background, fish.typical_skin(), shape, fish.place, fish.poses.heading, rate
         )
-        save_glb(folder / "tank.glb", glb)
+        save_bytes(folder / "tank.glb", glb)
         way = [upright((place - room.middle) / room.length) for place in fish.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
         sizes = {

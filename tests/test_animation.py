@@ -18,11 +18,11 @@ from PIL import Image
 from rlottie_python import LottieAnimation
 
 import finloop.io.animation
+from finloop.base.paint import Paint, Shape, paint, painted, shapes
 from finloop.errors import FinloopError
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import Morph, there_and_back
-from finloop.morph.paint import Paint, Shape, paint, painted, shapes
 
 RATE = Fraction(20)
 SVG = "{http://www.w3.org/2000/svg}"

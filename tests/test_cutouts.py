@@ -11,7 +11,7 @@ from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
-from finloop.io.scene import load_scene, save_scene
+from finloop.io.record import load_record, save_record
 
 BATCHES = 600  # cut-outs: two full batches in the file, and a part of one
 
@@ -194,8 +194,8 @@ FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, 33)
 
 
 def test_what_is_known_of_the_scene_comes_back(tmp_path):
-    save_scene(tmp_path / "scene.json", FACTS)
-    assert load_scene(tmp_path / "scene.json") == FACTS
+    save_record(tmp_path / "scene.json", FACTS)
+    assert load_record(tmp_path / "scene.json", SceneFacts, "extract") == FACTS
 
 
 @pytest.mark.parametrize("content", [None, "", "[1]", '{"noise_grey": 1}', "{"])
@@ -203,7 +203,7 @@ def test_unreadable_facts_are_said(tmp_path, content):
     if content is not None:
         (tmp_path / "scene.json").write_text(content)
     with pytest.raises(FinloopError, match=r"scene\.json cannot be read.*\n.*\n.*extract"):
-        load_scene(tmp_path / "scene.json")
+        load_record(tmp_path / "scene.json", SceneFacts, "extract")
 
 
 # -- whole or not at all ------------------------------------------------------------------------

@@ -35,8 +35,8 @@ from finloop.distance.picture import BODY, FILM, film_pictures
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import open_cutouts
-from finloop.io.distances import load_map_facts, save_map_facts
 from finloop.io.picture import load_picture
+from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import picture_rows
 
@@ -209,11 +209,11 @@ def test_a_film_that_stands_still_is_refused(steps):
 
 def test_facts_come_back_and_damage_is_told(tmp_path):
     facts = MapFacts(BODY, 64, 0.1, None, 3.5, 9.0)
-    save_map_facts(tmp_path / "facts.json", facts)
-    assert load_map_facts(tmp_path / "facts.json") == facts
+    save_record(tmp_path / "facts.json", facts)
+    assert load_record(tmp_path / "facts.json", MapFacts, "distance") == facts
     (tmp_path / "facts.json").write_text("{}")
     with pytest.raises(FinloopError, match="cannot be read"):
-        load_map_facts(tmp_path / "facts.json")
+        load_record(tmp_path / "facts.json", MapFacts, "distance")
 
 
 def test_the_picture_shows_the_longest_tracks_in_time_order():
@@ -256,7 +256,7 @@ def made(folder, *overrides):
     return (
         load_table(at / "pairs.parquet", PAIRS),
         load_table(at / "steps.parquet", STEPS),
-        load_map_facts(at / "facts.json"),
+        load_record(at / "facts.json", MapFacts, "distance"),
         json.loads((folder / "reports/distance/metrics.json").read_text()),
     )
 

@@ -16,21 +16,20 @@ from conftest import TINY_CARP
 from PIL import Image
 from scratch import content, prepare
 
-import finloop.io.poses
 import stages.export
 import stages.sprites
 from finloop.animate.edit_list import EDIT
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
+from finloop.export.poses import deeplabcut
 from finloop.export.tracks import Poses, poses
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
-from finloop.io.poses import save_poses
-from finloop.io.scene import save_scene
-from finloop.io.table import save_table
+from finloop.io.record import save_record
+from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
 from finloop.render.painter import Box, Gallery, Painter, Placed, Shelf, Turned, picture
 from finloop.sprites.orient import SPRITES
@@ -320,15 +319,14 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
 
 
 @pytest.mark.parametrize("block", [3, 1024])
-def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, monkeypatch, block):
-    monkeypatch.setattr(finloop.io.poses, "_BLOCK", block)
+def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, block):
     rng = np.random.default_rng(0)
     individual, frame = np.array([0, 1, 0, 1]), np.array([0, 0, 4, 6])
     given = Poses(
         ("track_4", "track_8"), ("head", "tail", "centre"), 8, individual, frame,
         rng.uniform(-5, 900, (4, 3, 2)), rng.random((4, 3)),
     )  # fmt: skip
-    save_poses(tmp_path / "tracks.csv", given)
+    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut(given, block), decimals=3)
     found = pd.read_csv(tmp_path / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
     assert list(found.columns.names) == ["scorer", "individuals", "bodyparts", "coords"]
     assert found.index.tolist() == list(range(8)) and found.shape == (8, 18)
@@ -356,7 +354,7 @@ def folder(tmp_path, monkeypatch):
         data / "clip/facts.json",
         VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),)),
     )
-    save_scene(data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, 5))
+    save_record(data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, 5))
     frame = np.arange(FRAMES)
     x, lines = 30.0 + frame, {"length_px": 20.0, "area_px": 90.0, "contrast": 50.0}
     ring = [np.zeros(OUTLINE_POINTS)] * FRAMES

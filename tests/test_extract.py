@@ -52,13 +52,13 @@ from finloop.extract.film import (
 )
 from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
 from finloop.extract.sheet import detections_picture
-from finloop.extract.table import OUTLINE_POINTS, tracks_schema
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import Settings as FeatureSettings
 from finloop.features.table import features
 from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture
-from finloop.io.scene import load_scene
+from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
 
@@ -771,7 +771,7 @@ def test_the_stage_makes_its_files(extracted):
     data = extracted / "data/extract"
     assert list(content(data)) == MADE
     assert list(content(extracted / "reports/extract")) == ["detections.png", "metrics.json"]
-    facts = load_scene(data / "scene.json")
+    facts = load_record(data / "scene.json", SceneFacts, "extract")
     table = load_table(data / "tracks.parquet", tracks_schema(facts.points))
     with open_cutouts(data / "cutouts.arrow") as store:
         assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])

@@ -18,7 +18,9 @@ from finloop.gait.model import (
     reversal,
     subcycle,
 )
-from finloop.io.gait import load_gait, save_gait
+from finloop.gait.record import record_of
+from finloop.gait.tool import load_gait
+from finloop.io.record import save_json
 
 RNG = np.random.default_rng(5)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right", "body")
@@ -160,13 +162,13 @@ def test_a_gait_comes_back_from_its_file(tmp_path):
         frames=72, residuals={"linear": 0.02, "gamma": 0.01},
     )  # fmt: skip
     path = tmp_path / "walk.json"
-    save_gait(path, gait)
+    save_json(path, record_of(gait))
     assert load_gait(path) == gait
     before = path.read_bytes()
-    save_gait(path, load_gait(path))
+    save_json(path, record_of(load_gait(path)))
     assert path.read_bytes() == before
     with pytest.raises(FinloopError, match="frequency_hz"):
-        save_gait(path, replace(gait, frequency_hz=float("nan")))
+        save_json(path, record_of(replace(gait, frequency_hz=float("nan"))))
     assert path.read_bytes() == before
 
 
@@ -203,7 +205,7 @@ def test_the_least_that_a_person_must_write(tmp_path):
 )
 def test_a_file_that_is_no_gait_is_refused_by_name(tmp_path, change, said):
     path = tmp_path / "walk.json"
-    save_gait(path, WALK)
+    save_json(path, record_of(WALK))
     path.write_text(json.dumps(json.loads(path.read_text()) | change))
     with pytest.raises(FinloopError, match=said):
         load_gait(path)
@@ -221,7 +223,7 @@ def test_a_file_that_cannot_be_read_is_refused(tmp_path, text):
 def test_a_foot_may_stand_twice_in_a_cycle(tmp_path):
     path = tmp_path / "walk.json"
     for spans in (((0.0, 0.25), (0.5, 1.0)), ((0.5, 1.0), (0.0, 0.5)), ((0.3, 1.3),)):
-        save_gait(path, replace(WALK, support={"fore_left": spans}))
+        save_json(path, record_of(replace(WALK, support={"fore_left": spans})))
         assert load_gait(path).support["fore_left"] == spans
 
 

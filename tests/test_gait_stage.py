@@ -17,9 +17,9 @@ from finloop.drawn.dog.walk import DogFilm
 from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
-from finloop.io.gait import load_gait
+from finloop.gait.tool import load_gait
+from finloop.io.record import save_record
 from finloop.io.regions import save_masks
-from finloop.io.scene import save_scene
 from finloop.io.table import save_table
 
 RATE = 25
@@ -47,7 +47,7 @@ def toy_fish(frames: int, beats: bool) -> tuple[np.ndarray, np.ndarray]:
 def put_fish(folder: Path, *beats: bool, frames: int = 50) -> None:
     """What the stages before make of fish that beat their tails or are stiff."""
     put_clip(folder, [np.zeros((16, 16), np.uint8)] * 2, RATE)
-    save_scene(folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, 33))
+    save_record(folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, 33))
     tracks, features = [], []
     for number, beating in enumerate(beats):
         backbone, outline = toy_fish(frames, beating)

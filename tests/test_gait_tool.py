@@ -10,9 +10,8 @@ import pytest
 from conftest import ROOT
 
 from finloop.errors import FinloopError
-from finloop.gait.tool import SHIPPED, found, gaits, main, timing
+from finloop.gait.tool import SHIPPED, found, gaits, load_gait, main, timing
 from finloop.io.animation import ENDINGS
-from finloop.io.gait import load_gait
 from finloop.io.svg import load_svg
 
 DOG = [str(ROOT / f"data/drawings/dog_{key}.svg") for key in (1, 2)]

@@ -33,8 +33,8 @@ from finloop.gateways.find import (
     sprite_pictures,
 )
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.distances import save_map_facts
 from finloop.io.picture import load_picture
+from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
 from finloop.plots.gateways import contact_sheet, pairs, spread
@@ -462,7 +462,7 @@ def work(tmp_path, monkeypatch, world, film):
             (world.folder / f"{name}.arrow").read_bytes()
         )
     facts = MapFacts(BODY, SIZE, 0.1, 1.5, world.step, 2 * world.step)
-    save_map_facts(tmp_path / "data/distance/facts.json", facts)
+    save_record(tmp_path / "data/distance/facts.json", facts)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -25,8 +25,8 @@ from finloop.distance.picture import BODY, film_pictures, steps
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.distances import MAP_FACTS_NAME, save_map_facts
 from finloop.io.picture import load_picture, save_picture
+from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.loops.find import (
     LOOPS,
@@ -602,7 +602,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
     save_table(distance / "pairs.parquet", pairs, PAIRS)
     table = table[["track_id", "frame"]].assign(step=np.r_[step, np.nan])
     save_table(distance / "steps.parquet", table, STEPS)
-    save_map_facts(distance / MAP_FACTS_NAME, MapFacts(BODY, 24, 0.1, keep, median, p95))
+    save_record(distance / "facts.json", MapFacts(BODY, 24, 0.1, keep, median, p95))
 
 
 @pytest.fixture(scope="module")

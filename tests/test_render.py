@@ -25,9 +25,9 @@ from finloop.animate.edit_list import EDIT, Goal
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.io.cutouts import CutoutWriter
-from finloop.io.goals import load_goals, save_goals
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
+from finloop.io.record import load_records, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
 from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
@@ -656,14 +656,14 @@ def test_an_unfinished_film_leaves_what_was_there(tmp_path, make):
 
 def test_goals_come_back(tmp_path):
     goals = [Goal("A", 1.5, 2.0), Goal("Füttern", 3.0, 4.25)]
-    save_goals(tmp_path / "goals.json", goals)
-    assert load_goals(tmp_path / "goals.json") == goals
+    save_records(tmp_path / "goals.json", goals)
+    assert load_records(tmp_path / "goals.json", Goal, "animate") == goals
     for text in ("", "[1]", '[{"name": "A"}]', '{"a": 1}'):
         (tmp_path / "goals.json").write_text(text)
         with pytest.raises(FinloopError, match="cannot be read"):
-            load_goals(tmp_path / "goals.json")
+            load_records(tmp_path / "goals.json", Goal, "animate")
     with pytest.raises(FinloopError, match="cannot be read"):
-        load_goals(tmp_path / "none.json")
+        load_records(tmp_path / "none.json", Goal, "animate")
 
 
 # --- the stage -----------------------------------------------------------------------------------
@@ -686,7 +686,7 @@ def extracted(tmp_path_factory):
         goal=["A"] * 10 + [""] * (len(own) - 10),
     )  # fmt: skip
     save_table(folder / "data/animate/nn.parquet", edit, EDIT)
-    save_goals(folder / "data/animate/goals.json", [Goal("A", 100.0, 60.0)])
+    save_records(folder / "data/animate/goals.json", [Goal("A", 100.0, 60.0)])
     (folder / "first_frame").write_text(str(own["frame"].iloc[0]))
     return folder
 

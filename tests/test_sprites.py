@@ -26,7 +26,7 @@ from finloop.features.table import FEATURES, features, wrap_deg
 from finloop.features.table import Settings as FeatureSettings
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture
-from finloop.io.scene import save_scene
+from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites import pick as sprites_pick
@@ -871,7 +871,7 @@ def put_film(folder, one):
     prepare(folder, *TINY_CARP)
     put_clip(folder, [np.zeros((32, 48), np.uint8)] * 4, rate=round(RATE))
     extract = folder / "data/extract"
-    save_scene(extract / "scene.json", SceneFacts("dark", 1.0, 5.0, 450.0, LENGTH, 100.0, POINTS))
+    save_record(extract / "scene.json", SceneFacts("dark", 1.0, 5.0, 450.0, LENGTH, 100.0, POINTS))
     save_table(extract / "tracks.parquet", one.tracks, tracks_schema(POINTS))
     with CutoutWriter(extract / "cutouts.arrow") as writer:
         for cutout in one.cutouts:

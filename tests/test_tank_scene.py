@@ -20,14 +20,14 @@ from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter
-from finloop.io.gltf import Glb
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.scene import save_scene
+from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, read_frames, save_facts
 from finloop.io.viewer import _script
 from finloop.tank.camera import views
 from finloop.tank.display import choose_window
+from finloop.tank.glb import Glb
 from finloop.tank.gltf import shapes, tank_glb, upright
 from finloop.tank.scene import Scene
 
@@ -206,7 +206,7 @@ def put(folder):
         area_px=1.0, contrast=1.0, length_px=LENGTH, outline_x_px=ring, outline_y_px=ring
     )
     save_table(folder / "data/extract/tracks.parquet", tracks, tracks_schema(P))
-    save_scene(folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, P))
+    save_record(folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, P))
     with CutoutWriter(folder / "data/extract/cutouts.arrow") as store:
         for one in cutouts:
             store.write(one)

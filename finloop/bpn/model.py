@@ -7,6 +7,7 @@ learns it; using it needs numpy alone.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -60,6 +61,14 @@ class MotionModel:
     output_weights: Numbers
     output_bias: Numbers
 
+    def record(self) -> dict[str, Any]:
+        """Every number, unit and name as plain values; `motion_model` reads them, to the bit."""
+        return {
+            **_HEADER,
+            **{name: float(getattr(self, name)) for name in _NUMBERS},
+            **{name: getattr(self, name).tolist() for name in (*_RANGES, *_WEIGHTS)},
+        }
+
     @property
     def hidden(self) -> int:
         """The number of hidden units."""
@@ -76,6 +85,39 @@ class MotionModel:
         share = (raw - self.margin) / (1 - 2 * self.margin)
         span = self.output_high - self.output_low
         return np.clip(self.output_low + share * span, self.output_low, self.output_high)
+
+
+_HEADER = {"format": "finloop motion model 1", "inputs": INPUTS, "outputs": OUTPUTS}
+_NUMBERS = ("delta_s", "margin")
+_RANGES = {"input_low": 4, "input_high": 4, "output_low": 2, "output_high": 2}
+_WEIGHTS = ("hidden_weights", "hidden_bias", "output_weights", "output_bias")
+
+
+def motion_model(**content: Any) -> MotionModel:
+    """The model that `MotionModel.record` described.
+
+    Raises
+    ------
+    KeyError, TypeError, ValueError
+        If the content is no motion model: something is missing, of another size or out of range.
+    """
+    for name, value in _HEADER.items():
+        if content[name] != value:
+            raise ValueError(f"no motion model: {name} {value!r} is wanted, got {content[name]!r}")
+    numbers = {name: float(content[name]) for name in _NUMBERS}
+    arrays = {name: np.array(content[name], float) for name in (*_RANGES, *_WEIGHTS)}
+    hidden = arrays["hidden_bias"].size
+    shapes: dict[str, tuple[int, ...]] = {name: (size,) for name, size in _RANGES.items()}
+    shapes |= zip(_WEIGHTS, ((4, hidden), (hidden,), (hidden, 2), (2,)), strict=True)
+    for name, array in arrays.items():
+        if array.shape != shapes[name] or hidden == 0 or not np.isfinite(array).all():
+            raise ValueError(f"{name}: {shapes[name]} finite numbers are wanted")
+    for side in ("input", "output"):
+        if not np.all(arrays[f"{side}_low"] < arrays[f"{side}_high"]):
+            raise ValueError(f"{side}_low is not below {side}_high")
+    if not (0 <= numbers["margin"] < 0.5 and 0 < numbers["delta_s"] < np.inf):
+        raise ValueError("margin or delta_s is out of range")
+    return MotionModel(**numbers, **arrays)  # type: ignore[arg-type]
 
 
 def to_scale(values: NDArray[np.floating], low: Numbers, high: Numbers) -> Numbers:

@@ -10,14 +10,15 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from finloop.base.tool import ended
 from finloop.errors import FinloopError
 from finloop.gait.model import Gait
+from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeated, transfer
 from finloop.io.animation import ENDINGS, save_animation, writer
-from finloop.io.gait import load_gait
+from finloop.io.record import load_json
 from finloop.io.svg import load_svg
 from finloop.morph.layers import MOST_FRAMES
-from finloop.tool import ended
 
 SHIPPED = Path(__file__).parents[2] / "data/gaits"
 RATE = Fraction(30)
@@ -44,6 +45,11 @@ def _written(asked: argparse.Namespace) -> str:
     done = transfer(*poses, gait, frames, asked.points, asked.control)
     save_animation(asked.output, repeated(done.morph, asked.cycles), rate, asked.size)
     return summary(done, gait, float(frames / rate))
+
+
+def load_gait(path: Path) -> Gait:
+    """Read a gait's JSON file; FinloopError if it is missing, no JSON, or no gait."""
+    return load_json(path, gait_of, WANTED, DO, MOST_BYTES)
 
 
 def found(name: str, shipped: Path) -> Path:

@@ -6,8 +6,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.paint import Paint, Shape, shapes
 from finloop.morph.layers import Morph
-from finloop.morph.paint import Paint, Shape, shapes
 
 Ints = NDArray[np.int64]
 

@@ -86,3 +86,9 @@ def _raise_when_full(error: BaseException, path: Path) -> None:
             wanted="room for the whole output",
             do="free some space (old cache entries: `dvc gc -w`), then run the same command again",
         ) from error
+
+
+def save_bytes(path: Path, content: bytes) -> None:
+    """Write a file, whole or not at all."""
+    with whole_file(path) as part:
+        part.write_bytes(content)

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT
+from finloop.base.schema import Schema
 from finloop.errors import FinloopError
 from finloop.io.table import load_table
 
 
-def load_edit(folder: Path, mode: str, stage: str) -> pd.DataFrame:
-    """The edit list `folder`/`mode`.parquet, with the columns of `EDIT`, for the stage that asks.
+def load_edit(folder: Path, mode: str, stage: str, schema: Schema) -> pd.DataFrame:
+    """The edit list `folder`/`mode`.parquet, for the stage that asks.
 
     Raises
     ------
@@ -24,4 +24,4 @@ def load_edit(folder: Path, mode: str, stage: str) -> pd.DataFrame:
             f"an edit list of the mode that {stage}.mode names",
             f"{stage}.mode=hybrid or nn; or let more frames join: loops.threshold",
         )
-    return load_table(path, EDIT)
+    return load_table(path, schema)

@@ -17,10 +17,10 @@ import numpy as np
 import svgelements as svg
 from numpy.typing import NDArray
 
+from finloop.base.paint import PART
 from finloop.curve.contour import Curve, Drawing, checked
 from finloop.errors import FinloopError
 from finloop.io.svg_guard import load_tree
-from finloop.morph.paint import PART
 
 FLATNESS = 1e-4  # of the larger side of the drawing
 MOST_CONTOURS = 1000

@@ -4,7 +4,7 @@ Files are Parquet. The units travel in the file (in the metadata of each field),
 opened without this program still says what its numbers mean.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -199,6 +199,15 @@ def _refused(what: str, problems: list[str], do: str) -> FinloopError:
         wanted="every column of the schema, with its type and unit, and no other",
         do=do,
     )
+
+
+def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int) -> None:
+    """Write a long table with its index, block after block, whole or not at all."""
+    with whole_file(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        for number, block in enumerate(blocks):
+            block.to_csv(
+                file, header=number == 0, float_format=f"%.{decimals}f", lineterminator="\n"
+            )
 
 
 class TableWriter:

@@ -8,10 +8,10 @@ import argparse
 from fractions import Fraction
 from pathlib import Path
 
+from finloop.base.tool import ended
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Morph, Physics, morph, there_and_back
-from finloop.tool import ended
 
 
 def main(arguments: list[str] | None = None) -> int:

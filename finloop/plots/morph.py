@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.paint import painted, shapes
 from finloop.morph.layers import Morph
-from finloop.morph.paint import painted, shapes
 
 Picture = NDArray[np.uint8]
 _BAR = 22  # px above a row, for its name

@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.io.gltf import Glb
 from finloop.tank.body import AROUND, RINGS, normals, texture_places, triangles
 from finloop.tank.camera import Room
+from finloop.tank.glb import Glb
 from finloop.tank.light import SUN, WATER
 
 Floats = NDArray[np.floating]

@@ -1,17 +1,17 @@
-"""Fitted gaits as small named JSON files: numbers only, no contours."""
+"""Fitted gaits as plain values, for JSON files: numbers only, no contours."""
 
 import json
 from dataclasses import asdict, fields
-from pathlib import Path
 from typing import Any
 
 from finloop.errors import FinloopError
 from finloop.gait.model import SYMMETRIES, Gait
-from finloop.io.atomic import whole_file
 
 DECIMALS = 6
 MOST = 1000.0  # of γ and the like: beyond ±1 a limb turns back, so more is a slip
-MOST_BYTES = 1_000_000
+MOST_BYTES = 1_000_000  # of a file
+WANTED = "a gait as the stage `gait` writes it"
+DO = "correct it after the example of data/gaits/, or fit one: dvc repro gait"
 _KINDS: dict[str, type | tuple[type, ...]] = {
     "name": str, "symmetry": str, "frequency_hz": (int, float), "gamma": dict,
     "split": (int, float), "wavelet": str, "coarse": int, "support": dict, "source": str,
@@ -20,40 +20,30 @@ _KINDS: dict[str, type | tuple[type, ...]] = {
 _NEEDED = ("name", "symmetry", "frequency_hz", "gamma")
 
 
-def save_gait(path: Path, gait: Gait) -> None:
-    """Write a gait, its numbers to DECIMALS digits.
+def record_of(gait: Gait) -> dict[str, Any]:
+    """A gait as plain values, its numbers to DECIMALS digits.
 
     Raises
     ------
     FinloopError
-        If the gait is not one that `load_gait` would take.
+        If the gait is not one that `gait_of` would take.
     """
     content = json.loads(json.dumps(_rounded(asdict(gait))))
-    _refuse(problems(content), path)
-    with whole_file(path) as part:
-        text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
-        part.write_text(text + "\n", encoding="utf-8")
+    if wrong := problems(content):
+        raise FinloopError(_listed(wrong), WANTED, DO)
+    return content
 
 
-def load_gait(path: Path) -> Gait:
-    """Read what `save_gait` wrote, or a person after its example.
+def gait_of(content: Any) -> Gait:
+    """The gait that `record_of` described, or a person after its example.
 
     Raises
     ------
-    FinloopError
-        If the file is missing, no JSON, or its values are not those of a gait; all are listed.
+    ValueError
+        If the content is no gait; all that is wrong is listed.
     """
-    try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ValueError(f"larger than {MOST_BYTES} bytes")
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise FinloopError(
-            f"{path} cannot be read ({error})",
-            "a gait as the stage `gait` writes it, JSON",
-            "name one of data/gaits/, or fit one: dvc repro gait",
-        ) from error
-    _refuse(problems(content), path)
+    if wrong := problems(content):
+        raise ValueError(_listed(wrong))
     gamma = {
         name: {sub: tuple(map(float, values)) for sub, values in of.items()}
         for name, of in content["gamma"].items()
@@ -135,10 +125,5 @@ def _rounded(value: Any) -> Any:
     return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value
 
 
-def _refuse(found: list[str], path: Path) -> None:
-    if found:
-        raise FinloopError(
-            f"{path} is no gait: " + "; ".join(found[:8]) + " …" * (len(found) > 8),
-            "a gait as the stage `gait` writes it",
-            "correct it after the example of data/gaits/",
-        )
+def _listed(wrong: list[str]) -> str:
+    return "no gait: " + "; ".join(wrong[:8]) + " …" * (len(wrong) > 8)

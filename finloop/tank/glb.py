@@ -4,13 +4,10 @@ Each array becomes an accessor of its own, in a buffer view of its own, aligned 
 """
 
 import json
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-
-from finloop.io.atomic import whole_file
 
 _KINDS = {"float32": 5126, "uint32": 5125, "uint16": 5123}
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
@@ -80,9 +77,3 @@ class Glb:
         chunks = [(b"JSON", text), (b"BIN\0", data)]
         body = b"".join(len(d).to_bytes(4, "little") + name + d for name, d in chunks)
         return b"glTF" + (2).to_bytes(4, "little") + (12 + len(body)).to_bytes(4, "little") + body
-
-
-def save_glb(path: Path, coded: bytes) -> None:
-    """Write what `Glb.encoded` gives, whole or not at all."""
-    with whole_file(path) as part:
-        part.write_bytes(coded)

@@ -4,7 +4,6 @@ The scaling is part of the graph. 32-bit numbers, which every runtime takes. Ano
 ONNX's own, runs the finished graph before the file appears.
 """
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,6 @@ from onnx.reference import ReferenceEvaluator
 
 from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel, Numbers
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
 
 INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
 OPSET, IR_VERSION = 17, 8  # of 2022: what runtimes in use today understand
@@ -78,8 +76,8 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
     return proto
 
 
-def save_onnx(path: Path, model: MotionModel) -> None:
-    """Write `model` as ONNX, if the graph gives the same numbers as the model."""
+def onnx_bytes(model: MotionModel) -> bytes:
+    """`model` as an ONNX file; FinloopError where its graph gives other numbers than the model."""
     proto = to_onnx(model)
     onnx.checker.check_model(proto, full_check=True)
     off = largest_difference(proto, model)
@@ -89,8 +87,7 @@ def save_onnx(path: Path, model: MotionModel) -> None:
             f"the numbers of the model itself, to {TOLERANCE:g}",
             "train with a smaller bpn.learning_rate: weights this large have no 32-bit likeness",
         )
-    with whole_file(path) as part:
-        part.write_bytes(proto.SerializeToString(deterministic=True))
+    return proto.SerializeToString(deterministic=True)
 
 
 def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:

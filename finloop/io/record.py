@@ -1,0 +1,64 @@
+"""Small JSON files: facts, goals, models, gaits. Their room says what the keys mean."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, NamedTuple, TypeVar
+
+from finloop.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+T = TypeVar("T")
+MOST_BYTES = 100_000_000
+
+
+def save_json(path: Path, content: Any, indent: int = 2) -> None:
+    """Write dictionaries, lists, numbers and text; whole or not at all."""
+    with whole_file(path) as part:
+        text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+        part.write_text(text + "\n", encoding="utf-8")
+
+
+def load_json(
+    path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
+) -> T:
+    """What `build` makes of the content of a JSON file.
+
+    Raises
+    ------
+    FinloopError
+        If the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its content by
+        ValueError, TypeError, KeyError or AttributeError.
+    """
+    try:
+        if path.stat().st_size > most_bytes:
+            raise ValueError(f"larger than {most_bytes} bytes")
+        return build(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
+        raise FinloopError(f"{path} cannot be read ({error!s:.500})", wanted, do) from error
+
+
+def save_record(path: Path, record: Any) -> None:
+    """Write a dataclass of plain values as an object."""
+    save_json(path, asdict(record))
+
+
+def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
+    """`kind(**content)` of an object that a stage wrote; errors as for `load_json`."""
+    return load_json(path, lambda content: kind(**content), *_made_by(stage))
+
+
+def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
+    """Write named tuples of plain values as a list of objects."""
+    save_json(path, [record._asdict() for record in records])
+
+
+def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
+    """A `kind(**one)` for each object of a list that a stage wrote; errors as for `load_json`."""
+    return load_json(path, lambda content: [kind(**one) for one in content], *_made_by(stage))
+
+
+def _made_by(stage: str) -> tuple[str, str]:
+    wanted = f"the file that the stage `{stage}` wrote"
+    return wanted, f"make it again: `dvc repro --force {stage}`"
