@@ -81,10 +81,11 @@ else
 	@dvc exp show --only-changed --sort-by date
 endif
 
-lint: setup ## style and types
+lint: setup ## style, types, and which room may import which
 	@ruff check
 	@ruff format --check
 	@mypy
+	@PYTHONPATH=. lint-imports
 
 params-check: setup ## is params.yaml the composition of conf/?
 	@python -m stages.compose --check
@@ -94,5 +95,5 @@ bench: setup ## measure speed and memory, as ratios in one run
 
 clean: ## remove results and caches; DVC's cache and .venv stay
 	@git clean -Xdfq reports data
-	@rm -rf dvc_plots .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	@rm -rf dvc_plots .import_linter_cache .pytest_cache .mypy_cache .ruff_cache .hypothesis
 	@find . -name __pycache__ -not -path './$(VENV)/*' -prune -exec rm -rf {} +

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 from benchmarks.pipeline import ROOT
+from finloop.base.drawing import Morph
 from finloop.gait.tool import load_gait
 from finloop.gait.transfer import transfer
 from finloop.io.picture import save_picture
 from finloop.io.svg import load_svg
-from finloop.morph.layers import Morph
 from finloop.plots.morph import sheet
 
 FRAMES = 8

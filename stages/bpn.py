@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.bpn.held_out import assessment, figure15, held_out_figure
+from finloop.bpn.held_out import assessment
 from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
@@ -19,6 +19,7 @@ from finloop.io.picture import save_figure
 from finloop.io.record import save_json
 from finloop.io.table import load_table, save_csv
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.plots.bpn import figure15, held_out_figure
 from stages.settings import load
 
 FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parquet")

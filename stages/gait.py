@@ -20,6 +20,7 @@ from finloop.gait.compare import CLOCKS, Comparison, compare
 from finloop.gait.cycles import of_regions, of_swim
 from finloop.gait.film import Filmed, Keys, hips, samples_of
 from finloop.gait.fit import fit, moves_of
+from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
 from finloop.gait.outline import of_track, swim
 from finloop.gait.record import record_of
@@ -188,7 +189,7 @@ def limbs(p: Settings, folder: Path) -> tuple[Learnt, Pictures | None]:
         assert p.regions is not None and p.regions_rate_hz is not None
         pictures, regions, rate = None, Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
-    seen_in = load_regions(regions)
+    seen_in = load_regions(regions, region_contour, trace_contour)
     cut, beat, found = of_regions(seen_in.frames, rate, p.points, p.split, seen_in.first)
     for note in found.notes:
         print(f"gait: {note}")

@@ -18,11 +18,12 @@ from PIL import Image
 from rlottie_python import LottieAnimation
 
 import finloop.io.animation
+from finloop.base.drawing import Morph
 from finloop.base.paint import Paint, Shape, paint, painted, shapes
 from finloop.errors import FinloopError
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
-from finloop.morph.layers import Morph, there_and_back
+from finloop.morph.layers import there_and_back
 
 RATE = Fraction(20)
 SVG = "{http://www.w3.org/2000/svg}"

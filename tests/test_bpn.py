@@ -24,8 +24,6 @@ from finloop.bpn.held_out import (
     assessment,
     confusion,
     errors,
-    figure15,
-    held_out_figure,
     linear,
     persistence,
 )
@@ -50,6 +48,7 @@ from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record, save_json
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, save_facts
+from finloop.plots.bpn import figure15, held_out_figure
 
 DELTA = 5
 HOW = Learning(

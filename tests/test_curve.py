@@ -6,17 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from finloop.curve.contour import (
-    Curve,
-    area,
-    checked,
-    clockwise,
-    length,
-    resampled,
-    reversed,
-    rolled,
-    steps,
-)
+from finloop.base.drawing import checked
+from finloop.curve.contour import Curve, area, clockwise, length, resampled, reversed, rolled, steps
 from finloop.curve.glyph import glyph
 from finloop.errors import FinloopError
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from conftest import ROOT
 
-from finloop.curve.contour import Curve, Drawing, resampled
+from finloop.base.drawing import Drawing
+from finloop.curve.contour import Curve, resampled
 from finloop.errors import FinloopError
 from finloop.gait.ground import ground, grounded, path, supports
 from finloop.gait.match import corresponding, mirror_orders, renumbered

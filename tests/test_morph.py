@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.curve.contour import Curve, Drawing
+from finloop.base.drawing import Drawing
+from finloop.curve.contour import Curve
 from finloop.errors import FinloopError
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg

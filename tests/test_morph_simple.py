@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.curve.contour import Curve, checked, resampled
+from finloop.base.drawing import checked
+from finloop.curve.contour import Curve, resampled
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import truncated
 from finloop.errors import FinloopError

@@ -1,1 +1,1 @@
-"""Types that every room may use, and that know no file and no method: tables and cut-outs."""
+"""What every room may use and no method is in: schemas of tables, cut-outs, drawings, paint."""

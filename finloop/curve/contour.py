@@ -4,79 +4,11 @@ x is right and y is down, as on a screen and in SVG. The paper's curves run cloc
 such a screen that is the direction of positive `area`. Curves of equal n stack to (curves, n, 2).
 """
 
-from dataclasses import dataclass, field
-
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.drawing import Curve
 from finloop.errors import FinloopError
-
-Points = NDArray[np.float64]
-
-LARGEST = 1e100
-"""Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A polyline of points (n, 2); if `closed`, its last point is joined to its first.
-
-    A closed curve does not repeat its first point.
-    """
-
-    points: Points
-    closed: bool
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """Contours by id in drawing order, the lowest first; `styles` "fill:…;stroke:…" by id."""
-
-    curves: dict[str, Curve]
-    width: float
-    height: float
-    styles: dict[str, str] = field(default_factory=dict)
-
-
-def checked(curve: Curve, name: str) -> Curve:
-    """The curve without points that repeat the one before; `name` stands in messages.
-
-    Raises
-    ------
-    FinloopError
-        If a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed curve
-        (2 of an open one) are apart from the one before.
-    """
-    points = np.asarray(curve.points, np.float64)
-    if points.ndim != 2 or points.shape[1] != 2:
-        raise FinloopError(
-            f"the points of the curve {name} have shape {points.shape}",
-            "an array (n, 2) of x and y",
-            f"give {name} as n points in the plane",
-        )
-    bad = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))
-    if len(bad):
-        x, y = points[bad[0]]
-        raise FinloopError(
-            f"point {bad[0]} of the curve {name} is ({x:g}, {y:g}); {len(bad)} such points",
-            f"coordinates that are numbers of size {LARGEST:g} at most",
-            f"mend these points of {name} or leave them out",
-        )
-    given = len(points)
-    if given:
-        apart = (np.diff(points, axis=0) != 0).any(axis=1)
-        points = points[np.r_[True, apart]]
-        if curve.closed and len(points) > 1 and (points[0] == points[-1]).all():
-            points = points[:-1]
-    kind, least = ("closed", 3) if curve.closed else ("open", 2)
-    if len(points) < least:
-        raise FinloopError(
-            f"of {given} points of the {kind} curve {name} {len(points)} lie apart"
-            + (": its length is 0" if len(points) < 2 else ""),
-            f"at least {least} points of a {kind} curve",
-            f"draw {name} anew or leave it out",
-        )
-    return Curve(points, curve.closed)
 
 
 def steps(curve: Curve) -> NDArray[np.float64]:

@@ -4,7 +4,8 @@ import numpy as np
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
-from finloop.curve.contour import Curve, checked
+from finloop.base.drawing import checked
+from finloop.curve.contour import Curve
 from finloop.errors import FinloopError
 
 FONT = "DejaVu Sans"

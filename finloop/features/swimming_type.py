@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from skimage.filters import apply_hysteresis_threshold
 
 STRAIGHT, LEFT, RIGHT = 0, 1, -1
+WORDS = {STRAIGHT: "straight", LEFT: "left", RIGHT: "right"}
 
 
 def turn(heading_deg: NDArray[np.floating], span: int) -> NDArray[np.float64]:

@@ -32,7 +32,7 @@ def of_swim(swim: Swim) -> Filmed:
 
 
 def of_regions(
-    frames: list[dict[str, Seen]],
+    frames: list[dict[str, Seen | None]],
     frame_rate_hz: float,
     n: int,
     split: float = 0.25,

@@ -82,8 +82,14 @@ def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> See
     return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
 
 
+def trace_contour(curve: Curve, width: float, height: float) -> Seen:
+    """A traced contour, unless it leaves the picture."""
+    inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
+    return curve if inside else BORDER
+
+
 def limbs(
-    frames: Sequence[Mapping[str, Seen]],
+    frames: Sequence[Mapping[str, Seen | None]],
     n: int,
     smooth_frames: float | None = None,
     first: int = 0,
@@ -93,8 +99,8 @@ def limbs(
     Parameters
     ----------
     frames
-        By frame: contours by id. The id "body", if there is one, tells where the body is; else the
-        mean of the limbs does.
+        By frame: contours by id, None where one is missing. The id "body", if there is one, tells
+        where the body is; else the mean of the limbs does.
     n
         Points of a contour.
     smooth_frames
@@ -114,7 +120,7 @@ def limbs(
             "a region for each limb, such as fore_left, fore_right, hind_left and hind_right",
             "trace the limbs, one id each",
         )
-    seen = {name: [frame.get(name, MISSING) for frame in frames] for name in names}
+    seen = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
     notes = _checked(seen, first)
     centres = {name: _centres(of) for name, of in seen.items()}
     where = [BODY] if BODY in seen else names

@@ -11,7 +11,8 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.curve.contour import Curve, Drawing, clockwise, resampled
+from finloop.base.drawing import Drawing
+from finloop.curve.contour import Curve, clockwise, resampled
 from finloop.errors import FinloopError
 from finloop.gait.model import Symmetry, partner, reversal
 

@@ -11,13 +11,13 @@ from math import ceil, log10
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.curve.contour import Drawing
+from finloop.base.drawing import Drawing, Morph
 from finloop.errors import FinloopError
 from finloop.gait.ground import Ground, Support, ground, grounded, supports
 from finloop.gait.match import corresponding, mirror_orders
 from finloop.gait.model import POOLED, Gait, cycle, partner
 from finloop.morph.folds import folds, stays_simple
-from finloop.morph.layers import MOST_FRAMES, MOST_POINTS, Morph, check_pairs, fitted
+from finloop.morph.layers import MOST_FRAMES, MOST_POINTS, check_pairs, fitted
 
 LEAST_FRAMES, LEAST_POINTS = 4, 8
 LIFTED = 0.02  # of a limb's height

@@ -10,13 +10,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from finloop.base.drawing import Morph
 from finloop.base.paint import painted, shapes
 from finloop.errors import FinloopError
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
 from finloop.io.atomic import whole_file
 from finloop.io.movie import Mp4Writer, WebpWriter
-from finloop.morph.layers import Morph
 
 CRF, QUALITY = 18, 85
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room

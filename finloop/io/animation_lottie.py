@@ -8,8 +8,8 @@ from fractions import Fraction
 from math import ceil
 from typing import Any
 
+from finloop.base.drawing import Morph
 from finloop.base.paint import Colour, Paint, Shape, shapes
-from finloop.morph.layers import Morph
 
 Json = dict[str, Any]
 

@@ -6,8 +6,8 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.drawing import Morph
 from finloop.base.paint import Paint, Shape, shapes
-from finloop.morph.layers import Morph
 
 Ints = NDArray[np.int64]
 

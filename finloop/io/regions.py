@@ -7,29 +7,30 @@ not to be seen, its mask is black or not there, its path not there.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import NamedTuple
+from typing import Generic, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.drawing import Curve
 from finloop.errors import FinloopError
-from finloop.gait.limbs import BORDER, MISSING, Seen, region_contour
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import load_picture
 from finloop.io.svg import load_svg
 
+T = TypeVar("T")
 DIGITS = 4
 BRIGHT = 128  # of 255: from here on a pixel belongs to the mask
 _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each frame"
 
 
-class Regions(NamedTuple):
-    """By frame: contours by id, px of the picture, or why there is none; the first's number."""
+class Regions(NamedTuple, Generic[T]):
+    """By frame: what was made of each id's region, None where there is none; the first's number."""
 
-    frames: list[dict[str, Seen]]
+    frames: list[dict[str, T | None]]
     first: int
 
 
@@ -43,8 +44,21 @@ def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) 
                 path.write_bytes(cv2.imencode(".png", mask * np.uint8(255))[1].tobytes())
 
 
-def load_regions(folder: Path) -> Regions:
+def load_regions(
+    folder: Path,
+    of_mask: Callable[[NDArray[np.bool_]], T],
+    of_trace: Callable[[Curve, float, float], T],
+) -> Regions[T]:
     """Regions of masks or traces.
+
+    Parameters
+    ----------
+    folder
+        See above.
+    of_mask
+        What to make of a mask (h, w).
+    of_trace
+        What to make of a closed path in a picture of this width and height [px].
 
     Raises
     ------
@@ -68,14 +82,16 @@ def load_regions(folder: Path) -> Regions:
             _WANTED,
             "keep one kind" if traces else "put the masks or the traces there",
         )
-    return _load_traces(traces) if traces else _load_masks(masks)
+    return _load_traces(traces, of_trace) if traces else _load_masks(masks, of_mask)
 
 
-def _load_masks(paths: Mapping[str, list[Path]]) -> Regions:
+def _load_masks(
+    paths: Mapping[str, list[Path]], of_mask: Callable[[NDArray[np.bool_]], T]
+) -> Regions[T]:
     numbered = {name: _numbered(of) for name, of in paths.items()}
     first = min(min(of) for of in numbered.values())
     last = max(max(of) for of in numbered.values())
-    frames: list[dict[str, Seen]] = [dict.fromkeys(paths, MISSING) for _ in range(first, last + 1)]
+    frames: list[dict[str, T | None]] = [dict.fromkeys(paths) for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for name, of in numbered.items():
         brightest = 0
@@ -85,7 +101,7 @@ def _load_masks(paths: Mapping[str, list[Path]]) -> Regions:
             sizes.setdefault(mask.shape, path)
             _check_sizes(sizes)
             brightest = max(brightest, int(mask.max()))
-            frames[k - first][name] = region_contour(mask >= BRIGHT)
+            frames[k - first][name] = of_mask(mask >= BRIGHT)
         if 0 < brightest < BRIGHT:
             raise FinloopError(
                 f"no mask of {name} has a pixel brighter than {brightest} of 255",
@@ -95,10 +111,10 @@ def _load_masks(paths: Mapping[str, list[Path]]) -> Regions:
     return Regions(frames, first)
 
 
-def _load_traces(paths: list[Path]) -> Regions:
+def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]) -> Regions[T]:
     numbered = _numbered(paths)
     first, last = min(numbered), max(numbered)
-    frames: list[dict[str, Seen]] = [{} for _ in range(first, last + 1)]
+    frames: list[dict[str, T]] = [{} for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
     for k, path in numbered.items():
         drawing = load_svg(path)
@@ -111,12 +127,9 @@ def _load_traces(paths: list[Path]) -> Regions:
                     "closed paths: a limb is a region",
                     "close it in a drawing program",
                 )
-            inside = (curve.points > 0).all() and (
-                curve.points < [drawing.width, drawing.height]
-            ).all()
-            frames[k - first][name] = curve if inside else BORDER
+            frames[k - first][name] = of_trace(curve, drawing.width, drawing.height)
     names = dict.fromkeys(name for frame in frames for name in frame)
-    whole = [{name: frame.get(name, MISSING) for name in names} for frame in frames]
+    whole = [{name: frame.get(name) for name in names} for frame in frames]
     return Regions(whole, first)
 
 

@@ -17,8 +17,8 @@ import numpy as np
 import svgelements as svg
 from numpy.typing import NDArray
 
+from finloop.base.drawing import Curve, Drawing, checked
 from finloop.base.paint import PART
-from finloop.curve.contour import Curve, Drawing, checked
 from finloop.errors import FinloopError
 from finloop.io.svg_guard import load_tree
 

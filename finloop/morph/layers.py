@@ -4,14 +4,15 @@ Contours belong together by their ids. Every frame is put on a grid of decimals 
 for folds then, so that what a file shows is what was counted.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import ceil, log10
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.curve.contour import Curve, Drawing
+from finloop.base.drawing import Drawing, Morph
+from finloop.curve.contour import Curve
 from finloop.errors import FinloopError
 from finloop.morph.folds import folds, stays_simple
 from finloop.morph.linear import linear, physical
@@ -32,40 +33,6 @@ class Physics(NamedTuple):
     elastic: float = 1.0
     damping: float = 8.0
     mass: float = 1.0
-
-
-@dataclass(frozen=True)
-class Morph:
-    """Contours of every frame.
-
-    Attributes
-    ----------
-    tau
-        (f,), 0 = the first drawing, 1 = the second.
-    layers
-        (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals.
-    closed, styles
-        By id; `styles` may lack some.
-    folds
-        (f,) by id: pairs of edges that meet; 0 = that contour is simple.
-    continuous
-        By id: whether the contour is proved simple between the frames too, where its points move
-        straight from each frame to the next.
-    width, height
-        Of the picture.
-    decimals
-        Digits after the point that coordinates have.
-    """
-
-    tau: Points
-    layers: dict[str, Points]
-    closed: dict[str, bool]
-    folds: dict[str, Ints]
-    continuous: dict[str, bool]
-    styles: dict[str, str]
-    width: float
-    height: float
-    decimals: int
 
 
 def morph(

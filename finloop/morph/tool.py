@@ -8,10 +8,11 @@ import argparse
 from fractions import Fraction
 from pathlib import Path
 
+from finloop.base.drawing import Morph
 from finloop.base.tool import ended
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
-from finloop.morph.layers import METHODS, Morph, Physics, morph, there_and_back
+from finloop.morph.layers import METHODS, Physics, morph, there_and_back
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -11,14 +11,14 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.features.area import closed_spline, control_points
-from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
+from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
 
 Picture = NDArray[np.uint8]
 TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
-    STRAIGHT: ("straight", "#0072B2"),
-    LEFT: ("left", "#D55E00"),
-    RIGHT: ("right", "#009E73"),
+    STRAIGHT: (WORDS[STRAIGHT], "#0072B2"),
+    LEFT: (WORDS[LEFT], "#D55E00"),
+    RIGHT: (WORDS[RIGHT], "#009E73"),
 }
 
 

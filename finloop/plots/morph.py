@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.drawing import Morph
 from finloop.base.paint import painted, shapes
-from finloop.morph.layers import Morph
 
 Picture = NDArray[np.uint8]
 _BAR = 22  # px above a row, for its name

@@ -1,0 +1,110 @@
+"""Drawings: contours by id, y down as on a screen and in SVG; and morphs, drawings in motion."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.errors import FinloopError
+
+Points = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+LARGEST = 1e100
+"""Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A polyline of points (n, 2); if `closed`, its last point is joined to its first.
+
+    A closed curve does not repeat its first point.
+    """
+
+    points: Points
+    closed: bool
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Contours by id in drawing order, the lowest first; `styles` "fill:…;stroke:…" by id."""
+
+    curves: dict[str, Curve]
+    width: float
+    height: float
+    styles: dict[str, str] = field(default_factory=dict)
+
+
+def checked(curve: Curve, name: str) -> Curve:
+    """The curve without points that repeat the one before; `name` stands in messages.
+
+    Raises
+    ------
+    FinloopError
+        If a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed curve
+        (2 of an open one) are apart from the one before.
+    """
+    points = np.asarray(curve.points, np.float64)
+    if points.ndim != 2 or points.shape[1] != 2:
+        raise FinloopError(
+            f"the points of the curve {name} have shape {points.shape}",
+            "an array (n, 2) of x and y",
+            f"give {name} as n points in the plane",
+        )
+    bad = np.flatnonzero(~(np.abs(points) <= LARGEST).all(axis=1))
+    if len(bad):
+        x, y = points[bad[0]]
+        raise FinloopError(
+            f"point {bad[0]} of the curve {name} is ({x:g}, {y:g}); {len(bad)} such points",
+            f"coordinates that are numbers of size {LARGEST:g} at most",
+            f"mend these points of {name} or leave them out",
+        )
+    given = len(points)
+    if given:
+        apart = (np.diff(points, axis=0) != 0).any(axis=1)
+        points = points[np.r_[True, apart]]
+        if curve.closed and len(points) > 1 and (points[0] == points[-1]).all():
+            points = points[:-1]
+    kind, least = ("closed", 3) if curve.closed else ("open", 2)
+    if len(points) < least:
+        raise FinloopError(
+            f"of {given} points of the {kind} curve {name} {len(points)} lie apart"
+            + (": its length is 0" if len(points) < 2 else ""),
+            f"at least {least} points of a {kind} curve",
+            f"draw {name} anew or leave it out",
+        )
+    return Curve(points, curve.closed)
+
+
+@dataclass(frozen=True)
+class Morph:
+    """Contours of every frame.
+
+    Attributes
+    ----------
+    tau
+        (f,), 0 = the first drawing, 1 = the second.
+    layers
+        (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals.
+    closed, styles
+        By id; `styles` may lack some.
+    folds
+        (f,) by id: pairs of edges that meet; 0 = that contour is simple.
+    continuous
+        By id: whether the contour is proved simple between the frames too, where its points move
+        straight from each frame to the next.
+    width, height
+        Of the picture.
+    decimals
+        Digits after the point that coordinates have.
+    """
+
+    tau: Points
+    layers: dict[str, Points]
+    closed: dict[str, bool]
+    folds: dict[str, Ints]
+    continuous: dict[str, bool]
+    styles: dict[str, str]
+    width: float
+    height: float
+    decimals: int

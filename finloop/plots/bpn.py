@@ -1,0 +1,60 @@
+"""Pictures of the motion model: Fig. 15 of the fish paper, and its predictions beside the truth."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.colors import to_rgba_array
+from matplotlib.figure import Figure
+
+from finloop.bpn.held_out import confusion
+from finloop.bpn.model import Numbers, type_class
+from finloop.plots.features import TYPES
+
+
+def figure15(curve: pd.DataFrame) -> Figure:
+    """Fig. 15 of the fish paper: error per epoch, of the rows learnt from and of those held out."""
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    panels = figure.subplots(1, 2)
+    words = ("motion area: RMS error (0–1 scale)", "swimming type: wrong (%)")
+    for axes, name, word in zip(panels, ("area_rmse", "type_error_pct"), words, strict=True):
+        for side, colour in (("train", "#0072B2"), ("held_out", "#D55E00")):
+            label = "learnt from" if side == "train" else "held out"
+            axes.plot(curve["epoch"], curve[f"{side}_{name}"], color=colour, lw=1.3, label=label)
+        taught = curve.loc[curve["epoch"] > 0, [f"train_{name}", f"held_out_{name}"]]
+        top = 2 * float(taught.iloc[-1].max()) or 1.0  # epoch 0 may lie far above
+        axes.set(xlabel="epoch", ylabel=word, ylim=(0, max(top, 1.05 * float(taught.max().max()))))
+        axes.grid(alpha=0.3)
+        axes.legend(frameon=False)
+    return figure
+
+
+def held_out_figure(predicted: Numbers, true: Numbers) -> Figure:
+    """Predicted against true states (n, 2) of held-out rows: areas, and which type for which."""
+    figure = Figure(figsize=(10, 4.8), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    kinds = type_class(true[:, 1])
+    colours = np.empty((len(true), 4))
+    for kind, (word, colour) in TYPES.items():
+        colours[kinds == kind] = to_rgba_array(colour)
+        left.scatter([], [], s=14, color=colour, label=word)
+    left.scatter(true[:, 0], predicted[:, 0], s=7, c=colours, alpha=0.45, linewidths=0)
+    left.plot([0, 1], [0, 1], color="0.3", lw=0.9)
+    left.set(
+        xlabel="true motion area, Δ later", ylabel="predicted", xlim=(0, 1), ylim=(0, 1),
+        aspect="equal", title="motion area of held-out rows (line: perfect)",
+    )  # fmt: skip
+    left.legend(frameon=True, title="true type", loc="upper left", fontsize=8)
+
+    counts = confusion(predicted, true)
+    share = 100 * counts / np.maximum(counts.sum(1, keepdims=True), 1)
+    words = [word for word, _ in TYPES.values()]
+    right.imshow(share, cmap="Blues", vmin=0, vmax=100)
+    for row, column in np.ndindex(counts.shape):
+        right.text(
+            column, row, f"{share[row, column]:.0f} %\n({counts[row, column]})",
+            ha="center", va="center", color="white" if share[row, column] > 55 else "black",
+        )  # fmt: skip
+    right.set(
+        xticks=range(3), xticklabels=words, yticks=range(3), yticklabels=words,
+        xlabel="predicted type", ylabel="true type, Δ later", title="type of held-out rows",
+    )  # fmt: skip
+    return figure
