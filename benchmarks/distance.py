@@ -8,15 +8,12 @@ once, on a part of the map, and their times are scaled to all of it.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import subprocess
-import sys
-
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import ROOT, peak_mib
 from benchmarks.speed import paired, timed
 from finloop.distance.map import (
     about_mean,
@@ -65,17 +62,8 @@ def grouped(pictures: NDArray[np.float32], kind: NDArray, area: NDArray) -> pd.D
 
 def peak_gib(frames: int, mixed: bool) -> float:
     """Peak resident memory of the grouped way in a process of its own, in GiB."""
-    code = (
-        "import resource; from benchmarks.distance import film, grouped; "
-        f"print(len(grouped(*film({frames}, {mixed}))));"
-        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)"
-    )
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True
-    )
-    pairs, peak = done.stdout.split()
-    print(f"{frames} frames, {'Table 1 mix' if mixed else 'types alone'}: {pairs} pairs compared")
-    return float(peak)
+    code = f"from benchmarks.distance import film, grouped; grouped(*film({frames}, {mixed}))"
+    return peak_mib(ROOT, "-c", code) / 1024
 
 
 def loop(pictures: NDArray[np.float32]) -> list[float]:

@@ -27,10 +27,31 @@ def stage(folder: Path, word: str) -> dict[str, Any]:
     return json.loads((folder / f"reports/{word}/metrics.json").read_text(encoding="utf-8"))
 
 
+_LAUNCHER = """
+import resource, subprocess, sys
+status = subprocess.run(sys.argv[1:]).returncode
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+sys.exit(status)
+"""
+
+
+def peak_mib(folder: Path, *arguments: str) -> float:
+    """Peak resident memory, in MiB, of `python arguments` in `folder`, of its largest process.
+
+    A process's `ru_maxrss` begins at the peak of the one that started it, here or by fork. So a
+    launcher starts it that has loaded next to nothing, and reports its child's peak, not its own.
+    """
+    command = [sys.executable, "-I", "-S", "-c", _LAUNCHER, sys.executable, *arguments]
+    return int(_output(folder, command).split()[-1]) / 1024
+
+
 def _python(folder: Path, *arguments: str) -> None:
+    _output(folder, [sys.executable, "-m", *arguments])
+
+
+def _output(folder: Path, command: list[str]) -> str:
     env = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-m", *arguments], cwd=folder, env=env, capture_output=True, text=True
-    )
+    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
     if done.returncode:
-        raise SystemExit(f"{' '.join(arguments)} failed:\n{done.stderr}")
+        raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
+    return done.stdout
