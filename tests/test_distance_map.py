@@ -91,9 +91,10 @@ def test_close_pictures_do_not_drown_in_bright_ones(spread, alone):
     true = brute(pictures)
     assert np.abs(full(pictures) - true).max() < EXACT
     x = pictures.reshape(300, -1)
-    squares = (x**2).sum(1)
+    squares = (x.astype(np.float64) ** 2).sum(1).astype(np.float32)
     naive = np.sqrt(np.maximum(squares[:, None] + squares - 2 * x @ x.T.copy(), 0))
-    assert np.abs(naive - true).max() > EXACT
+    if spread or alone:  # pictures that are all equal may cancel to the last bit
+        assert np.abs(naive - true).max() > EXACT
 
 
 def test_white_pictures_far_from_their_mean_are_exact_too():
