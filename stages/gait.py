@@ -12,21 +12,22 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.drawn.dog.draw import film, seen
-from finloop.drawn.dog.walk import DogFilm, gammas, phases, true_gamma, truth
+from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
 from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gait.compare import CLOCKS, Comparison, compare
-from finloop.gait.cycles import of_regions, of_swim
-from finloop.gait.film import Filmed, Keys, hips, samples_of
-from finloop.gait.fit import fit, moves_of
+from finloop.gait.cycles import film_of_regions, film_of_swim
+from finloop.gait.film import Film, Keys, hips, samples_of
+from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
 from finloop.gait.outline import of_track, swim
 from finloop.gait.record import record_of
 from finloop.gait.settings import Settings
 from finloop.gait.tool import load_gait
-from finloop.gait.transfer import repeated, transfer
+from finloop.gait.transfer import repeat, transfer
+from finloop.gait.truth import true_gamma
 from finloop.io.animation import save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
@@ -55,7 +56,7 @@ Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]
 class Learnt(NamedTuple):
     """A gait, the film and keys it came from, and what its clock is worth on frames left out."""
 
-    film: Filmed
+    film: Film
     gait: Gait
     keys: Keys
     worth: Comparison
@@ -64,8 +65,8 @@ class Learnt(NamedTuple):
         """Figs. 8 to 14 into a folder."""
         gait = self.gait
         samples = samples_of(self.film, gait.split, gait.wavelet, gait.coarse)
-        moves = moves_of(self.keys, samples, gait.wavelet, gait.coarse)
-        for name, figure in figures(self.film, gait, self.keys, moves, pictures):
+        subcycles = subcycles_of(self.keys, samples, gait.wavelet, gait.coarse)
+        for name, figure in figures(self.film, gait, self.keys, subcycles, pictures):
             save_figure(folder / f"{name}.png", figure)
 
     def numbers(self, what: str) -> dict[str, float]:
@@ -78,14 +79,15 @@ class Learnt(NamedTuple):
 
 
 def learnt(
-    film: Filmed, name: str, frequency_hz: float, p: Settings, source: str, confidence: float
+    film: Film, name: str, frequency_hz: float, p: Settings, source: str, confidence: float
 ) -> Learnt:
     """Fit a gait to a film, and to parts of it for the frames left out."""
     worth = compare(film, split=p.split, wavelet=p.wavelet, coarse=p.coarse)
     gait, keys = fit(
         film, name, frequency_hz, split=p.split, wavelet=p.wavelet, coarse=p.coarse,
-        per_scale=p.per_scale, source=source, confidence=confidence, residuals=worth.rms,
+        per_scale=p.per_scale,
     )  # fmt: skip
+    gait = replace(gait, source=source, confidence=confidence, residuals=worth.rms)
     return Learnt(film, gait, keys, worth)
 
 
@@ -108,7 +110,7 @@ def outlines(p: Settings) -> tuple[Learnt | None, pd.DataFrame]:
             if not beat.period.why:
                 try:
                     one = learnt(
-                        of_swim(beat), f"track {number}", float(beat.period.frequency_hz), p,
+                        film_of_swim(beat), f"track {number}", float(beat.period.frequency_hz), p,
                         f"track {number} of the clip", beat.period.confidence,
                     )  # fmt: skip
                 except FinloopError as error:
@@ -150,7 +152,7 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
 
 def recovered(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
     """Fill in γ as it is, the clock's and that of exact contours; how far off they are at most."""
-    exact = Filmed(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
+    exact = Film(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hips(exact))
     found, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
@@ -190,7 +192,7 @@ def limbs(p: Settings, folder: Path) -> tuple[Learnt, Pictures | None]:
         pictures, regions, rate = None, Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
     seen_in = load_regions(regions, region_contour, trace_contour)
-    cut, beat, found = of_regions(seen_in.frames, rate, p.points, p.split, seen_in.first)
+    cut, beat, found = film_of_regions(seen_in.frames, rate, p.points, p.split, seen_in.first)
     for note in found.notes:
         print(f"gait: {note}")
     return learnt(cut, name, float(beat.frequency_hz), p, source, beat.confidence), pictures
@@ -202,7 +204,7 @@ def driven(name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Pa
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
     done = transfer(one, two, gait, frames, p.points)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(1001)
-    long = repeated(done.morph, max(1, round(SECONDS * gait.frequency_hz)))
+    long = repeat(done.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
         shown = long if ending == ".mp4" else done.morph
         save_animation(folder / f"{name}{ending}", shown, rate, p.size_px)

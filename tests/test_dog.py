@@ -22,11 +22,11 @@ from finloop.drawn.dog.walk import (
     progress,
     support,
     swings,
-    true_gamma,
     trunk,
     truth,
 )
 from finloop.errors import FinloopError
+from finloop.gait.truth import true_gamma
 from finloop.io.movie import Mp4Writer
 from finloop.morph.folds import is_simple
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.gait.descriptor import between, clock, descriptor, scale_slices
+from finloop.gait.clock import clock
+from finloop.gait.descriptor import between, descriptor, scale_slices
 from finloop.gait.model import (
     Gait,
+    Layout,
     at_phases,
     cycle,
     four_keys,
@@ -117,12 +119,12 @@ def test_subcycles():
 
 def test_offsets_keep_a_limb_at_its_hip():
     hips = {"fore_left": np.array([3.0, -1.0]), "fore_right": np.array([-3.0, 1.0])}
-    later = four_keys(ONE, TWO, "swap", offsets=hips)[2]
+    later = four_keys(ONE, TWO, "swap", Layout(offsets=hips))[2]
     np.testing.assert_allclose(later["fore_left"], ONE["fore_right"] + [3, -1])
     with pytest.raises(FinloopError, match="twice, is not 'fore_left' itself"):
-        four_keys(ONE, TWO, "swap", offsets={name: np.ones(2) for name in hips})
+        four_keys(ONE, TWO, "swap", Layout(offsets={name: np.ones(2) for name in hips}))
     with pytest.raises(FinloopError, match="twice"):
-        four_keys(ONE, TWO, "mirror", orders={"body": np.roll(np.arange(32), 1)})
+        four_keys(ONE, TWO, "mirror", Layout(orders={"body": np.roll(np.arange(32), 1)}))
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from finloop.curve.contour import Curve, area
 from finloop.drawn.dog.draw import filled, traced
-from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, true_gamma, truth
+from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
 from finloop.errors import FinloopError
 from finloop.gait.limbs import (
     BORDER,
@@ -17,6 +17,7 @@ from finloop.gait.limbs import (
     region_contour,
     smoothed,
 )
+from finloop.gait.truth import true_gamma
 
 DOG = DogFilm(frames=32, frame_rate_hz=16.0, cycles=2.0, width_px=240, height_px=160, trunk_px=85.0)
 

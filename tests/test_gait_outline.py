@@ -11,7 +11,17 @@ from finloop.drawn.carp.film import CarpFilm, motion
 from finloop.drawn.carp.motion import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.errors import FinloopError
-from finloop.gait.outline import Swim, bent, contours, in_frame, of_track, pose, steady, swim, tail
+from finloop.gait.outline import (
+    Swim,
+    bent,
+    contours,
+    in_body_frame,
+    of_track,
+    pose,
+    steady,
+    swim,
+    tail,
+)
 from finloop.gait.period import Period
 
 RATE = 50.0
@@ -109,7 +119,7 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
     lines = np.stack([still, curled])
     found = contours(np.stack([drawn(line) for line in lines]), lines[:, 0], 128)
     centre, angle = pose(found, lines)
-    far = bent(in_frame(found, centre, angle))
+    far = bent(in_body_frame(found, centre, angle))
     assert far[0] < 1e-3
     assert far[1] > 0.03
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from finloop.errors import FinloopError
-from finloop.gait.period import CONFIDENT, course, period, periodic, rated, started
+from finloop.gait.period import CONFIDENT, assess, course, period, require_periodic, with_phase_zero
 
 RATE = 50.0
 AT = np.arange(150)
@@ -93,7 +93,7 @@ def test_noise_and_wandering_are_not_periodic(seed: int) -> None:
         assert found.confidence < CONFIDENT
         assert found.why
         with pytest.raises(FinloopError, match="the motion of the fish is not periodic"):
-            periodic(found, "the fish")
+            require_periodic(found, "the fish")
 
 
 def test_a_single_burst_is_no_beat() -> None:
@@ -164,23 +164,23 @@ def test_cycles_are_foretold_by_the_others() -> None:
     """A motion whose cycles all differ has a phase, and no confidence."""
     phase = 2.0 * TIME
     good = np.ones(len(TIME), bool)
-    same = rated(wave(phase), phase, good, RATE)
-    other = rated(wave(phase) * np.sign(np.sin(2.4 * phase))[:, None], phase, good, RATE)
+    same = assess(wave(phase), phase, good, RATE)
+    other = assess(wave(phase) * np.sign(np.sin(2.4 * phase))[:, None], phase, good, RATE)
     assert same.confidence == pytest.approx(1, abs=1e-6)
     assert other.confidence < 0.2
     assert other.why == "no cycle is much like another"
-    again = started(same, wave(phase)[:, -1])
+    again = with_phase_zero(same, wave(phase)[:, -1])
     np.testing.assert_allclose(off(again.phase, phase), 0, atol=1e-6)
 
 
 def test_a_cycle_is_not_foretold_by_itself() -> None:
     """Two cycles of noise: a curve through both goes near them, one says nothing of the other."""
     noise = np.random.default_rng(3).standard_normal((16, 8))
-    assert rated(noise, np.arange(16) / 8, np.ones(16, bool), RATE).confidence < 0.02
+    assert assess(noise, np.arange(16) / 8, np.ones(16, bool), RATE).confidence < 0.02
 
 
 def test_halves_of_cycles_do_not_add_up_to_a_beat() -> None:
     phase = 2.0 * TIME
-    found = rated(wave(phase), phase, phase % 1 < 0.6, RATE)
+    found = assess(wave(phase), phase, phase % 1 < 0.6, RATE)
     assert not found.steady.any()
     assert "0.0 cycles are steady" in found.why

@@ -10,10 +10,10 @@ from conftest import ROOT
 from finloop.base.drawing import Drawing
 from finloop.curve.contour import Curve, resampled
 from finloop.errors import FinloopError
-from finloop.gait.ground import ground, grounded, path, supports
+from finloop.gait.ground import ground, path, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders, renumbered
 from finloop.gait.model import Gait, mirrored
-from finloop.gait.transfer import repeated, transfer, with_pooled
+from finloop.gait.transfer import repeat, transfer, with_pooled_gamma
 from finloop.io.svg import load_svg
 
 FIRST, LATER = ((0.0, 0.5),), ((0.5, 1.0),)
@@ -109,8 +109,8 @@ def test_swing_follows_its_clock():
 
 def test_ids_that_a_gait_does_not_name_go_by_the_mean():
     bare = replace(WALK, gamma={"fore_left": {"A": (-1.0, -0.5), "B": (1.0,)}})
-    assert with_pooled(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
-    assert with_pooled(WALK) is WALK
+    assert with_pooled_gamma(bare).gamma["*"] == {"A": (-0.75,), "B": (1.0,)}
+    assert with_pooled_gamma(WALK) is WALK
 
 
 def test_a_far_limb_that_stands_higher_stays_there():
@@ -147,7 +147,7 @@ def test_a_far_limb_is_not_lifted():
 
 def test_cycles_in_a_row():
     done = transfer(*poses("fish"), SWIM, 6, 32).morph
-    three = repeated(done, 3)
+    three = repeat(done, 3)
     assert len(three.tau) == 18
     assert (three.layers["tail"][12:] == done.layers["tail"]).all()
     assert done.tau[0] == 0 and done.tau[3] == 1 and done.tau[-1] < done.tau.max()
@@ -243,14 +243,14 @@ def test_a_good_foot_is_left_alone():
     found = ground({"foot": stack}, {"foot": FIRST})
     assert found.speed == pytest.approx(-2)
     assert found.slide["foot"] == pytest.approx(0, abs=1e-9)
-    assert grounded({"foot": stack}, {"foot": FIRST})["foot"] == pytest.approx(stack)
+    assert plant_feet({"foot": stack}, {"foot": FIRST})["foot"] == pytest.approx(stack)
 
 
 def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
     stack, good = planted(3, 2), planted(0, 0) + [1, 0]
     limbs, support = {"foot": stack, "good": good}, {"foot": FIRST, "good": FIRST}
     before = ground(limbs, support)
-    done = grounded(limbs, support)
+    done = plant_feet(limbs, support)
     assert before.slide["foot"] > 2.5
     foot = done["foot"]
     # Measured apart from `ground`: the heel, which is the last point, in the frames on the ground.
@@ -264,7 +264,7 @@ def test_a_bad_foot_is_mended_and_its_hip_is_not_moved():
 def test_the_correction_fades_over_the_swing():
     """One foot goes back by 2 a frame, one by 3: both end up wrong by 4, to either side."""
     limbs = {"slow": planted(0, 0), "fast": planted(0, 0) * [1.5, 1]}
-    done = grounded(limbs, dict.fromkeys(limbs, FIRST))
+    done = plant_feet(limbs, dict.fromkeys(limbs, FIRST))
     moved = (done["slow"] - limbs["slow"])[:, -1, 0]
     assert moved[[0, 8]] == pytest.approx([2, -2], rel=0.05)
     swing = np.diff(moved[np.arange(8, 17) % 16])
@@ -274,7 +274,7 @@ def test_the_correction_fades_over_the_swing():
 def test_a_swing_does_not_dip_into_the_ground():
     stack = planted(0, 0)
     stack[10:14, :, 1] += 12
-    done = grounded({"foot": stack}, {"foot": FIRST})["foot"]
+    done = plant_feet({"foot": stack}, {"foot": FIRST})["foot"]
     assert stack[..., 1].max() > 45 and done[..., 1].max() == pytest.approx(40)
 
 
@@ -287,7 +287,7 @@ def test_the_second_pose_may_have_another_size():
 
 def test_limbs_without_a_support_stay_as_they_are():
     stack = planted(3, 2)
-    assert grounded({"tail": stack}, {"foot": FIRST})["tail"] is stack
+    assert plant_feet({"tail": stack}, {"foot": FIRST})["tail"] is stack
     assert ground({"tail": stack}, {"foot": FIRST}) == (0.0, {})
 
 

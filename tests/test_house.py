@@ -25,7 +25,6 @@ EXCEPTIONS: set[str] = {
     "finloop/export/tracks.py::poses",
     "finloop/extract/backbone.py",
     "finloop/extract/backbone.py::_flank",
-    "finloop/gait/transfer.py::transfer",
     "finloop/live/server.py::app",
     "finloop/morph/exact.py::meet",
     "finloop/morph/folds.py::_bernstein",

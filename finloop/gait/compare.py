@@ -1,8 +1,8 @@
-"""What γ buys, on frames left out of the fit (curve paper §4.2): beside the linear blend and more.
+"""The worth of γ: errors of four clocks on frames held out of the fit (curve paper §4.2).
 
-Clocks of a blend between two keys, from the stiffest to the freest: "linear", γ = 0; "gamma", one
-γ a contour and subcycle; "gamma_scale", one γ a scale too; "free", any f that never turns back
-(isotonic regression), one a contour and subcycle, which no parabola can beat but by its calm.
+The clocks of a blend between two keys, from the stiffest to the freest: "linear", γ = 0; "gamma",
+one γ for each contour and subcycle; "gamma_scale", one γ for each scale too; "free", any monotone f
+for each contour and subcycle (isotonic regression), the best that a clock can do.
 """
 
 from collections.abc import Iterator
@@ -14,67 +14,63 @@ from scipy.optimize import isotonic_regression
 
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import Filmed, Mask, check, samples_of
+from finloop.gait.film import Film, Mask, check, samples_of
 from finloop.gait.fit import (
-    STILL,
-    Moves,
+    LEAST_MOTION,
+    Subcycle,
+    corrected_keys,
     gammas_of,
-    predicted,
-    settled,
 )
 from finloop.gait.model import Points
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
-BUYS = 0.02
-"""Share of a scale's left-out squared error that its γ must take away to count."""
-SEEN = 1e-4
-"""Share of a body length: a scale whose left-out error is smaller (RMS) is not seen at all."""
+LEAST_GAIN = 0.02
+"""Share of a scale's squared error, on held-out frames, that its γ must take away to count."""
+LEAST_ERROR = 1e-4
+"""Body lengths: a scale whose held-out error is smaller (RMS) is not visible."""
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors on frames left out.
+    """Errors on held-out frames.
 
     Attributes
     ----------
-    way
-        How they were left out: "cycles", one at a time, or "every other frame".
+    scheme
+        What is held out at a time: "cycles" or "every other frame".
     rms
         By clock: RMS distance of contours / body length.
     by_contour
         Columns contour, subcycle, frames, and rms_<clock>.
     by_scale
         Columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (of all
-        frames), energy_share (of the way between the keys), rms_linear, rms_gamma_scale,
+        frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
         gamma_buys_pct (of the squared error), verdict.
     """
 
-    way: str
+    scheme: str
     rms: dict[str, float]
     by_contour: pd.DataFrame
     by_scale: pd.DataFrame
 
 
-def left_out(film: Filmed) -> tuple[str, list[Mask]]:
-    """Which frames are left out in turn: whole cycles if there are two, else every other frame.
-
-    A last cycle that is not whole is a turn of its own.
-    """
+def holdouts(film: Film) -> tuple[str, list[Mask]]:
+    """The scheme and the masks of held-out frames: whole cycles if there are two of them, else
+    every other frame. A last cycle that is not whole has a mask of its own."""
     frames = np.arange(len(film.phase))
     # A frame that ends a cycle to rounding belongs to the next one.
-    turn = np.floor(film.phase - film.phase[0] + 1e-9).astype(int)
+    cycle = np.floor(film.phase - film.phase[0] + 1e-9).astype(int)
     if film.cycles > 2 - 1e-6:
-        return "cycles", [turn == one for one in np.unique(turn)]
-    return "every other frame", [frames % 2 == one for one in range(2)]
+        return "cycles", [cycle == number for number in np.unique(cycle)]
+    return "every other frame", [frames % 2 == half for half in range(2)]
 
 
 def compare(
-    film: Filmed, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
+    film: Film, *, split: float = 0.25, wavelet: str = "coif2", coarse: int = 4
 ) -> Comparison:
-    """Fit to some frames, predict the others, by each clock.
+    """Fit each clock to some frames and predict the held-out ones.
 
-    Turns in which the frames that stay cannot be fitted are left out; if none is left, that is
-    the error.
+    A mask whose remaining frames cannot be fitted is skipped; if all are, the last error is raised.
 
     Raises
     ------
@@ -82,63 +78,57 @@ def compare(
         As `gait.fit.fit`.
     """
     check(film)
-    way, turns = left_out(film)
+    scheme, masks = holdouts(film)
     rows, scale_rows = [], []
     problem: FinloopError | None = None
-    for out in turns:
+    for mask in masks:
         try:
-            found = list(_turn(film, out, split, wavelet, coarse))
+            errors = list(_errors(film, mask, split, wavelet, coarse))
         except FinloopError as error:
             problem = error
             continue
-        for one, two in found:
-            rows.append(one)
-            scale_rows += two
+        for row, by_scale in errors:
+            rows.append(row)
+            scale_rows += by_scale
     if not rows and problem is not None:
         raise problem
-    _, moves = settled(film, split, wavelet, coarse)
+    _, subcycles = corrected_keys(film, split, wavelet, coarse)
     contours = pd.DataFrame(rows).groupby(["contour", "subcycle"], sort=False).sum()
     total = contours.sum()
     rms = {c: float(np.sqrt(total[c] / total["frames"])) / film.body_length for c in CLOCKS}
     for c in CLOCKS:
         contours[f"rms_{c}"] = np.sqrt(contours.pop(c) / contours["frames"]) / film.body_length
-    return Comparison(
-        way, rms, contours.reset_index(), _scales(film, pd.DataFrame(scale_rows), moves)
-    )
+    by_scale = _scales(film, pd.DataFrame(scale_rows), subcycles)
+    return Comparison(scheme, rms, contours.reset_index(), by_scale)
 
 
-def _turn(
-    film: Filmed, out: Mask, split: float, wavelet: str, coarse: int
+def _errors(
+    film: Film, mask: Mask, split: float, wavelet: str, coarse: int
 ) -> Iterator[tuple[dict, list[dict]]]:
-    """Of one turn: a row per contour and subcycle of squared errors, and its rows of scales."""
-    still = STILL * film.body_length
-    stay = replace(
-        film, phase=film.phase[~out], contours={k: v[~out] for k, v in film.contours.items()}
-    )
-    gone = replace(
-        film, phase=film.phase[out], contours={k: v[out] for k, v in film.contours.items()}
-    )
-    _, moves = settled(stay, split, wavelet, coarse)
-    per_limb, per_scale = (gammas_of(moves, per, still) for per in (False, True))
-    tests = samples_of(gone, split, wavelet, coarse)
-    for (name, sub), one in moves.items():
+    """Squared errors on the frames of a mask, for each contour and subcycle: its row, and one row
+    for each of its scales."""
+    still = LEAST_MOTION * film.body_length
+    _, subcycles = corrected_keys(_part(film, ~mask), split, wavelet, coarse)
+    per_limb, per_scale = (gammas_of(subcycles, per, still) for per in (False, True))
+    tests = samples_of(_part(film, mask), split, wavelet, coarse)
+    for (name, sub), model in subcycles.items():
         test = tests[name][sub]
         if not len(test.tau):
             continue
-        size = len(one.to)
+        size = len(model.end)
         letter = "AB"[sub]
         spread = per_coefficient(per_scale[name][letter], size, coarse)
+        f = free(model, test.tau)[:, None, None]
         errors = {
-            "linear": test.coefficients - predicted(one, test.tau, np.zeros(1)),
-            "gamma": test.coefficients - predicted(one, test.tau, np.array(per_limb[name][letter])),
-            "gamma_scale": test.coefficients - predicted(one, test.tau, spread),
-            "free": test.coefficients
-            - (one.to + free(one, test.tau)[:, None, None] * (one.source - one.to)),
+            "linear": test.coefficients - model.predict(test.tau, np.zeros(1)),
+            "gamma": test.coefficients - model.predict(test.tau, np.array(per_limb[name][letter])),
+            "gamma_scale": test.coefficients - model.predict(test.tau, spread),
+            "free": test.coefficients - (model.end + f * (model.start - model.end)),
         }
         row = {"contour": name, "subcycle": letter, "frames": len(test.tau)}
         for clock_name, error in errors.items():
-            off = contour(error, size, wavelet, coarse)
-            row[clock_name] = float((off**2).sum()) / size
+            distance = contour(error, size, wavelet, coarse)
+            row[clock_name] = float((distance**2).sum()) / size
         yield (
             row,
             [
@@ -147,53 +137,65 @@ def _turn(
                     "subcycle": letter,
                     "scale": m,
                     "frames": len(test.tau),
-                    "linear": float((errors["linear"][:, where] ** 2).sum()) / size,
-                    "gamma_scale": float((errors["gamma_scale"][:, where] ** 2).sum()) / size,
+                    "linear": float((errors["linear"][:, scale] ** 2).sum()) / size,
+                    "gamma_scale": float((errors["gamma_scale"][:, scale] ** 2).sum()) / size,
                 }
-                for m, where in enumerate(one.scales)
+                for m, scale in enumerate(model.scales)
             ],
         )
 
 
-def free(one: Moves, tau: Points) -> Points:
-    """f at tau of the free monotone timing: isotonic least squares, 1 at 0 and 0 at 1."""
-    way = (one.source - one.to).ravel()
+def _part(film: Film, mask: Mask) -> Film:
+    """The film's frames within a mask."""
+    contours = {name: points[mask] for name, points in film.contours.items()}
+    return replace(film, phase=film.phase[mask], contours=contours)
+
+
+def free(model: Subcycle, tau: Points) -> Points:
+    """The monotone f that fits a subcycle best (isotonic regression), at tau: 1 at 0, 0 at 1."""
+    way = (model.start - model.end).ravel()
     norm = float(way @ way)
-    if norm == 0 or not len(one.samples.tau):
+    samples = model.samples
+    if norm == 0 or not len(samples.tau):
         return 1 - tau
-    order = np.argsort(one.samples.tau, kind="stable")
-    flat = (one.samples.coefficients - one.to).reshape(len(order), -1)
+    order = np.argsort(samples.tau, kind="stable")
+    flat = (samples.coefficients - model.end).reshape(len(order), -1)
     falling = isotonic_regression(flat[order] @ way / norm, increasing=False).x
-    at = np.concatenate([[0.0], one.samples.tau[order], [1.0]])
-    return np.interp(tau, at, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
+    nodes = np.concatenate([[0.0], samples.tau[order], [1.0]])
+    return np.interp(tau, nodes, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
 
 
-def _scales(film: Filmed, rows: pd.DataFrame, moves: dict[tuple[str, int], Moves]) -> pd.DataFrame:
+def _scales(
+    film: Film, rows: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
+) -> pd.DataFrame:
+    """The table `Comparison.by_scale` from rows of squared errors."""
     keys = ["contour", "subcycle", "scale"]
     table = rows.groupby(keys, sort=False).sum().reset_index()
     gammas, share, count = [], [], []
     for name, letter, m in table[keys].itertuples(index=False):
-        one = moves[name, "AB".index(letter)]
-        way = one.source - one.to
-        gammas.append(one.gammas(True, STILL * film.body_length)[m])
-        share.append(float((way[one.scales[m]] ** 2).sum() / max((way**2).sum(), 1e-300)))
-        count.append(one.scales[m].stop - one.scales[m].start)
-    was, now = table.pop("linear"), table.pop("gamma_scale")
+        model = subcycles[name, "AB".index(letter)]
+        way, scale = model.start - model.end, model.scales[m]
+        gammas.append(model.gammas(True, LEAST_MOTION * film.body_length)[m])
+        share.append(float((way[scale] ** 2).sum() / max((way**2).sum(), 1e-300)))
+        count.append(scale.stop - scale.start)
+    linear, fitted = table.pop("linear"), table.pop("gamma_scale")
     frames = table.pop("frames")
     rms = {
-        "rms_linear": np.sqrt(was / frames) / film.body_length,
-        "rms_gamma_scale": np.sqrt(now / frames) / film.body_length,
+        "rms_linear": np.sqrt(linear / frames) / film.body_length,
+        "rms_gamma_scale": np.sqrt(fitted / frames) / film.body_length,
     }
-    bought = (was - now) / was.where(was > 0)
-    unseen = rms["rms_linear"] < SEEN
+    gain = (linear - fitted) / linear.where(linear > 0)
+    invisible = rms["rms_linear"] < LEAST_ERROR
     verdict = np.select(
-        [unseen, bought > BUYS, bought < -BUYS], ["not seen", "buys", "costs"], "buys nothing"
+        [invisible, gain > LEAST_GAIN, gain < -LEAST_GAIN],
+        ["not seen", "buys", "costs"],
+        "buys nothing",
     )
     return table.assign(
         coefficients=count,
         gamma=gammas,
         energy_share=share,
         **rms,
-        gamma_buys_pct=(100 * bought).fillna(0.0),
+        gamma_buys_pct=(100 * gain).fillna(0.0),
         verdict=verdict,
     )

@@ -10,16 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.errors import FinloopError
-from finloop.gait.feet import aligned, feet
-from finloop.gait.film import Filmed, hips
-from finloop.gait.limbs import Limbs, Seen, limbs
+from finloop.gait.feet import align_phase, feet
+from finloop.gait.film import Film, hips
+from finloop.gait.limbs import Limbs, Region, limbs
 from finloop.gait.outline import Swim, steady
-from finloop.gait.period import Period, period, periodic
+from finloop.gait.period import Period, period, require_periodic
 
 OUTLINE = "outline"
 
 
-def of_swim(swim: Swim) -> Filmed:
+def film_of_swim(swim: Swim) -> Film:
     """The steady frames of a swimming fish, lengths in body lengths.
 
     Raises
@@ -28,16 +28,16 @@ def of_swim(swim: Swim) -> Filmed:
         If its motion does not repeat.
     """
     points, phase = steady([swim])
-    return Filmed({OUTLINE: points}, phase, 1.0, "mirror")
+    return Film({OUTLINE: points}, phase, 1.0, "mirror")
 
 
-def of_regions(
-    frames: list[dict[str, Seen | None]],
+def film_of_regions(
+    frames: list[dict[str, Region | None]],
     frame_rate_hz: float,
     n: int,
     split: float = 0.25,
     first: int = 0,
-) -> tuple[Filmed, Period, Limbs]:
+) -> tuple[Film, Period, Limbs]:
     """The steady frames of an animal from the side, its limbs in the frame of the body, px.
 
     `first` is the first frame's number. Found twice: the course of the body can only be smoothed
@@ -53,9 +53,9 @@ def of_regions(
     found = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
     beat = _beat(found, frame_rate_hz)
     shown = {name: points[beat.steady] for name, points in found.points.items()}
-    film = Filmed(
+    film = Film(
         shown,
-        aligned(beat.phase[beat.steady], feet(shown), split),
+        align_phase(beat.phase[beat.steady], feet(shown), split),
         found.length_px,
         "swap",
     ).complete()
@@ -66,7 +66,7 @@ def _beat(found: Limbs, frame_rate_hz: float) -> Period:
     points = found.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
     beat = period(_filled(signal), frame_rate_hz, ahead(points))
-    return periodic(beat, f"the limbs {', '.join(points)}")
+    return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
 def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:

@@ -1,8 +1,9 @@
-"""Contours as wavelet descriptors for gaits, and the clock that moves them (curve paper §4.2).
+"""Contours of a gait as wavelet descriptors, and frames between two key frames (curve paper §4.2).
 
-*coarse* is the number of coefficients in the approximation, whatever the number of points: scale m
-of contours of 64 and of 256 points then means the same, and γ per scale goes from one to another.
-Open contours are taken there and back, 2n points, with twice `coarse` in the approximation.
+*coarse* is the number of coefficients in the approximation, whatever the number of points. So
+scale m means the same for contours of 64 and of 256 points, and γ per scale fits both. An open
+contour is mirrored, its points there and back: 2n points, 2 `coarse` coefficients in the
+approximation.
 """
 
 import numpy as np
@@ -10,14 +11,15 @@ from numpy.typing import NDArray
 
 from finloop.curve.wavelet import back, forward, mirrored, most_levels, scales, truncated
 from finloop.errors import FinloopError
+from finloop.gait.clock import clock
 
 Points = NDArray[np.float64]
 
 
 def levels_of(n: int, coarse: int, closed: bool = True) -> int:
-    """Levels of a transform of n points that leave `coarse` in the approximation.
+    """Levels of a transform of n points that leave `coarse` coefficients in the approximation.
 
-    `n` counts an open contour's points there and back, and twice `coarse` are left of those.
+    For an open contour `n` counts the points of its mirrored form, and 2 `coarse` are left.
 
     Raises
     ------
@@ -28,7 +30,7 @@ def levels_of(n: int, coarse: int, closed: bool = True) -> int:
 
 
 def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Coefficients of contours (…, n, 2), an open one there and back (…, 2n, 2).
+    """Coefficients of contours (…, n, 2); of open ones (…, 2n, 2), mirrored.
 
     Raises
     ------
@@ -40,35 +42,27 @@ def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -
 
 
 def contour(coefficients: Points, n: int, wavelet: str, coarse: int, closed: bool = True) -> Points:
-    """Contours (…, n, 2) of `descriptor` coefficients, its inverse."""
+    """Contours (…, n, 2) from their coefficients: the inverse of `descriptor`."""
     levels = levels_of(coefficients.shape[-2], coarse, closed)
     return back(coefficients, wavelet, levels)[..., :n, :]
 
 
 def scale_slices(n: int, coarse: int, closed: bool = True) -> list[slice]:
-    """Where each scale stands among the n coefficients of `descriptor`, coarse to fine."""
+    """Slice of each scale in the n coefficients of `descriptor`, coarse to fine."""
     return scales(n, levels_of(n, coarse, closed))
 
 
 def per_coefficient(gamma: tuple[float, ...], n: int, coarse: int, closed: bool = True) -> Points:
     """γ (n,) of each coefficient, from one per scale."""
     out = np.empty(n)
-    for m, where in enumerate(scale_slices(n, coarse, closed)):
-        out[where] = gamma[min(m, len(gamma) - 1)]
+    for m, scale in enumerate(scale_slices(n, coarse, closed)):
+        out[scale] = gamma[min(m, len(gamma) - 1)]
     return out
 
 
-def clock(tau: Points, gamma: float | Points) -> Points:
-    """f(τ) = 1 − (1 + γ)τ + γτ²: from 1 at τ = 0 to 0 at τ = 1; γ = 0 is linear (§4.2).
-
-    Monotone if |γ| ≤ 1: slow at its start for γ = −1, at its end for γ = 1.
-    """
-    return 1 - (1 + gamma) * tau + gamma * tau**2
-
-
 def between(
-    source: Points,
-    to: Points,
+    start: Points,
+    end: Points,
     tau: Points,
     gamma: tuple[float, ...],
     wavelet: str,
@@ -77,13 +71,13 @@ def between(
 ) -> Points:
     """Frames (f, n, 2) between two contours (n, 2): c(τ) = c_to + f(τ) (c_from − c_to).
 
-    One γ moves every coefficient alike and so every point: no transform is needed then.
+    A single γ moves every coefficient, and so every point, alike: then no transform is needed.
     """
     if len(gamma) == 1:
-        return to + clock(tau, gamma[0])[:, None, None] * (source - to)
-    step = descriptor(source - to, wavelet, coarse, closed)
+        return end + clock(tau, gamma[0])[:, None, None] * (start - end)
+    step = descriptor(start - end, wavelet, coarse, closed)
     weights = clock(tau[:, None], per_coefficient(gamma, len(step), coarse, closed))
-    return to + contour(weights[..., None] * step, len(to), wavelet, coarse, closed)
+    return end + contour(weights[..., None] * step, len(end), wavelet, coarse, closed)
 
 
 def few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:

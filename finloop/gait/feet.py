@@ -29,7 +29,7 @@ def _foot(points: Array) -> Array:
     return points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1)
 
 
-def aligned(phase: Array, ahead: Array, split: float) -> Array:
+def align_phase(phase: Array, ahead: Array, split: float) -> Array:
     """The phase (frames,), set right so that `ahead` (frames, k) turns at the keys.
 
     Moved by at most about REACH and stretched a little: least squares over both. Rows with NaN are

@@ -1,7 +1,7 @@
-"""Contours of a film, cut into the cycle of a gait (curve paper §4.2, Figs. 9, 10).
+"""Contours of a film, sorted into the cycle of a gait (curve paper §4.2, Figs. 9, 10).
 
-Every frame is brought into the first half of the cycle by the symmetry of the gait: frames of C and
-D count as A and B of the partner.
+By the symmetry of the gait every frame counts in the first half of the cycle: frames of C and D are
+frames of A and B of the partner.
 """
 
 from collections.abc import Mapping
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import descriptor
-from finloop.gait.model import Ints, Points, Symmetry, half_later, partner, subcycle
+from finloop.gait.model import Ints, Layout, Points, Symmetry, half_later, partner, subcycle
 
 Mask = NDArray[np.bool_]
 WIDEST = 0.125
-"""Of a cycle: how far from a key phase a frame may stand in for the key, or one step if longer."""
+"""Cycles: a frame may stand in for a key as far as this from its phase, or one frame if longer."""
 
 
 @dataclass(frozen=True)
-class Filmed:
+class Film:
     """Contours of a film in the frame of the body.
 
     Attributes
@@ -29,11 +29,11 @@ class Filmed:
         Closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those
         of a mirror begin at the snout.
     phase
-        (frames,) in cycles, rising: it counts the cycles too.
+        (frames,) in cycles, rising; the whole part counts the cycles.
     body_length
         In the unit of the contours.
     symmetry, offsets
-        As of `gait.model.four_keys`.
+        As in `gait.model.Layout`.
     """
 
     contours: Mapping[str, Points]
@@ -44,12 +44,12 @@ class Filmed:
 
     def later(self, contours: Mapping[str, Points]) -> dict[str, Points]:
         """Contours as they are half a cycle later."""
-        return half_later(contours, self.symmetry, offsets=self.offsets)
+        return half_later(contours, self.symmetry, Layout(offsets=self.offsets))
 
-    def complete(self) -> "Filmed":
-        """Of an animal from the side also the limbs that are never seen, all NaN.
+    def complete(self) -> "Film":
+        """The film with hidden limbs added, all NaN, if the animal is seen from the side.
 
-        They follow from their partners by symmetry, see `gait.model.partner`.
+        A hidden limb follows from its partner by symmetry, see `gait.model.partner`.
         """
         if self.symmetry != "swap":
             return self
@@ -62,26 +62,26 @@ class Filmed:
 
     @property
     def cycles(self) -> float:
-        """How many the film shows: frames times the usual step from one to the next."""
+        """Number of cycles in the film: frames times the median step of phase."""
         return float(len(self.phase) * np.median(np.diff(self.phase)))
 
 
 @dataclass(frozen=True)
 class Keys:
-    """Keys 1 and 2 (n, 2) by id, and 1' that follows from 1."""
+    """Key frames 1, 2 and 1' (half a cycle after 1): contours (n, 2) by id."""
 
-    one: dict[str, Points]
-    two: dict[str, Points]
-    one_later: dict[str, Points]
+    first: dict[str, Points]
+    second: dict[str, Points]
+    first_later: dict[str, Points]
 
     def ends(self, name: str, which: int) -> tuple[Points, Points]:
-        """The keys that subcycle A (0) or B (1) goes from and to."""
-        both = (self.one, self.two) if which == 0 else (self.two, self.one_later)
-        return both[0][name], both[1][name]
+        """The key frames at which subcycle A (0) or B (1) begins and ends."""
+        start, end = (self.first, self.second) if which == 0 else (self.second, self.first_later)
+        return start[name], end[name]
 
 
-def check(film: Filmed) -> None:
-    """Refuse what no gait can be fitted to.
+def check(film: Film) -> None:
+    """Refuse a film to which no gait can be fitted.
 
     Raises
     ------
@@ -102,11 +102,11 @@ def check(film: Filmed) -> None:
         )
 
 
-def hips(film: Filmed) -> dict[str, Points]:
-    """How far right and down of its partner each limb hangs (2,), the mean of the film.
+def hips(film: Film) -> dict[str, Points]:
+    """How far right and down of its partner each limb hangs, (2,) by id, the mean over the film.
 
-    Half a cycle apart, when both have the same place in the cycle. 0 where a film of less than a
-    cycle, or without one of both, cannot tell.
+    A limb is compared with its partner half a cycle later, when both are at the same point of their
+    motion. 0 if the film is shorter than a cycle, or lacks one of the two.
     """
     out = {name: np.zeros(2) for name in film.contours}
     if film.cycles < 1 - 1e-6:
@@ -115,59 +115,59 @@ def hips(film: Filmed) -> dict[str, Points]:
     for name, here in centre.items():
         twin = partner(name, film.contours)
         if name < twin:
-            seen, both = (np.isfinite(centre[one]).all(axis=1) for one in (name, twin))
-            if seen.any() and both.any():
-                phase = film.phase[seen] + 0.5
+            own, others = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
+            if own.any() and others.any():
+                phase = film.phase[own] + 0.5
                 there = [
-                    np.interp(phase, film.phase[both], centre[twin][both, k], period=1.0)
+                    np.interp(phase, film.phase[others], centre[twin][others, k], period=1.0)
                     for k in range(2)
                 ]
-                out[name] = (here[seen] - np.column_stack(there)).mean(axis=0)
+                out[name] = (here[own] - np.column_stack(there)).mean(axis=0)
                 out[twin] = -out[name]
     return out
 
 
-def keys_of(film: Filmed, split: float) -> Keys:
-    """Key frames: at their phases between the two frames beside, over all cycles and both halves.
+def keys_of(film: Film, split: float) -> Keys:
+    """Key frames by linear interpolation, the mean over all cycles and both halves.
 
-    A triangle of one frame's step about the phase weighs the frames, so that one cycle gives the
-    linear interpolation of its neighbours, a frame at the very phase itself, and several cycles
-    the mean of that. Where frames lack, the triangle is widened up to WIDEST. The straight line
-    cuts bends short: see `gait.fit.settled`.
+    Frames are weighed by a triangle about the key's phase, as wide as one frame's step to each
+    side. So one cycle gives the interpolation between the two frames beside the phase, and several
+    cycles the mean of that. Where frames are missing, the triangle is widened up to WIDEST. For the
+    error of the interpolation see `gait.fit.corrected_keys`.
 
     Raises
     ------
     FinloopError
-        If a contour is missing in every frame near a key; all such are named.
+        If a contour is missing in every frame near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
     there = film.later(here)
     step = float(np.median(np.diff(phase)))
-    found: list[dict[str, Points]] = []
+    keys: list[dict[str, Points]] = []
     lacking = []
-    for number, at in enumerate((0.0, split), start=1):
-        halves = np.round((phase - at) / 0.5)
-        apart = np.abs(phase - at - 0.5 * halves)
+    for number, key_phase in enumerate((0.0, split), start=1):
+        halves = np.round((phase - key_phase) / 0.5)
+        apart = np.abs(phase - key_phase - 0.5 * halves)
         key = dict[str, Points]()
         for name, points in here.items():
             nearby = np.where((halves % 2 == 0)[:, None, None], points, there[name])
-            seen = np.isfinite(nearby).all(axis=(1, 2))
+            present = np.isfinite(nearby).all(axis=(1, 2))
             width = step
-            while not (weight := np.clip(1 - apart / width, 0, None) * seen).any():
+            while not (weight := np.clip(1 - apart / width, 0, None) * present).any():
                 if width >= WIDEST:
                     lacking.append(f"{name!r} near key {number}")
                     break
                 width = min(2 * width, WIDEST)
             else:
-                key[name] = np.tensordot(weight[seen] / weight.sum(), nearby[seen], 1)
-        found.append(key)
+                key[name] = np.tensordot(weight[present] / weight.sum(), nearby[present], 1)
+        keys.append(key)
     if lacking:
         raise FinloopError(
             f"no frame shows {', '.join(lacking)}",
             f"each contour in a frame within {WIDEST:g} of a cycle of both keys",
             "give more cycles, or leave out the contours that the film does not show",
         )
-    return Keys(found[0], found[1], film.later(found[0]))
+    return Keys(keys[0], keys[1], film.later(keys[0]))
 
 
 @dataclass(frozen=True)
@@ -179,18 +179,18 @@ class Samples:
     frame: Ints
 
 
-def samples_of(film: Filmed, split: float, wavelet: str, coarse: int) -> dict[str, list[Samples]]:
-    """Samples of A and B by id, C and D brought over by the symmetry."""
+def samples_of(film: Film, split: float, wavelet: str, coarse: int) -> dict[str, list[Samples]]:
+    """Samples of A and B by id; frames of C and D are taken over by the symmetry."""
     later = film.later(film.contours)
     second = np.mod(film.phase, 1.0) >= 0.5
     which, tau = subcycle(np.mod(film.phase, 0.5), split)
     out = dict[str, list[Samples]]()
     for name, points in film.contours.items():
         points = np.where(second[:, None, None], later[name], points)
-        seen = np.isfinite(points).all(axis=(1, 2))
+        present = np.isfinite(points).all(axis=(1, 2))
         out[name] = []
         for sub in range(2):
-            frame = np.flatnonzero(seen & (which == sub))
-            found = descriptor(points[frame], wavelet, coarse)
-            out[name].append(Samples(tau[frame], found, frame))
+            frame = np.flatnonzero(present & (which == sub))
+            coefficients = descriptor(points[frame], wavelet, coarse)
+            out[name].append(Samples(tau[frame], coefficients, frame))
     return out

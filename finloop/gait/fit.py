@@ -1,12 +1,7 @@
-"""γ by least squares from the contours of a film (curve paper §4.2, Fig. 11).
+"""A gait from the contours of a film: its key frames and γ (curve paper §4.2, Figs. 10, 11).
 
-Between keys a and b the model is y = b + f(τ)(a − b), and with f(τ) = (1 − τ) − γ τ(1 − τ) it is
-linear in γ, so least squares has a closed form:
-
-    γ = −Σ τ(1 − τ) ⟨a − b, y − b − (1 − τ)(a − b)⟩ / Σ τ²(1 − τ)² ‖a − b‖²
-
-over the frames of a subcycle, the inner products over the coefficients of one scale, or of all
-scales together: then each weighs as much as its energy.
+γ is fitted over the frames of a subcycle, see `gait.clock`; the inner products are over the
+coefficients of one scale, or of all scales together, each weighing as much as its energy.
 """
 
 from collections.abc import Mapping
@@ -15,71 +10,80 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.errors import FinloopError
-from finloop.gait.descriptor import clock, contour, descriptor, scale_slices
-from finloop.gait.film import Filmed, Keys, Samples, check, keys_of, samples_of
-from finloop.gait.model import POOLED, Gait, Points, cycle, subcycle
+from finloop.gait.clock import clock, gamma_fit, gamma_sums
+from finloop.gait.descriptor import contour, descriptor, scale_slices
+from finloop.gait.film import Film, Keys, Samples, check, keys_of, samples_of
+from finloop.gait.model import POOLED, Gait, Layout, Points, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
 LEAST = 2
-"""Frames in a subcycle, apart from its keys."""
+"""Frames that a subcycle needs between its keys."""
 ROUNDS = 3
-"""Of `settled`: γ of the drawn dog is within 6 % then at any frame rate, without them within 44 %.
-
-Few and noisy frames lose by more rounds: a cubic then follows the noise.
-"""
-STILL = 1e-9
-"""Share of a body length: a scale that moves less between the keys has no γ; it gets 0."""
-
-
-def gamma_fit(tau: Points, samples: Points, source: Points, to: Points) -> float:
-    """γ of frames (s, k) at tau (s,) between (k,) and (k,): the closed form above.
-
-    0 if nothing moves between the keys, or no frame lies between them.
-    """
-    way = source - to
-    bow = tau * (1 - tau)
-    rest = (samples - to) @ way - (1 - tau) * float(way @ way)
-    norm = float(bow @ bow) * float(way @ way)
-    return float(-(bow @ rest) / norm) if norm > 0 else 0.0
+"""Rounds of `corrected_keys`. γ of the drawn dog is then within 6 % at any frame rate, uncorrected
+within 44 %. In more rounds the cubics follow the noise of few frames."""
+LEAST_MOTION = 1e-9
+"""Body lengths: a scale that moves less between the keys gets γ = 0."""
 
 
 @dataclass(frozen=True)
-class Moves:
-    """Of one contour in one subcycle: its samples, the coefficients of both keys, its scales."""
+class Subcycle:
+    """One contour in one subcycle, as coefficients.
+
+    Attributes
+    ----------
+    samples
+        The frames of the film that fall into it.
+    start, end
+        The key frames at its ends, (n, 2).
+    scales
+        The slice of each scale in the n coefficients.
+    """
 
     samples: Samples
-    source: Points
-    to: Points
+    start: Points
+    end: Points
     scales: list[slice]
 
+    def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
+        """`gamma_sums` of a scale, by default of all scales together."""
+        frames = self.samples.coefficients[:, scale].reshape(len(self.samples.tau), -1)
+        return gamma_sums(
+            self.samples.tau, frames, self.start[scale].ravel(), self.end[scale].ravel()
+        )
+
     def gammas(self, per_scale: bool, still: float) -> tuple[float, ...]:
-        """γ per scale, or one for all; 0 where a scale's points move less than `still` (RMS)."""
+        """γ per scale, or one for all; 0 for a scale whose points move less than `still` (RMS)."""
         out = []
-        for where in self.scales if per_scale else [slice(None)]:
-            source, to = self.source[where].ravel(), self.to[where].ravel()
-            moving = np.linalg.norm(source - to) > still * np.sqrt(len(self.source))
-            flat = self.samples.coefficients[:, where].reshape(len(self.samples.tau), -1)
-            out.append(gamma_fit(self.samples.tau, flat, source, to) if moving else 0.0)
+        for scale in self.scales if per_scale else [slice(None)]:
+            way = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
+            moving = way > still * np.sqrt(len(self.start))
+            out.append(gamma_fit([self.sums(scale)]) if moving else 0.0)
         return tuple(out)
 
+    def predict(self, tau: Points, gamma: Points) -> Points:
+        """Coefficients (s, n, 2) of the model at tau (s,); γ (n,), or (1,) for all."""
+        return self.end + clock(tau[:, None], gamma)[..., None] * (self.start - self.end)
 
-def moves_of(
+
+def subcycles_of(
     keys: Keys, samples: Mapping[str, list[Samples]], wavelet: str, coarse: int
-) -> dict[tuple[str, int], Moves]:
-    """Each contour in subcycles A (0) and B (1)."""
+) -> dict[tuple[str, int], Subcycle]:
+    """Every contour in subcycles A (0) and B (1), by (id, subcycle)."""
     out = {}
     for name, pair in samples.items():
-        for sub, found in enumerate(pair):
-            source, to = (descriptor(e, wavelet, coarse) for e in keys.ends(name, sub))
-            out[name, sub] = Moves(found, source, to, scale_slices(len(source), coarse))
+        for sub, frames in enumerate(pair):
+            start, end = (descriptor(key, wavelet, coarse) for key in keys.ends(name, sub))
+            out[name, sub] = Subcycle(frames, start, end, scale_slices(len(start), coarse))
     return out
 
 
-def gammas_of(moves: Mapping[tuple[str, int], Moves], per_scale: bool, still: float) -> Gammas:
+def gammas_of(
+    subcycles: Mapping[tuple[str, int], Subcycle], per_scale: bool, still: float
+) -> Gammas:
     """γ of every contour in both subcycles."""
     out: Gammas = {}
-    for (name, sub), one in moves.items():
-        out.setdefault(name, {})["AB"[sub]] = one.gammas(per_scale, still)
+    for (name, sub), contour_subcycle in subcycles.items():
+        out.setdefault(name, {})["AB"[sub]] = contour_subcycle.gammas(per_scale, still)
     return out
 
 
@@ -87,8 +91,8 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
     few = [
         f"{name!r} in {'AB'[sub]}"
         for name, pair in samples.items()
-        for sub, one in enumerate(pair)
-        if ((one.tau > 1e-6) & (one.tau < 1 - 1e-6)).sum() < LEAST
+        for sub, frames in enumerate(pair)
+        if ((frames.tau > 1e-6) & (frames.tau < 1 - 1e-6)).sum() < LEAST
     ]
     if few:
         raise FinloopError(
@@ -98,14 +102,15 @@ def _check_samples(samples: Mapping[str, list[Samples]]) -> None:
         )
 
 
-def settled(
-    film: Filmed, split: float, wavelet: str, coarse: int
-) -> tuple[Keys, dict[tuple[str, int], Moves]]:
-    """Keys that allow for the bend of the way between the frames beside them, and the moves.
+def corrected_keys(
+    film: Film, split: float, wavelet: str, coarse: int
+) -> tuple[Keys, dict[tuple[str, int], Subcycle]]:
+    """Key frames corrected for the curvature of the motion, and the subcycles between them.
 
-    Keys by straight lines between frames are off by that bend. Cubics through the moves, one a
-    coefficient, are off by as much when they are cut at the same frames, so that difference is
-    taken away, ROUNDS times. A frame at the very phase of a key stays that key.
+    `keys_of` interpolates linearly between the frames beside a key, which cuts the curved motion
+    short. The error is estimated on a model of the film, a cubic for each coefficient of each
+    subcycle: the same interpolation of the model is off by as much. That difference is taken away,
+    ROUNDS times. A frame at the very phase of a key stays that key.
 
     Raises
     ------
@@ -114,39 +119,43 @@ def settled(
     """
     samples = samples_of(film, split, wavelet, coarse)
     _check_samples(samples)
-    straight = keys = keys_of(film, split)
-    moves = moves_of(keys, samples, wavelet, coarse)
+    linear = keys = keys_of(film, split)
+    subcycles = subcycles_of(keys, samples, wavelet, coarse)
     for _ in range(ROUNDS):
-        cut = keys_of(replace(film, contours=_smooth(film, moves, split, wavelet, coarse)), split)
-        one, two = (
-            {name: key[name] + was[name] - short[name] for name in key}
-            for key, was, short in (
-                (keys.one, straight.one, cut.one),
-                (keys.two, straight.two, cut.two),
+        model = replace(film, contours=_smooth(film, subcycles, split, wavelet, coarse))
+        short = keys_of(model, split)
+        first, second = (
+            {name: key[name] + film_key[name] - model_key[name] for name in key}
+            for key, film_key, model_key in (
+                (keys.first, linear.first, short.first),
+                (keys.second, linear.second, short.second),
             )
         )
-        keys = Keys(one, two, film.later(one))
-        moves = moves_of(keys, samples, wavelet, coarse)
-    return keys, moves
+        keys = Keys(first, second, film.later(first))
+        subcycles = subcycles_of(keys, samples, wavelet, coarse)
+    return keys, subcycles
 
 
 def _smooth(
-    film: Filmed, moves: Mapping[tuple[str, int], Moves], split: float, wavelet: str, coarse: int
+    film: Film,
+    subcycles: Mapping[tuple[str, int], Subcycle],
+    split: float,
+    wavelet: str,
+    coarse: int,
 ) -> dict[str, Points]:
-    """The film's contours as cubics between the keys have them; NaN where the film's are."""
+    """The film's contours, each coefficient a cubic between the keys; NaN where the film's are."""
     which, tau = subcycle(np.mod(film.phase, 0.5), split)
     out = dict[str, Points]()
     for name, points in film.contours.items():
         out[name] = np.empty_like(points)
         for sub in range(2):
-            one, now = moves[name, sub], tau[which == sub]
-            rest = one.samples.coefficients - predicted(one, one.samples.tau, np.zeros(1))
-            size = np.linalg.lstsq(
-                _bends(one.samples.tau), rest.reshape(len(rest), -1), rcond=None
-            )[0]
-            bend = (_bends(now) @ size).reshape(-1, *one.to.shape)
-            found = predicted(one, now, np.zeros(1)) + bend
-            out[name][which == sub] = contour(found, points.shape[1], wavelet, coarse)
+            model, own_tau = subcycles[name, sub], tau[which == sub]
+            sample_tau = model.samples.tau
+            rest = model.samples.coefficients - model.predict(sample_tau, np.zeros(1))
+            size = np.linalg.lstsq(_bends(sample_tau), rest.reshape(len(rest), -1), rcond=None)[0]
+            bend = (_bends(own_tau) @ size).reshape(-1, *model.end.shape)
+            coefficients = model.predict(own_tau, np.zeros(1)) + bend
+            out[name][which == sub] = contour(coefficients, points.shape[1], wavelet, coarse)
     later, second = film.later(out), np.mod(film.phase, 1.0) >= 0.5
     return {
         name: np.where(
@@ -157,13 +166,13 @@ def _smooth(
 
 
 def _bends(tau: Points) -> Points:
-    """What a cubic is beside a straight line between both ends of it, (s, 2)."""
+    """The two cubics that are 0 at τ = 0 and 1, at tau (s,): (s, 2)."""
     bow = tau * (1 - tau)
     return np.column_stack([bow, bow * (1 - 2 * tau)])
 
 
 def fit(
-    film: Filmed,
+    film: Film,
     name: str,
     frequency_hz: float,
     *,
@@ -171,24 +180,38 @@ def fit(
     wavelet: str = "coif2",
     coarse: int = 4,
     per_scale: bool = False,
-    source: str = "",
-    confidence: float = 1.0,
-    residuals: Mapping[str, float] | None = None,
 ) -> tuple[Gait, Keys]:
     """The gait of a film and its two key frames.
 
-    γ of POOLED is that of all contours together. `residuals` are those of `gait.compare`.
+    The gait's `source`, `confidence` and `residuals` are the caller's to fill in. Its γ of POOLED
+    is that of all contours together.
+
+    Parameters
+    ----------
+    film
+        Contours with their phases.
+    name, frequency_hz
+        Of the gait.
+    split
+        Phase of key 2.
+    wavelet, coarse
+        Of the descriptor.
+    per_scale
+        One γ for each scale, instead of one for all.
 
     Raises
     ------
     FinloopError
-        As `check` and `settled`.
+        As `check` and `corrected_keys`.
     """
     check(film)
-    keys, moves = settled(film, split, wavelet, coarse)
-    still = STILL * film.body_length
-    gamma = gammas_of(moves, per_scale, still)
-    gamma[POOLED] = {"AB"[sub]: (_pooled(moves, sub),) for sub in range(2)}
+    keys, subcycles = corrected_keys(film, split, wavelet, coarse)
+    still = LEAST_MOTION * film.body_length
+    gamma = gammas_of(subcycles, per_scale, still)
+    gamma[POOLED] = {
+        letter: (gamma_fit(one.sums() for (_, which), one in subcycles.items() if which == sub),)
+        for sub, letter in enumerate("AB")
+    }
     gait = Gait(
         name=name,
         symmetry=film.symmetry,
@@ -197,48 +220,27 @@ def fit(
         split=split,
         wavelet=wavelet,
         coarse=coarse,
-        source=source,
-        confidence=confidence,
         cycles=film.cycles,
         frames=len(film.phase),
-        residuals=dict(residuals or {}),
     )
     if film.symmetry == "mirror":
         return gait, keys
     return replace(gait, support=support_of(film, keys, gait)), keys
 
 
-def _pooled(moves: Mapping[tuple[str, int], Moves], sub: int) -> float:
-    """γ of all contours of a subcycle together: the closed form with its sums over all."""
-    above = below = 0.0
-    for (_, which), one in moves.items():
-        if which == sub:
-            tau, way = one.samples.tau, (one.source - one.to).ravel()
-            flat = (one.samples.coefficients - one.to).reshape(len(tau), -1)
-            bow = tau * (1 - tau)
-            above -= float(bow @ (flat @ way - (1 - tau) * float(way @ way)))
-            below += float(bow @ bow) * float(way @ way)
-    return above / below if below > 0 else 0.0
+def support_of(film: Film, keys: Keys, gait: Gait) -> dict[str, tuple[tuple[float, float], ...]]:
+    """Spans of phase (from, to) in which each limb's foot is on the ground.
 
-
-def support_of(film: Filmed, keys: Keys, gait: Gait) -> dict[str, tuple[tuple[float, float], ...]]:
-    """By limb, when its foot is on the ground: from its foremost place to its hindmost.
-
-    Of an animal that heads for screen right; the foot is the point that lies lowest. Limbs are the
-    contours that have a partner.
+    A foot is down from its foremost to its hindmost place, the animal heading for screen right. It
+    is the lowest point of a contour that has "left" or "right" in its id.
     """
     frames = 240
     out = dict[str, tuple[tuple[float, float], ...]]()
-    turning = cycle(keys.one, keys.two, gait, frames, offsets=film.offsets)
-    for name, points in turning.items():
+    layout = Layout(offsets=film.offsets)
+    for name, points in cycle(keys.first, keys.second, gait, frames, layout).items():
         if any(side in name for side in ("left", "right")):
             x = points[:, int(points[..., 1].mean(axis=0).argmax()), 0]
             start = int(x.argmax()) / frames
             stop = int(x.argmin()) / frames
             out[name] = ((start, stop if stop > start else stop + 1.0),)
     return out
-
-
-def predicted(one: Moves, tau: Points, gamma: Points) -> Points:
-    """Coefficients (s, n, 2) of the model at tau (s,); γ (n,) or (1,)."""
-    return one.to + clock(tau[:, None], gamma)[..., None] * (one.source - one.to)

@@ -64,7 +64,7 @@ def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
     return _ground(_paths(limbs, support))
 
 
-def grounded(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
+def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
     """The limbs, sheared so that feet on the ground go with it at one height, and none is below.
 
     In the swing the correction passes over, smoothly, from that of one support to that of the

@@ -32,7 +32,7 @@ HIDDEN = 0.75  # of its median area: a smaller region is thought to be partly hi
 ROUNDS = 4  # mean shape and starts, in turn
 
 MISSING, EMPTY, BORDER = "not there", "empty", "touches the border of the picture"
-Seen = Curve | str
+Region = Curve | str
 """A contour, or why a frame has none: MISSING, EMPTY or BORDER."""
 
 
@@ -58,7 +58,7 @@ class Limbs:
     notes: tuple[str, ...]
 
 
-def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> Seen:
+def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> Region:
     """Closed contour of the largest part of a mask (h, w), clockwise, to a fraction of a pixel.
 
     The mask is smoothed by a Gaussian, and the contour drawn at half height: steps of pixels go,
@@ -82,14 +82,14 @@ def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> See
     return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
 
 
-def trace_contour(curve: Curve, width: float, height: float) -> Seen:
+def trace_contour(curve: Curve, width: float, height: float) -> Region:
     """A traced contour, unless it leaves the picture."""
     inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
     return curve if inside else BORDER
 
 
 def limbs(
-    frames: Sequence[Mapping[str, Seen | None]],
+    frames: Sequence[Mapping[str, Region | None]],
     n: int,
     smooth_frames: float | None = None,
     first: int = 0,
@@ -137,7 +137,7 @@ def limbs(
     return Limbs(points, course, _length([seen[name] for name in where]), notes)
 
 
-def corresponding(seen: Sequence[Seen], n: int) -> Array:
+def corresponding(seen: Sequence[Region], n: int) -> Array:
     """Contours (frames, n, 2) of equal arc length with point i the same in all; NaN where none.
 
     Each starts where it fits the mean shape of all best, turned and moved: the greatest |Σ a̅ b|
@@ -198,7 +198,7 @@ def _line(at: Array, values: Array, wanted: Array) -> Array:
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
-def _centres(seen: Sequence[Seen]) -> Array:
+def _centres(seen: Sequence[Region]) -> Array:
     """Centroids of the areas (frames, 2); NaN where there is no contour."""
     return np.array([centroid(one) if isinstance(one, Curve) else (np.nan, np.nan) for one in seen])
 
@@ -219,7 +219,7 @@ def _filled(track: Array) -> Array:
     return np.column_stack([np.interp(at, at[there], values[there]) for values in track.T])
 
 
-def _length(seen: Sequence[Sequence[Seen]]) -> float:
+def _length(seen: Sequence[Sequence[Region]]) -> float:
     """Median width of all contours together, over the frames that lack fewest."""
     drawn = [
         [one.points for one in frame if isinstance(one, Curve)] for frame in zip(*seen, strict=True)
@@ -228,7 +228,7 @@ def _length(seen: Sequence[Sequence[Seen]]) -> float:
     return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in drawn if len(f) == most]))
 
 
-def _checked(seen: Mapping[str, Sequence[Seen]], first: int) -> tuple[str, ...]:
+def _checked(seen: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
     """Notes on frames that lack a limb; refuse a limb that too many frames lack."""
     notes, wrong, hints = [], [], []
     often = {

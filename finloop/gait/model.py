@@ -30,22 +30,23 @@ POOLED = "*"
 
 @dataclass(frozen=True)
 class Gait:
-    """What film teaches of a gait; no contours, so it drives any drawing.
+    """A gait as fitted to film. It holds no contours, so it can drive any drawing.
 
     Attributes
     ----------
     gamma
-        By id (or POOLED), then "A" and "B": one γ, or one per scale, coarse to fine as
-        `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. Scales
-        finer than those named go by the last.
+        By id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine,
+        as `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. The last
+        γ holds for all finer scales.
     support
-        By id: phases (from, to) in which the foot is on the ground; to may be beyond 1. Swap only.
+        By id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1.
+        Swap only.
     confidence
         0…1, of the period.
     cycles, frames
-        Of the film it was fitted to.
+        Of the film that it was fitted to.
     residuals
-        By clock: RMS distance of contours / body length, on frames left out of the fit.
+        By clock: RMS distance of contours / body length, on frames held out of the fit.
     """
 
     name: str
@@ -65,106 +66,114 @@ class Gait:
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
     """The id with left and right exchanged if it is among `names`, else the id itself."""
-    for one, other in (("left", "right"), ("right", "left")):
-        if one in name and (swapped := name.replace(one, other)) in names:
+    for side, other in (("left", "right"), ("right", "left")):
+        if side in name and (swapped := name.replace(side, other)) in names:
             return swapped
     return name
 
 
 def reversal(n: int, start: int = 0) -> Ints:
-    """Order (start − i) mod n of a closed contour's points: the other way round, an involution."""
+    """Indices (start − i) mod n: a closed contour's points in the opposite direction."""
     return (start - np.arange(n)) % n
 
 
 def mirrored(points: Points, middle: float = 0.0, order: Ints | None = None) -> Points:
-    """Contours (…, n, 2) reflected in the line y = middle, so renumbered that they turn as before.
+    """Contours (…, n, 2) reflected in the line y = middle, renumbered to keep their direction.
 
-    Of a film's outline, which starts at the snout, `order` is `reversal(n)`, the default; then
-    twice is the identity, as with any order that undoes itself.
+    `order` (n,) are the indices of the points; by default `reversal(n)`, for an outline that starts
+    at the snout. Reflecting twice is the identity if `order` is its own inverse.
     """
     order = reversal(points.shape[-2]) if order is None else order
     return points[..., order, :] * [1, -1] + [0, 2 * middle]
 
 
+@dataclass(frozen=True)
+class Layout:
+    """How the second half of a cycle lies in the picture, compared with the first.
+
+    Attributes
+    ----------
+    middle
+        Mirror: y of the axis.
+    orders
+        Mirror, by id: the points' order, see `mirrored`; an id and its partner share one.
+    offsets
+        Swap, by id, (2,): how much farther right and down the id hangs on the body than its
+        partner; the partner's is the negative. A limb then keeps its hip.
+    """
+
+    middle: float = 0.0
+    orders: Mapping[str, Ints] | None = None
+    offsets: Mapping[str, Points] | None = None
+
+
 def four_keys(
-    one: Mapping[str, Points],
-    two: Mapping[str, Points],
+    key1: Mapping[str, Points],
+    key2: Mapping[str, Points],
     symmetry: Symmetry,
-    *,
-    middle: float = 0.0,
-    orders: Mapping[str, Ints] | None = None,
-    offsets: Mapping[str, Points] | None = None,
+    layout: Layout = Layout(),
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
     """Keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2, contours (n, 2) by id.
 
     Parameters
     ----------
-    one, two
-        Point i of an id belongs to point i of it in the other key, and (swap) of its partner.
+    key1, key2
+        Point i of an id corresponds to point i in the other key, and (swap) of its partner.
     symmetry
         One of SYMMETRIES.
-    middle
-        y of the axis of a mirror.
-    orders
-        By id, of a mirror: the points' order, see `mirrored`; an id and its partner share one.
-    offsets
-        By id (2,), of a swap: how much farther right and down the id hangs on the body than its
-        partner does; the partner's is the negative. A limb then keeps its hip.
+    layout
+        Where keys 1' and 2' lie.
 
     Raises
     ------
     FinloopError
         If ids or numbers of points differ between the keys or between partners.
     """
-    _check_keys(one, two)
-    keys = [{name: np.asarray(key[name], np.float64) for name in one} for key in (one, two)]
-    later = [half_later(key, symmetry, middle, orders, offsets) for key in keys]
+    _check_keys(key1, key2)
+    keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
+    later = [half_later(key, symmetry, layout) for key in keys]
     return keys[0], keys[1], later[0], later[1]
 
 
 def half_later(
     contours: Mapping[str, Points],
     symmetry: Symmetry,
-    middle: float = 0.0,
-    orders: Mapping[str, Ints] | None = None,
-    offsets: Mapping[str, Points] | None = None,
+    layout: Layout = Layout(),
 ) -> dict[str, Points]:
-    """Contours (…, n, 2) by id as they are half a cycle later; twice is the identity.
-
-    Parameters as of `four_keys`.
+    """Contours (…, n, 2) by id as they are half a cycle later; applied twice, the identity.
 
     Raises
     ------
     FinloopError
-        If the symmetry is none of SYMMETRIES, or twice would not be the identity.
+        If the symmetry is none of SYMMETRIES, or the layout does not undo itself.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
             f"the symmetry {symmetry!r}", f"one of {', '.join(SYMMETRIES)}", "choose one of these"
         )
+    orders, offsets = layout.orders or {}, layout.offsets or {}
     out = dict[str, Points]()
     for name in contours:
-        whose = partner(name, contours)
+        other = partner(name, contours)
         if symmetry == "mirror":
-            order = (orders or {}).get(name, reversal(contours[whose].shape[-2]))
-            twin = (orders or {}).get(whose, order)
-            undone = np.array_equal(order[twin], np.arange(len(order)))
-            out[name] = mirrored(contours[whose], middle, order)
+            order = orders.get(name, reversal(contours[other].shape[-2]))
+            identity = np.array_equal(order[orders.get(other, order)], np.arange(len(order)))
+            out[name] = mirrored(contours[other], layout.middle, order)
         else:
-            offset = (offsets or {}).get(name, np.zeros(2))
-            undone = np.allclose(offset, -np.asarray((offsets or {}).get(whose, -offset)))
-            out[name] = contours[whose] + offset
-        if not undone:
+            offset = offsets.get(name, np.zeros(2))
+            identity = np.allclose(offset, -np.asarray(offsets.get(other, -offset)))
+            out[name] = contours[other] + offset
+        if not identity:
             raise FinloopError(
                 f"half a cycle later, twice, is not {name!r} itself",
                 "orders that undo one another, offsets that add up to 0",
-                f"set them alike for {name!r} and {whose!r}",
+                f"set them alike for {name!r} and {other!r}",
             )
     return out
 
 
 def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
-    """Which subcycle (0…3 for A…D) and which tau in [0, 1) phases of any shape fall in."""
+    """Subcycle (0…3 for A…D) and tau in [0, 1) of phases of any shape."""
     ends = _ends(split)
     phase = np.mod(phase, 1.0)
     which = np.searchsorted(ends[1:-1], phase, side="right")
@@ -178,14 +187,12 @@ def gamma_of(gait: Gait, name: str, which: int) -> tuple[float, ...]:
 
 
 def cycle(
-    one: Mapping[str, Points],
-    two: Mapping[str, Points],
+    key1: Mapping[str, Points],
+    key2: Mapping[str, Points],
     gait: Gait,
     frames: int,
+    layout: Layout = Layout(),
     *,
-    middle: float = 0.0,
-    orders: Mapping[str, Ints] | None = None,
-    offsets: Mapping[str, Points] | None = None,
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
@@ -195,61 +202,61 @@ def cycle(
 
     Parameters
     ----------
-    one, two, middle, orders, offsets
+    key1, key2, layout
         As for `four_keys`.
     gait
         Its γ, split and symmetry are used.
     frames
         At least 4.
     closed
-        By id; True if not named.
+        Whether a contour is closed, by id; True if not named.
     control
         Control points of each contour (Fig. 14), a power of two; None = all.
 
     Raises
     ------
     FinloopError
-        As `four_keys`; if frames are below 4, or γ per scale or control points are asked of
-        contours whose number of points is no power of two.
+        As `four_keys`; if there are fewer than 4 frames; if γ per scale or control points are used
+        with contours whose number of points is no power of two.
     """
-    return at_phases(
-        one, two, gait, np.arange(_checked_frames(frames)) / frames, middle=middle, orders=orders,
-        offsets=offsets, closed=closed, control=control,
-    )  # fmt: skip
+    if frames < 4:
+        raise FinloopError(
+            f"a cycle of {frames} frames", "at least 4, one a key", "ask for 24 frames or more"
+        )
+    phases = np.arange(frames) / frames
+    return at_phases(key1, key2, gait, phases, layout, closed=closed, control=control)
 
 
 def at_phases(
-    one: Mapping[str, Points],
-    two: Mapping[str, Points],
+    key1: Mapping[str, Points],
+    key2: Mapping[str, Points],
     gait: Gait,
     phases: Points,
+    layout: Layout = Layout(),
     *,
-    middle: float = 0.0,
-    orders: Mapping[str, Ints] | None = None,
-    offsets: Mapping[str, Points] | None = None,
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
     """As `cycle`, at any phases (f,)."""
-    keys = four_keys(one, two, gait.symmetry, middle=middle, orders=orders, offsets=offsets)
+    keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
     which, tau = subcycle(np.mod(phases, 0.5), gait.split)
     out = dict[str, Points]()
-    for name in one:
+    for name in key1:
         loop = (closed or {}).get(name, True)
         frames = np.empty((len(which), *keys[0][name].shape))
         for sub in range(2):
-            source, to = keys[sub][name], keys[sub + 1][name]
+            start, end = keys[sub][name], keys[sub + 1][name]
             gamma = gamma_of(gait, name, sub)
             frames[which == sub] = between(
-                source, to, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
+                start, end, tau[which == sub], gamma, gait.wavelet, gait.coarse, loop
             )
         if control is not None:
             frames = few_control(frames, control, gait.wavelet, loop)
         out[name] = frames
     # C and D are the images of A and B, not computed anew: a descriptor is not quite the same
     # for a contour that is numbered the other way round.
-    later = half_later(out, gait.symmetry, middle, orders, offsets)
+    later = half_later(out, gait.symmetry, layout)
     return {
         name: np.where((phases < 0.5)[:, None, None], frames, later[name])
         for name, frames in out.items()
@@ -264,31 +271,23 @@ def _ends(split: float) -> Points:
     return np.array([0.0, split, 0.5, 0.5 + split, 1.0])
 
 
-def _checked_frames(frames: int) -> int:
-    if frames < 4:
-        raise FinloopError(
-            f"a cycle of {frames} frames", "at least 4, one a key", "ask for 24 frames or more"
-        )
-    return frames
-
-
-def _check_keys(one: Mapping[str, Points], two: Mapping[str, Points]) -> None:
-    """Refuse keys that do not belong together, all that is wrong in one message."""
+def _check_keys(key1: Mapping[str, Points], key2: Mapping[str, Points]) -> None:
+    """Refuse keys that do not belong together; one message names all that is wrong."""
     wrong = [
         f"{name!r} only in key {which}"
-        for which, here, there in ((1, one, two), (2, two, one))
+        for which, here, there in ((1, key1, key2), (2, key2, key1))
         for name in here
         if name not in there
     ]
-    for name in one:
-        if name in two and len(one[name]) != len(two[name]):
-            wrong.append(f"{name!r} has {len(one[name])} points in key 1, {len(two[name])} in 2")
-        other = partner(name, one)
-        if name < other and len(one[name]) != len(one[other]):
+    for name in key1:
+        if name in key2 and len(key1[name]) != len(key2[name]):
+            wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
+        other = partner(name, key1)
+        if name < other and len(key1[name]) != len(key1[other]):
             wrong.append(
-                f"{name!r} has {len(one[name])} points, its partner {other!r} {len(one[other])}"
+                f"{name!r} has {len(key1[name])} points, its partner {other!r} {len(key1[other])}"
             )
-    if wrong or not one:
+    if wrong or not key1:
         raise FinloopError(
             f"the keys do not belong together: {'; '.join(wrong[:6]) or 'no contours'}",
             "the same ids and numbers of points in both keys and in left and right",

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from finloop.base.schema import lists_to_array
 from finloop.curve.contour import Curve, clockwise
 from finloop.errors import FinloopError
-from finloop.gait.period import Period, course, period, rated, started
+from finloop.gait.period import Period, assess, course, period, with_phase_zero
 
 Float = NDArray[np.float64]
 
@@ -70,18 +70,18 @@ def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = P
     points = contours(outline_px, backbone_px[:, 0], n)
     length = float(np.median(np.hypot(*np.diff(backbone_px, axis=1).transpose(2, 0, 1)).sum(1)))
     centre, angle = pose(points, backbone_px)
-    own = in_frame(points, centre, angle) / length
+    own = in_body_frame(points, centre, angle) / length
     beat = period(sideways(own), frame_rate_hz, -tail(own))
     if not beat.cycles:
         return Swim(own, beat, length)
     smooth = course(np.column_stack([centre, angle]), beat.phase)
-    kept = in_frame(points, smooth[:, :2], smooth[:, 2]) / length
+    kept = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = kept.reshape(len(kept), -1)
     straight = bent(course(flat, beat.phase).reshape(kept.shape)) <= STRAIGHT
-    found = rated(flat, beat.phase, beat.steady & straight, frame_rate_hz)
+    found = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not found.cycles:
         return Swim(own, replace(found, why=f"it turns: where it is straight, {found.why}"), length)
-    return Swim(kept, started(found, -tail(kept)), length)
+    return Swim(kept, with_phase_zero(found, -tail(kept)), length)
 
 
 def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
@@ -156,7 +156,7 @@ def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
     return centre, np.unwrap(angle + np.pi * away)
 
 
-def in_frame(points: Float, centre: Float, angle: Float) -> Float:
+def in_body_frame(points: Float, centre: Float, angle: Float) -> Float:
     """Contours (frames, n, 2) as seen from `centre` (frames, 2), `angle` (frames,) turned to +x."""
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)

@@ -97,14 +97,14 @@ def period(
     path = ridge(share, grid)
     phase = phase_along(modes, share, path, grid)
     at = path, np.arange(frames)
-    found = rated(modes, phase, (share[at] >= _STEADY) & seen, frame_rate_hz)
+    found = assess(modes, phase, (share[at] >= _STEADY) & seen, frame_rate_hz)
     if not found.cycles:
         return replace(found, why=_why_not(modes, share[at], found.why))
     followed = modes[:, 0] * _sign(signal[seen]) if extreme is None else np.asarray(extreme, float)
-    return started(found, followed)
+    return with_phase_zero(found, followed)
 
 
-def rated(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
+def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
     """The period of a motion (frames, k) of known phase (frames,): how steady and how sure it is.
 
     Steady are the frames of `good` (frames,) in a row for a cycle or longer.
@@ -120,7 +120,7 @@ def rated(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Peri
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
-def started(found: Period, extreme: Float) -> Period:
+def with_phase_zero(found: Period, extreme: Float) -> Period:
     """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
     used = found.steady & np.isfinite(extreme)
     terms = _harmonics(found.phase[used], 1)
@@ -129,7 +129,7 @@ def started(found: Period, extreme: Float) -> Period:
     return replace(found, phase=phase - np.floor(phase.min()))
 
 
-def periodic(found: Period, name: str) -> Period:
+def require_periodic(found: Period, name: str) -> Period:
     """The same period, if there is one.
 
     Raises

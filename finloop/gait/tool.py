@@ -14,7 +14,7 @@ from finloop.base.tool import ended
 from finloop.errors import FinloopError
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
-from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeated, transfer
+from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.record import load_json
 from finloop.io.svg import load_svg
@@ -43,7 +43,7 @@ def _written(asked: argparse.Namespace) -> str:
         )
     poses = load_svg(asked.key1), load_svg(asked.key2)
     done = transfer(*poses, gait, frames, asked.points, asked.control)
-    save_animation(asked.output, repeated(done.morph, asked.cycles), rate, asked.size)
+    save_animation(asked.output, repeat(done.morph, asked.cycles), rate, asked.size)
     return summary(done, gait, float(frames / rate))
 
 

@@ -1,10 +1,11 @@
 """A fitted gait drives another drawing: two key poses become a cycle (curve paper §4.2).
 
-Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" limbs
-whose ids differ by left and right exchange their poses: they should hang on the same place of the
+Keys 1 and 2 are drawings with the same ids; keys 1' and 2' follow by symmetry. In a "swap" left and
+right limbs exchange their poses, so a limb and its partner should hang on the same place of the
 body. In a "mirror" the axis is the horizontal middle line of the picture.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from math import ceil, log10
 
@@ -13,9 +14,9 @@ from numpy.typing import NDArray
 
 from finloop.base.drawing import Drawing, Morph
 from finloop.errors import FinloopError
-from finloop.gait.ground import Ground, Support, ground, grounded, supports
+from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders
-from finloop.gait.model import POOLED, Gait, cycle, partner
+from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
 from finloop.morph.folds import folds, stays_simple
 from finloop.morph.layers import MOST_FRAMES, MOST_POINTS, check_pairs, fitted
 
@@ -29,19 +30,19 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Transfer:
-    """A drawing that goes.
+    """A drawing set in motion.
 
     Attributes
     ----------
     morph
         One cycle, frame k at phase k / frames. Its tau is 0 at key 1, 1 at key 1', 0 again.
     before, after
-        The ground as the drawn keys have it and as the frames have it, lengths in widths of the
-        drawing (key 1, all contours); None where the gait or the drawing has no feet.
+        The ground before and after the feet are planted, lengths in widths of the drawing (key 1,
+        all contours); None if the gait or the drawing has no feet.
     outside
-        By id: in how many frames the contour leaves the picture; those that do not are left out.
+        Number of frames in which a contour leaves the picture, by id; 0 is left out.
     lifted
-        Feet that should stand in key 2 and are drawn higher than their partners, which should not.
+        Feet that should stand in key 2 but are drawn higher than their lifted partners.
     """
 
     morph: Morph
@@ -52,28 +53,28 @@ class Transfer:
 
 
 def transfer(
-    one: Drawing,
-    two: Drawing,
+    key1: Drawing,
+    key2: Drawing,
     gait: Gait,
     frames: int,
     points: int = 128,
     control: int | None = None,
 ) -> Transfer:
-    """The cycle of a drawing from its key poses 1 and 2, feet on the ground.
+    """The cycle of a drawing from its key poses 1 and 2, with its feet on the ground.
 
     Parameters
     ----------
-    one, two
+    key1, key2
         Key poses with the same ids, each contour closed in both or open in both; the second is
         fitted into the picture of the first.
     gait
-        Ids of the drawing that it does not name go by its pooled γ.
+        Its pooled γ holds for ids that it does not name.
     frames
         Of the cycle, at least 4.
     points
         Of every contour; a power of two where γ is per scale, or with `control`.
     control
-        Control points of every contour (Fig. 14), None for all.
+        Control points of every contour (Fig. 14); None = all.
 
     Raises
     ------
@@ -81,34 +82,38 @@ def transfer(
         If the poses do not belong together, a foot has no height, or a number is out of range.
     """
     _check_numbers(frames, points)
-    check_pairs(one, two)
-    two = fitted(two, one.width, one.height)
-    closed = {name: curve.closed for name, curve in one.curves.items()}
-    keys = corresponding(one, two, gait.symmetry, points)
-    middle, orders, offsets = one.height / 2, None, None
-    if gait.symmetry == "mirror":
-        orders = mirror_orders(*keys, closed)
-    else:
-        offsets = _offsets(keys[0], gait)
-    layers = cycle(
-        *keys,
-        with_pooled(gait),
-        frames,
-        middle=middle,
-        orders=orders,
-        offsets=offsets,
-        closed=closed,
-        control=control,
+    check_pairs(key1, key2)
+    key2 = fitted(key2, key1.width, key1.height)
+    closed = {name: curve.closed for name, curve in key1.curves.items()}
+    keys = corresponding(key1, key2, gait.symmetry, points)
+    swap = gait.symmetry == "swap"
+    layout = (
+        Layout(offsets=_offsets(keys[0], gait))
+        if swap
+        else Layout(key1.height / 2, mirror_orders(*keys, closed))
     )
-    width = float(np.ptp(np.concatenate([curve.points for curve in one.curves.values()])[:, 0]))
-    support = gait.support if gait.symmetry == "swap" else {}
-    before = _ground(layers, support, width)
-    layers = grounded(layers, support)
-    decimals = DIGITS - ceil(log10(max(one.width, one.height)))
+    layers = cycle(*keys, with_pooled_gamma(gait), frames, layout, closed=closed, control=control)
+    width = float(np.ptp(np.concatenate([curve.points for curve in key1.curves.values()])[:, 0]))
+    support = gait.support if swap else {}
+    morph = _morph(key1, key2, plant_feet(layers, support), closed)
+    return Transfer(
+        morph,
+        before=_ground(layers, support, width),
+        after=_ground(morph.layers, support, width),
+        outside=_outside(morph),
+        lifted=_lifted(keys[1], gait, layout.offsets or {}) if swap else (),
+    )
+
+
+def _morph(
+    key1: Drawing, key2: Drawing, layers: dict[str, Points], closed: dict[str, bool]
+) -> Morph:
+    """The cycle as a morph: coordinates rounded to DIGITS, folds counted."""
+    decimals = DIGITS - ceil(log10(max(key1.width, key1.height)))
     layers = {name: np.round(stack, decimals) + 0.0 for name, stack in layers.items()}  # no −0
-    phase = np.arange(frames) / frames
-    morph = Morph(
-        tau=1 - np.abs(1 - 2 * phase),
+    frames = len(next(iter(layers.values())))
+    return Morph(
+        tau=1 - np.abs(1 - 2 * np.arange(frames) / frames),
         layers=layers,
         closed=closed,
         folds={name: folds(stack, closed[name]) for name, stack in layers.items()},
@@ -116,17 +121,14 @@ def transfer(
             name: stays_simple(np.concatenate([stack, stack[:1]]), closed[name])
             for name, stack in layers.items()
         },
-        styles=two.styles | one.styles,
-        width=one.width,
-        height=one.height,
+        styles=key2.styles | key1.styles,
+        width=key1.width,
+        height=key1.height,
         decimals=decimals,
     )
-    after = _ground(layers, support, width)
-    lifted = _lifted(keys[1], gait, offsets) if offsets is not None else ()
-    return Transfer(morph, before, after, _outside(morph), lifted)
 
 
-def repeated(morph: Morph, cycles: int) -> Morph:
+def repeat(morph: Morph, cycles: int) -> Morph:
     """A cycle several times in a row."""
     return replace(
         morph,
@@ -136,8 +138,8 @@ def repeated(morph: Morph, cycles: int) -> Morph:
     )
 
 
-def with_pooled(gait: Gait) -> Gait:
-    """The gait, with a γ for ids that it does not name: the mean of all it has, one for a limb."""
+def with_pooled_gamma(gait: Gait) -> Gait:
+    """The gait with a γ for ids that it does not name: the mean over its limbs."""
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {
@@ -147,44 +149,47 @@ def with_pooled(gait: Gait) -> Gait:
     return replace(gait, gamma={**gait.gamma, POOLED: pooled})
 
 
-def _offsets(one: dict[str, Points], gait: Gait) -> dict[str, Points]:
-    """How much lower a limb stands than its partner where both feet are down in key 1.
+def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
+    """How much lower a limb stands than its partner, if both feet are down in key 1.
 
     The far limbs of a drawing often stand higher in the picture: farther up on the ground.
     """
-    down = {name for name in one if any(0 in run for run in _wrapped(gait, name))}
+    down = {name for name in key1 if any(0 in run for run in _wrapped(gait, name))}
     return {
-        name: np.array([0, one[name][:, 1].max() - one[other][:, 1].max()])
+        name: np.array([0, key1[name][:, 1].max() - key1[other][:, 1].max()])
         for name in down
-        if (other := partner(name, one)) in down and other != name
+        if (other := partner(name, key1)) in down and other != name
     }
 
 
-def _lifted(two: dict[str, Points], gait: Gait, offsets: dict[str, Points]) -> tuple[str, ...]:
+def _lifted(key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]) -> tuple[str, ...]:
+    """See `Transfer.lifted`."""
     down = {
         name
         for name, spans in gait.support.items()
         if any(a <= gait.split + turn <= b for a, b in spans for turn in (0, 1))
     }
     out = []
-    for name in down & two.keys():
-        if (other := partner(name, two)) not in down and other in gait.support:
-            lower = two[other][:, 1].max() - two[name][:, 1].max()
-            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(two[other][:, 1]):
+    for name in down & key2.keys():
+        if (other := partner(name, key2)) not in down and other in gait.support:
+            lower = key2[other][:, 1].max() - key2[name][:, 1].max()
+            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(key2[other][:, 1]):
                 out.append(name)
     return tuple(sorted(out))
 
 
 def _wrapped(gait: Gait, name: str) -> list[Ints]:
+    """Key numbers 0…3 in each support of a limb."""
     return [run % LEAST_FRAMES for run in supports(gait.support.get(name, ()), LEAST_FRAMES)]
 
 
 def _ground(limbs: dict[str, Points], support: Support, width: float) -> Ground | None:
-    found = ground(limbs, support)
-    if not found.slide:
+    """The ground in widths of the drawing; None without feet."""
+    px = ground(limbs, support)
+    if not px.slide:
         return None
-    slide = {name: far / width for name, far in found.slide.items()}
-    return Ground(found.speed / width, slide)
+    slide = {name: length / width for name, length in px.slide.items()}
+    return Ground(px.speed / width, slide)
 
 
 def _outside(morph: Morph) -> dict[str, int]:

@@ -9,10 +9,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from finloop.gait.descriptor import clock
-from finloop.gait.film import Filmed, Keys
-from finloop.gait.fit import Moves
-from finloop.gait.model import Gait, Points, at_phases, four_keys
+from finloop.gait.clock import clock
+from finloop.gait.film import Film, Keys
+from finloop.gait.fit import Subcycle
+from finloop.gait.model import Gait, Layout, Points, at_phases, four_keys
 
 INKS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9")
 GREY = "#B0B0B0"
@@ -24,17 +24,17 @@ Pose = Mapping[str, Points]
 
 
 def figures(
-    film: Filmed,
+    film: Film,
     gait: Gait,
     keys: Keys,
-    moves: Mapping[tuple[str, int], Moves],
+    subcycles: Mapping[tuple[str, int], Subcycle],
     pictures: tuple[Sequence[NDArray[np.uint8]], Points] | None = None,
 ) -> Iterator[tuple[str, Figure]]:
     """Names and figures 8 to 14; `pictures` of the film and their phases, if they may be shown."""
     yield "fig8", figure8(*pictures) if pictures else figure8_contours(film)
     yield "fig9", figure9(gait, keys, film)
     yield "fig10", figure10(film, keys, gait.split)
-    yield "fig11", figure11(moves)
+    yield "fig11", figure11(subcycles)
     yield "fig12", figure12(gait, keys, film)
     yield "fig13", figure13(gait, keys, film)
     yield "fig14", figure14(gait, keys, film)
@@ -53,7 +53,7 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
     return figure
 
 
-def figure8_contours(film: Filmed, columns: int = 6, shown: int = 18) -> Figure:
+def figure8_contours(film: Film, columns: int = 6, shown: int = 18) -> Figure:
     """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
     picked = first[np.unique(np.linspace(0, len(first) - 1, min(shown, len(first))).astype(int))]
@@ -63,7 +63,7 @@ def figure8_contours(film: Filmed, columns: int = 6, shown: int = 18) -> Figure:
     return _sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
-def figure9(gait: Gait, keys: Keys, film: Filmed) -> Figure:
+def figure9(gait: Gait, keys: Keys, film: Film) -> Figure:
     """Fig. 9: (a) the cycle, • a limb on the ground, ○ one lifted; (b) the four key frames.
 
     Where no limbs stand on the ground: how far the contour reaches to either side.
@@ -85,7 +85,7 @@ def figure9(gait: Gait, keys: Keys, film: Filmed) -> Figure:
     else:
         _reach(ax, gait, keys, film)
     ax.set(xlim=(0, 1), xlabel="phase of the cycle")
-    poses = four_keys(keys.one, keys.two, film.symmetry, offsets=film.offsets)
+    poses = four_keys(keys.first, keys.second, film.symmetry, Layout(offsets=film.offsets))
     titles = [f"key {name}" for name in KEY_NAMES]
     _cells(below.subplots(), [list(poses)], titles)
     return figure
@@ -106,7 +106,7 @@ def _support(ax: Axes, gait: Gait) -> None:
     ax.set_title("● on the ground, ○ lifted", fontsize=9, pad=18)
 
 
-def _reach(ax: Axes, gait: Gait, keys: Keys, film: Filmed) -> None:
+def _reach(ax: Axes, gait: Gait, keys: Keys, film: Film) -> None:
     phases = np.linspace(0, 1, 121)
     frames = _frames(gait, keys, film, phases)
     for ink, (name, points) in zip(_inks(frames), frames.items(), strict=True):
@@ -118,7 +118,7 @@ def _reach(ax: Axes, gait: Gait, keys: Keys, film: Filmed) -> None:
     ax.legend(fontsize=8)
 
 
-def figure10(film: Filmed, keys: Keys, split: float) -> Figure:
+def figure10(film: Film, keys: Keys, split: float) -> Figure:
     """Fig. 10: contours of all frames in subcycle A: key 1 dashed, key 2 solid, others dotted.
 
     Frames of subcycle C are among them, brought over by the symmetry.
@@ -139,21 +139,21 @@ def figure10(film: Filmed, keys: Keys, split: float) -> Figure:
         shift = np.array([k % columns * wide, k // columns * high]) - middles[name]
         for points in frames[name]:
             _line(ax, points + shift, color=GREY, ls=":", lw=1.0)
-        _line(ax, keys.one[name] + shift, color=ink, ls="--", lw=1.5)
-        _line(ax, keys.two[name] + shift, color=ink, ls="-", lw=1.5)
+        _line(ax, keys.first[name] + shift, color=ink, ls="--", lw=1.5)
+        _line(ax, keys.second[name] + shift, color=ink, ls="-", lw=1.5)
         x, y = shift + middles[name] - [0, size[1] / 2]
         ax.text(x, y, name.replace("_", " "), ha="center", va="bottom", fontsize=9)
     ax.set(xlim=(-wide / 2, (columns - 0.5) * wide), ylim=((rows - 0.5) * high, -0.6 * high))
     return figure
 
 
-def figure11(moves: Mapping[tuple[str, int], Moves]) -> Figure:
+def figure11(subcycles: Mapping[tuple[str, int], Subcycle]) -> Figure:
     """Fig. 11: where each frame is between its keys, 'o' in A and 'x' in B, and the parabolas.
 
     A frame's f is the share of the way between the keys that it still has before it, by least
     squares over its contour.
     """
-    names = list(dict.fromkeys(name for name, _ in moves))
+    names = list(dict.fromkeys(name for name, _ in subcycles))
     columns = min(4, len(names))
     rows = -(-len(names) // columns)
     figure = Figure(figsize=(max(5.0, 2.7 * columns), 2.7 * rows + 0.3), layout="constrained")
@@ -164,15 +164,15 @@ def figure11(moves: Mapping[tuple[str, int], Moves]) -> Figure:
     for ax, name in zip(axes, names, strict=False):
         ax.plot(tau, 1 - tau, color=GREY, lw=1, label="linear")
         for sub, mark in enumerate("ox"):
-            one = moves[name, sub]
-            way = (one.source - one.to).ravel()
-            flat = (one.samples.coefficients - one.to).reshape(len(one.samples.tau), -1)
-            gamma = one.gammas(False, 0.0)[0]
+            model = subcycles[name, sub]
+            way = (model.start - model.end).ravel()
+            flat = (model.samples.coefficients - model.end).reshape(len(model.samples.tau), -1)
+            gamma = model.gammas(False, 0.0)[0]
             ink = INKS[sub]
             text = f"{'AB'[sub]}: γ = {gamma:+.2f}"
             ax.plot(tau, clock(tau, np.array(gamma)), color=ink, lw=1.2)
             ax.plot(
-                one.samples.tau, flat @ way / max(float(way @ way), 1e-300), mark,
+                model.samples.tau, flat @ way / max(float(way @ way), 1e-300), mark,
                 color=ink, ms=4.5, mfc="none", label=text,
             )  # fmt: skip
         ax.set_title(name.replace("_", " "), fontsize=9)
@@ -182,7 +182,7 @@ def figure11(moves: Mapping[tuple[str, int], Moves]) -> Figure:
     return figure
 
 
-def figure12(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
+def figure12(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
     """Fig. 12: the synthesized cycle, subcycles A to D in rows."""
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(columns) / columns
@@ -190,13 +190,13 @@ def figure12(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
     return _synthesized(gait, keys, film, phases, columns, list("ABCD"), "synthesized cycle")
 
 
-def figure13(gait: Gait, keys: Keys, film: Filmed, columns: int = 6, rows: int = 2) -> Figure:
+def figure13(gait: Gait, keys: Keys, film: Film, columns: int = 6, rows: int = 2) -> Figure:
     """Fig. 13: subcycle A alone, with more frames."""
     phases = np.linspace(0, gait.split, rows * columns)
     return _synthesized(gait, keys, film, phases, columns, [""] * rows, "subcycle A")
 
 
-def figure14(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
+def figure14(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
     """Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
     phases = np.arange(columns) / columns
     rows = []
@@ -209,15 +209,16 @@ def figure14(gait: Gait, keys: Keys, film: Filmed, columns: int = 6) -> Figure:
 
 
 def _frames(
-    gait: Gait, keys: Keys, film: Filmed, phases: Points, control: int | None = None
+    gait: Gait, keys: Keys, film: Film, phases: Points, control: int | None = None
 ) -> dict[str, Points]:
-    return at_phases(keys.one, keys.two, gait, phases, offsets=film.offsets, control=control)
+    layout = Layout(offsets=film.offsets)
+    return at_phases(keys.first, keys.second, gait, phases, layout, control=control)
 
 
 def _synthesized(
     gait: Gait,
     keys: Keys,
-    film: Filmed,
+    film: Film,
     phases: Points,
     columns: int,
     names: Sequence[str],

@@ -35,7 +35,6 @@ Array = NDArray[np.float64]
 NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
 FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D
 REACH = (-1.0, 1.22)  # of tail and nose from the middle of the trunk
-QUADRATURE = 401
 ROUND = 1.5  # power of the way in the height of a swinging foot: 1 = a corner, 2 = a parabola
 
 
@@ -221,27 +220,3 @@ def truth(dog: DogFilm, n: int) -> dict[str, Array]:
 def support(name: str) -> tuple[tuple[float, float], ...]:
     """Phases (from, to) in which the foot is planted."""
     return ((0.5, 1.0),) if name in FIRST else ((0.0, 0.5),)
-
-
-def true_gamma(dog: DogFilm, n: int = 256) -> dict[str, dict[str, float]]:
-    """γ by limb and subcycle ("A", "B") that fits the exact contours best.
-
-    Not quite the clock's of the foot (`gammas`): the points go on arcs, and the body bobs. With
-    d = c_from − c_to, least squares in the residual c − c_to − f(τ) d give
-
-        γ = ∫ τ(1 − τ) d·(c_to + (1 − τ) d − c) dτ / ∫ τ²(1 − τ)² d·d dτ.
-
-    """
-    tau = np.linspace(0, 1, QUADRATURE)
-    weight = tau * (1 - tau)
-    out = dict[str, dict[str, float]]()
-    for name in NAMES:
-        out[name] = {}
-        for which, label in enumerate("AB"):
-            # The last phase is of this quarter still: the foot lands in it.
-            phase = (which + np.minimum(tau, 1 - 1e-12)) / 4
-            c = limb(dog, name, phase, n).reshape(len(tau), -1)
-            d = c[0] - c[-1]
-            off = (c[-1] + (1 - tau)[:, None] * d - c) @ d
-            out[name][label] = float(np.sum(weight * off) / np.sum(weight**2) / (d @ d))
-    return out
