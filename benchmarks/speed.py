@@ -24,7 +24,6 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.base.cutout import Cutout
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.extract.backbone import trace
 from finloop.extract.film import Detector, Settings, detected, rows, survey, tracks
@@ -32,12 +31,12 @@ from finloop.extract.segment import silhouettes
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings
-from finloop.io.cutouts import CutoutWriter
-from finloop.io.table import TableWriter, load_table, save_table
+from finloop.io.film_writer import film_writer
+from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.io.wheel import cache_folder, zebrafish_clips
 from finloop.parallel import warm_up
-from stages.extract import WORKERS_NEED, batches, sample
+from stages.extract import WORKERS_NEED, batches, cutouts, sample
 from stages.run import THREADS
 
 PAIRS = 5
@@ -95,14 +94,9 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     detector = Detector(arena, typical, how)
     found = detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
     linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
-    with (
-        TableWriter(out / "tracks.parquet", tracks_schema(how.points)) as table,
-        CutoutWriter(out / "cutouts.arrow") as cutouts,
-    ):
+    with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
-            table.write(rows(lot))
-            for f in lot:
-                cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout))
+            write(rows(lot), cutouts(lot))
     table = load_table(out / "tracks.parquet", tracks_schema(how.points))
     measured, _ = features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)

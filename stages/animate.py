@@ -24,7 +24,7 @@ from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
 from finloop.base.schema import lists_to_array
 from finloop.bpn.model import motion_model
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import distance, film_rows, typical_length
+from finloop.distance.picture import distance, typical_length
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES, delta_frames
 from finloop.gateways.find import GATEWAYS
@@ -79,20 +79,15 @@ def bring(p: Settings) -> Iterator[Brought]:
         natural = film_steps(features, frames)
         headed = pictures(sprites, store, length, SIZE)
         after = following(sprites, features, frames, length, SIZE)
-        cutout = film_rows(frames).loc[pd.MultiIndex.from_frame(features[["track_id", "frame"]])]
-        stored = features.iloc[np.argsort(cutout.to_numpy())]
         hulls = frame_hulls(
             np.stack([lists_to_array(outline[name]) for name in OUTLINE], axis=-1),
-            stored,
-            (length / typical_length(stored)).to_numpy(float),
+            features,
+            (length / typical_length(features)).to_numpy(float),
         )
         sprite_hulls = outlines(sprites, store)
         reach_px, barred = reach(sprite_hulls, hulls)
         graph = loop_graph(found, features["track_id"].to_numpy())
-        reel = film(
-            features, graph, map_facts.step_median, map_facts.pose, rate, delta,
-            cutout.to_numpy(), barred[cutout.to_numpy()],
-        )  # fmt: skip
+        reel = film(features, graph, map_facts.step_median, map_facts.pose, rate, delta, barred)
         order = arrange(sprites, distance(after, headed), rate)
         head = np.hypot(
             features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
@@ -104,7 +99,7 @@ def bring(p: Settings) -> Iterator[Brought]:
         )  # fmt: skip
         yield Brought(
             made,
-            Pictures(sprites, store, headed, after, features, frames, cutout.to_numpy()),
+            Pictures(sprites, store, headed, after, features, frames),
             natural,
             features,
         )

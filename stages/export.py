@@ -36,7 +36,7 @@ CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
 FEATURES_TABLE = Path("data/features/features.parquet")
 OUT, REPORT = Path("data/export"), Path("reports/export")
-POINTS = ["track_id", "frame", "head_x_px", "head_y_px", "head_confidence"]
+POINTS = ["head_x_px", "head_y_px", "head_confidence"]
 
 
 def film(

@@ -29,10 +29,9 @@ from finloop.extract.settings import Settings
 from finloop.extract.sheet import detections_picture
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutWriter
+from finloop.io.film_writer import CUTOUTS_NAME, film_writer
 from finloop.io.picture import save_picture
 from finloop.io.record import save_record
-from finloop.io.table import TableWriter
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -83,6 +82,12 @@ def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
     yield lot
 
 
+def cutouts(found: Iterable[Found]) -> Iterator[Cutout]:
+    """The pictures of the same fish."""
+    for one in found:
+        yield Cutout(one.track_id, one.frame, one.fish.x0, one.fish.y0, one.fish.cutout)
+
+
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
     settings: Settings = load("extract")
@@ -107,13 +112,10 @@ def main() -> None:
     with whole_folder(EXTRACT) as folder:
         with (
             progress("extract", facts.frames) as advance,
-            TableWriter(folder / "tracks.parquet", tracks_schema(settings.points)) as table,
-            CutoutWriter(folder / "cutouts.arrow") as cutouts,
+            film_writer(folder, tracks_schema(settings.points)) as write,
         ):
             for found in batches(linked()):
-                table.write(rows(found))
-                for f in found:
-                    cutouts.write(Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout))
+                write(rows(found), cutouts(found))
         if not lengths:
             seen = ", ".join(f"{count} {verdict}" for verdict, count in tally.items())
             raise FinloopError(
@@ -153,7 +155,7 @@ def main() -> None:
             f"tracks_of_{LONG}_frames": len(long),
             f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
             "longest_track_frames": max(lengths.values()),
-            "cutouts_size_mb": (EXTRACT / "cutouts.arrow").stat().st_size / 1e6,
+            "cutouts_size_mb": (EXTRACT / CUTOUTS_NAME).stat().st_size / 1e6,
         },
     )
 

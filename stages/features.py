@@ -43,11 +43,8 @@ def specimens(
     background: np.ndarray,
 ) -> Iterator[Specimen]:
     """Rows of the table with their cut-outs laid over the empty tank."""
-    index = cutouts.index
-    where = pd.Series(index.index, pd.MultiIndex.from_frame(index[["track_id", "frame"]]))
-    for number in numbers:
-        row = table.iloc[number]
-        cutout = cutouts[int(where[int(row["track_id"]), int(row["frame"])])]
+    for number in numbers.tolist():
+        row, cutout = table.iloc[number], cutouts[number]
         yield Specimen(row, backbones[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
 
 

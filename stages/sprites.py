@@ -79,14 +79,13 @@ def main() -> None:
         look = Gallery(table, cutouts)
         chosen = choose(table, look, rate_hz, settings)
         sprites = sprite_table(table, chosen)
-        where = pd.Series(tracks.index, pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]))
         with (
             whole_folder(FOLDER) as folder,
             progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow") as writer:
-                for one in drawn(sprites, lambda track, frame: cutouts[int(where[track, frame])]):
+                for one in drawn(sprites, cutouts):
                     writer.write(one)
                     advance()
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)

@@ -51,12 +51,12 @@ def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points))
-    columns = ["track_id", "frame", "head_x_px", "head_y_px"]
+    columns = ["head_x_px", "head_y_px"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
     sprites = pd.DataFrame()
     if SPRITE in {*edit["kind"], *edit["partner_kind"]}:
         sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    pose = poses(edit, film, tracks, sprites)
+    pose = poses(edit, film, sprites)
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(lengths(pose.backbone)))
     place = np.c_[pose.centre, heights(edit["time_s"].to_numpy(float), p.depth * length)]

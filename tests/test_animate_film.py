@@ -82,12 +82,11 @@ def loops(*pairs):
     return made.astype({"a": int, "b": int, "distance": float})
 
 
-def film_of(features, found, pose=BODY, step=1.0, barred=None, cutout=None):
+def film_of(features, found, pose=BODY, step=1.0, barred=None):
     n = len(features)
     graph = loop_graph(found, features["track_id"].to_numpy())
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
-    cutout = np.arange(n) if cutout is None else cutout
-    return film(features, graph, step, pose, RATE, DELTA, cutout, barred)
+    return film(features, graph, step, pose, RATE, DELTA, barred)
 
 
 def rich(seed=0, heading=True):
@@ -738,11 +737,10 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     assert (film_ticks == (back["state"] == "film")).all()
 
 
-def test_a_frame_is_named_by_its_cut_out():
-    numbers = np.random.default_rng(0).permutation(len(TABLE))
-    reel = film_of(TABLE, PAIRS, cutout=numbers)
+def test_a_frame_is_named_by_its_row():
+    reel = film_of(TABLE, PAIRS)
     found, table = edit_of(loop_mode(reel), [], 300, 1, reel=reel)
-    assert list(table["source"]) == list(numbers[flat(found)[1][:300]])
+    assert list(table["source"]) == list(flat(found)[1][:300])
 
 
 @pytest.mark.parametrize("make", [loop_mode, hybrid_mode])

@@ -18,7 +18,7 @@ from finloop.animate.pictures import (
     without_ghosts,
 )
 from finloop.base.cutout import Cutout
-from finloop.distance.picture import SPAN, distance, film_rows, picture
+from finloop.distance.picture import SPAN, distance, picture
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.sprites.pictures import following, outlines, pictures
@@ -43,14 +43,14 @@ def turned(pixels: np.ndarray, degrees: float) -> np.ndarray:
 
 
 def film_of(folder: Path, *tracks: list[tuple[float, float]]) -> pd.DataFrame:
-    """A film of wedges in one place: heading and width of each frame. Stored frame by frame."""
+    """A film of wedges in one place: heading and width of each frame."""
     rows = [
         (track, frame, heading, wide)
         for track, frames in enumerate(tracks, 7)
         for frame, (heading, wide) in enumerate(frames)
     ]
     with CutoutWriter(folder / "film.arrow") as writer:
-        for track, frame, heading, wide in sorted(rows, key=lambda row: (row[1], row[0])):
+        for track, frame, heading, wide in rows:
             writer.write(Cutout(track, frame, 100, 200, turned(fish(wide=wide), heading)))
     table = pd.DataFrame(rows, columns=["track_id", "frame", "heading_deg", "wide"])
     return table.assign(x_px=145.0, y_px=245.0, body_length_px=LENGTH)
@@ -60,7 +60,7 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
     """Sprites of some rows of the film."""
     turn = np.append(wrap_deg(np.diff(table["heading_deg"])), 0.0)
     picked = table.iloc[rows].assign(
-        sequence="straight", step=np.arange(len(rows)), mirrored=False, scale=1.0,
+        row=rows, sequence="straight", step=np.arange(len(rows)), mirrored=False, scale=1.0,
         turn_deg=turn[rows], orientations=ORIENTATIONS,
     )  # fmt: skip
     with CutoutWriter(folder / "sprites.arrow") as writer:
@@ -84,10 +84,9 @@ def shown(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        cutout = film_rows(film).loc[pd.MultiIndex.from_frame(table[["track_id", "frame"]])]
         yield Pictures(
             sprites, store, pictures(sprites, store, LENGTH, SIZE),
-            following(sprites, table, film, LENGTH, SIZE), table, film, cutout.to_numpy(),
+            following(sprites, table, film, LENGTH, SIZE), table, film,
         )  # fmt: skip
 
 
@@ -97,7 +96,7 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
     for kind, number, heading in ticks:
         if kind == FRAME:
             rotation = wrap_deg(heading - shown.features["heading_deg"][number])
-            rows.append((kind, int(shown.cutout[number]), float(rotation), 1.0, heading))
+            rows.append((kind, number, float(rotation), 1.0, heading))
         else:
             sector = int(orientation(np.array(heading), ORIENTATIONS))
             rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
@@ -134,7 +133,8 @@ def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
     table = film_of(tmp_path, turning, turning[:3])
     with open_cutouts(tmp_path / "film.arrow") as film:
         assert len(film_steps(table, film)) == 5 + 2
-        assert len(film_steps(table.drop(index=2), film)) == 3 + 2
+        gap = table.assign(frame=table["frame"] + (table.index > 2))
+        assert len(film_steps(gap, film)) == 4 + 2
 
 
 def test_steps_of_a_long_film_are_spread_over_it(tmp_path, monkeypatch):
@@ -189,7 +189,7 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
 
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
     for row in (0, 5, 9):
-        number = int(shown.cutout[row])
+        number = row
         cutout, at = shown.film[number], shown.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
         assert np.array_equal(shown(FRAME, number, 25.0, 1.0), wanted)
@@ -217,9 +217,8 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(shown, kind):
 
 
 def test_the_frame_after_a_frame_is_that_of_its_track(shown):
-    store = shown.cutout
-    assert [shown.following(int(store[row])) for row in (0, 6, 8, 12)] == list(store[[1, 7, 9, 13]])
-    assert shown.following(int(store[7])) is None and shown.following(int(store[13])) is None
+    assert [shown.following(row) for row in (0, 6, 8, 12)] == [1, 7, 9, 13]
+    assert shown.following(7) is None and shown.following(13) is None
 
 
 def test_natural_play_has_no_seam_however_it_is_turned(shown):
@@ -240,7 +239,7 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(shown, rot):
     found, ticks = seams(edit, shown)
     assert list(ticks) == [3]
     ahead = [
-        picture(shown.film[int(shown.cutout[row])], shown.features.iloc[row], LENGTH, SIZE, -angle)
+        picture(shown.film[row], shown.features.iloc[row], LENGTH, SIZE, -angle)
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)

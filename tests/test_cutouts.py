@@ -1,17 +1,21 @@
 """The cut-out store and the other files of `extract`: round trips, and what is damaged is said."""
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pytest
 from matplotlib.figure import Figure
 
 from finloop.base.cutout import Cutout
+from finloop.base.schema import Column, Schema
 from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.io.film_writer import film_writer
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record, save_record
+from finloop.io.table import load_table
 
 BATCHES = 600  # cut-outs: two full batches in the file, and a part of one
 
@@ -34,6 +38,44 @@ def stored(path, cutouts):
 
 def same(one, other):
     return one[:4] == other[:4] and np.array_equal(one.pixels, other.pixels)
+
+
+# -- a film's rows ------------------------------------------------------------------------------
+
+ROWS = Schema(
+    (
+        Column("track_id", "int32", "1"),
+        Column("frame", "int32", "1"),
+        Column("line", "float32", "px", length=3),
+    )
+)
+
+
+@pytest.mark.parametrize("count", [0, 1, 9000])
+def test_rows_of_a_film_are_sorted_by_track_and_frame_beside_their_cutouts(tmp_path, count):
+    rng = np.random.default_rng(0)
+    frame = np.sort(rng.integers(0, 99999, count))
+    track = rng.integers(0, 7, count)  # fish come frame by frame, any of the tracks
+    given = pd.DataFrame({"track_id": track, "frame": frame}).drop_duplicates(ignore_index=True)
+    given["line"] = [np.full(3, number) for number in given.index]
+    with film_writer(tmp_path, ROWS) as write:
+        for start in range(0, len(given), 512):
+            lot = given[start : start + 512]
+            pictures = np.array(lot.index, np.int32).view(np.uint8).reshape(-1, 1, 2, 2)
+            where = zip(lot["track_id"], lot["frame"], pictures, strict=True)
+            write(lot, (Cutout(t, f, t, f, pixels) for t, f, pixels in where))
+    wanted = given.sort_values(["track_id", "frame"])
+    table = load_table(tmp_path / "tracks.parquet", ROWS)
+    for name in ("track_id", "frame"):
+        assert table[name].tolist() == wanted[name].tolist()
+    assert [line.tolist() for line in table["line"]] == [[k] * 3 for k in wanted.index]
+    with open_cutouts(tmp_path / "cutouts.arrow") as store:
+        assert store.index["x0_px"].tolist() == wanted["track_id"].tolist()
+        assert store.index[["track_id", "frame"]].equals(table[["track_id", "frame"]])
+        assert [store[k].pixels.ravel().view(np.int32)[0] for k in range(len(store))] == list(
+            wanted.index
+        )
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["cutouts.arrow", "tracks.parquet"]
 
 
 # -- the store ----------------------------------------------------------------------------------

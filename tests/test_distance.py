@@ -100,7 +100,7 @@ def film_of(folder: Path, turns: list[float]) -> pd.DataFrame:
 
 def sprites_of(folder: Path, table: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
     picked = table.iloc[frames].assign(
-        sequence="straight", step=np.arange(len(frames)), mirrored=False, scale=1.0,
+        row=frames, sequence="straight", step=np.arange(len(frames)), mirrored=False, scale=1.0,
         turn_deg=np.append(np.diff(table["heading_deg"]), 0.0)[frames],
         orientations=ORIENTATIONS,
     )  # fmt: skip

@@ -283,12 +283,10 @@ def tracked(lengths, points=5):
             line = head - np.linspace(0, 40, points)[:, None] * [1, 0]
             given = line[::-1] if frame % 2 else line
             rows.append((track, frame, *(head - (18, 0)), given[:, 0], given[:, 1]))
-            features.append((track, frame, *head, 0.75))
+            features.append((*head, 0.75))
     names = ["track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px"]
-    tracks = pd.DataFrame(rows, columns=names).sort_values(
-        "frame", kind="stable", ignore_index=True
-    )
-    names = ["track_id", "frame", "head_x_px", "head_y_px", "head_confidence"]
+    tracks = pd.DataFrame(rows, columns=names)
+    names = ["head_x_px", "head_y_px", "head_confidence"]
     return tracks, pd.DataFrame(features, columns=names)
 
 

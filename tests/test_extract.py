@@ -960,7 +960,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(here, walked, harm, be
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["rows", "save_scene", "CutoutWriter"])
+@pytest.mark.parametrize("where", ["rows", "save_scene", "film_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatch, error, where):
     shutil.copytree(walked / "data/extract", here / "data/extract")
     old = content(here / "data/extract")

@@ -103,7 +103,7 @@ def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
     after = features["heading_deg"].to_numpy()[np.minimum(np.array(picked) + 1, len(features) - 1)]
     return pd.DataFrame(
         {
-            "sequence": sequence, "step": np.arange(len(picked)), "phase": "cycle",
+            "sequence": sequence, "step": np.arange(len(picked)), "phase": "cycle", "row": picked,
             "track_id": of["track_id"].to_numpy(), "frame": of["frame"].to_numpy(),
             "mirrored": mirrored, "x_px": of["x_px"].to_numpy(), "y_px": of["y_px"].to_numpy(),
             "heading_deg": wrap_deg(heading), "head_offset_deg": side * off, "scale": 1.0,
@@ -125,9 +125,8 @@ class World:
 
     def __init__(self, folder, features, cutouts, sprites, pose=BODY):
         self.features, self.sprites, self.pose = features, sprites, pose
-        source = {(c.track_id, c.frame): c for c in cutouts}
         with CutoutWriter(folder / "sprites.arrow") as writer:
-            for one in drawn(sprites, lambda *key: source[key]):
+            for one in drawn(sprites, cutouts):
                 writer.write(one)
         with CutoutWriter(folder / "cutouts.arrow") as writer:
             for one in cutouts:
@@ -369,13 +368,6 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
     world = World(tmp_path, features, cutouts, sprites)
     assert world.near.ahead[0].argmin() == last and world.near.ahead[0, last] == 0
     assert world.near.ahead_deg[0] == world.near.shown_deg[0] == pytest.approx(6.0, abs=1e-3)
-
-
-def test_sprites_of_another_film_are_refused(world):
-    other = world.sprites.assign(track_id=77)
-    with world.open() as (store, film):
-        with pytest.raises(FinloopError, match="9 sprites are of frames that the feature table"):
-            nearness(other, store, world.features, film, SIZE, BODY)
 
 
 # -- the empty table, numbers -----------------------------------------------------------------------

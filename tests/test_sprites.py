@@ -184,12 +184,7 @@ def sprites(toy, chosen):
 
 @pytest.fixture(scope="module")
 def pictures(toy, sprites):
-    return list(drawn(sprites, source(toy)))
-
-
-def source(film):
-    where = {(c.track_id, c.frame): c for c in film.cutouts}
-    return lambda track, frame: where[track, frame]
+    return list(drawn(sprites, toy.cutouts))
 
 
 def pick(film, **asked):
@@ -381,11 +376,6 @@ def test_fish_near_another_cannot_be_used(toy):
     assert near.table["usable"][60:160].all()
 
 
-def test_features_of_another_film_are_refused(toy):
-    with pytest.raises(FinloopError, match="have no cut-out"):
-        swimmers(toy.features, toy.tracks[:-5])
-
-
 @pytest.mark.parametrize("values", [[1.0], [1.0, 5.0], [3.0, 5.0, 7.0, 9.0]])
 def test_smoothing_keeps_lines(values):
     np.testing.assert_allclose(smooth(np.array(values)), values)
@@ -471,7 +461,7 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     for name in ("forward", "motion_area_rel", "phase", "x_px", "heading_deg"):
         assert (mine[name] == theirs[name]).all()
     two = table[table["mirrored"] | (table["sequence"] == other)]
-    made = list(drawn(two, source(one)))
+    made = list(drawn(two, one.cutouts))
     for step in range(len(mine)):
         left, right = (made[(k * len(mine) + step) * ORIENTATIONS] for k in (0, 1))
         x, y = mine["x_px"][step], mine["y_px"][step]
@@ -681,7 +671,7 @@ def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
 @pytest.mark.parametrize("count", [5, 36])
 def test_there_can_be_fewer_and_more_orientations(toy, sprites, count):
     row = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
-    made = [placed(one) for one in drawn(row, source(toy))]
+    made = [placed(one) for one in drawn(row, toy.cutouts)]
     assert len(made) == count
     for number, one in enumerate(made):
         assert abs(wrap_deg(np.array(tilt(one) - number * 360 / count))) < 1.5, number + 1
@@ -696,8 +686,8 @@ def test_pictures_come_in_order(sprites, pictures):
 
 def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
     row = sprites[:1].assign(heading_deg=45.0)
-    one = list(drawn(row, source(toy)))[3]  # orientation 4: 45°
-    want = source(toy)(int(row["track_id"].iloc[0]), int(row["frame"].iloc[0]))
+    one = list(drawn(row, toy.cutouts))[3]  # orientation 4: 45°
+    want = toy.cutouts[row["row"].iloc[0]]
     np.testing.assert_array_equal(one.pixels, want.pixels)
     assert (one.x0_px, one.y0_px) == (want.x0_px, want.y0_px)
 
@@ -742,7 +732,7 @@ def few(sprites):
 def store(tmp_path_factory, few, toy):
     path = tmp_path_factory.mktemp("store") / "sprites.arrow"
     with CutoutWriter(path) as writer:
-        for one in drawn(few, source(toy)):
+        for one in drawn(few, toy.cutouts):
             writer.write(one)
     with open_cutouts(path) as opened:
         yield opened

@@ -73,13 +73,13 @@ def toy(bends=(0.9, -0.5), backwards=(False, True)):
             "half_width_px": (WIDTH[::-1] if back else WIDTH).astype(np.float32),
         })  # fmt: skip
         heads.append({
-            "track_id": 3, "frame": frame, "head_x_px": down[0, 0] + 11, "head_y_px": down[0, 1] + 7,
+            "head_x_px": down[0, 0] + 11, "head_y_px": down[0, 1] + 7,
         })  # fmt: skip
-    return pd.DataFrame(rows), pd.DataFrame(heads)[::-1], cutouts
+    return pd.DataFrame(rows), pd.DataFrame(heads), cutouts
 
 
 SPRITE = pd.DataFrame({
-    "track_id": [3, 3], "frame": [0, 1], "heading_deg": [10.0, -25.0], "mirrored": [False, True],
+    "row": [0, 1], "track_id": 3, "frame": [0, 1], "heading_deg": [10.0, -25.0], "mirrored": [False, True],
     "orientations": 24,
 })  # fmt: skip
 
@@ -97,7 +97,7 @@ def fish_of(edit):
     tracks, heads, cutouts = toy()
     film = film_bodies(tracks, heads)
     typical = typical_width(film.half_width, film.backbone)
-    pose = poses(edit, film, tracks, SPRITE)
+    pose = poses(edit, film, SPRITE)
     skins = Skins(film, typical, tracks[["x_px", "y_px"]].to_numpy(), cutouts.__getitem__)
     place = np.c_[pose.centre, np.full(len(edit), 40.0)]
     return Fish(pose, place, skins, typical, LENGTH)

@@ -211,9 +211,9 @@ def put(folder):
         for one in cutouts:
             store.write(one)
     save_picture(folder / "data/extract/background.png", np.full((150, 200, 3), 120, np.uint8))
-    zero = {column.name: 0 for column in FEATURES.columns}
-    save_table(folder / "data/features/features.parquet", heads.sort_values("frame").assign(
-        **{name: 0 for name in zero if name not in heads}
+    zero = {column.name: 0 for column in FEATURES.columns} | {"track_id": 3, "frame": [0, 1]}
+    save_table(folder / "data/features/features.parquet", heads.assign(
+        **{name: value for name, value in zero.items() if name not in heads}
     ), FEATURES)  # fmt: skip
     facts = VideoFacts("file", 200, 150, 2, Fraction(25), True, ((0, 2),))
     save_facts(folder / "data/clip" / FACTS_NAME, facts)

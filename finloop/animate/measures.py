@@ -267,11 +267,10 @@ def of_film(
     A film has no goals and no jumps. Its kinematic distance is that of its first half from its
     second, about as near as another film of the same fish would come.
     """
-    table = features.sort_values(["track_id", "frame"])
-    half = table["frame"].median()
+    half = features["frame"].median()
     parts = [
         motion_of_film(part, motion)
-        for part in (table[table["frame"] <= half], table[table["frame"] > half])
+        for part in (features[features["frame"] <= half], features[features["frame"] > half])
     ]
     return {
         **{

@@ -45,8 +45,7 @@ class Pictures:
     """Centred pictures of what an edit list names, at the drawn size.
 
     sprites: the table of n; headed (n, SIZE, SIZE, c): each headed right; after: what the film
-    shows after it, turned as the sprite's next one would be; cutout (rows,): the row in the film's
-    store of every row of the feature table.
+    shows after it, turned as the sprite's next one would be.
     """
 
     sprites: pd.DataFrame
@@ -55,19 +54,15 @@ class Pictures:
     after: Picture
     features: pd.DataFrame
     film: Cutouts
-    cutout: NDArray[np.int64]
 
     def __call__(self, kind: str, source: int, rotation_deg: float, scale: float) -> Picture:
         """The picture of a sprite or frame, turned as asked."""
         if kind == FRAME:
-            one, cutout = self._places[FRAME][self._row(source)], self.film[int(source)]
+            one, cutout = self._places[FRAME][int(source)], self.film[int(source)]
         else:
             one = self._places[SPRITE][int(source) // orientations_of(self.sprites)]
             cutout = self.store[int(source)]
         return picture(cutout, one, self._length_px / scale, SIZE, float(rotation_deg))
-
-    def _row(self, source: int) -> int:
-        return int(self._rows[source])
 
     @cached_property
     def _length_px(self) -> float:
@@ -81,17 +76,11 @@ class Pictures:
             for kind, table in tables.items()
         }
 
-    @cached_property
-    def _rows(self) -> NDArray[np.int64]:
-        return np.argsort(self.cutout)
-
-    def following(self, source: int) -> int | None:
+    def following(self, row: int) -> int | None:
         """The frame after a frame of the same track."""
-        row = self._row(source)
         track = self.features["track_id"].to_numpy()
-        if row + 1 < len(track) and track[row] == track[row + 1]:
-            return int(self.cutout[row + 1])
-        return None
+        goes_on = row + 1 < len(track) and track[row] == track[row + 1]
+        return row + 1 if goes_on else None
 
 
 def apart(row: Any, pictures: Pictures) -> float:

@@ -27,7 +27,7 @@ class Film:
 
     dx, dy: px to the next row at the drawn size, as filmed; heading in degrees; speed in body
     lengths/s; more: whether there is a next row to play; area: relative motion area; scale: drawn
-    size / filmed size; cutout: its row in the store of cut-outs. end: number of the loop end at a
+    size / filmed size. end: number of the loop end at a
     row, −1 for none; start, to, seam: what may be shown instead of end k, rows
     `to[start[k]:start[k + 1]]`, and their distances in median steps of the film. endless: whether
     playing on from a row need never stop; body: whether jumps keep the heading, else the rotation.
@@ -40,7 +40,6 @@ class Film:
     more: NDArray[np.bool_]
     area: Floats
     scale: Floats
-    cutout: NDArray[np.int64]
     end: NDArray[np.int32]
     start: NDArray[np.int32]
     to: NDArray[np.int32]
@@ -56,12 +55,11 @@ class Film:
 
 def film(
     features: pd.DataFrame, graph: LoopGraph, step: float, pose: str, rate_hz: float, delta: int,
-    cutout: NDArray[np.int64], barred: NDArray[np.bool_],
+    barred: NDArray[np.bool_],
 ) -> Film:  # fmt: skip
     """Arrange a feature table and its loops.
 
-    step: the median distance of successive frames; cutout (n,): rows in the store;
-    barred (n,): rows that must not be shown.
+    step: the median distance of successive frames; barred (n,): rows that must not be shown.
     """
     n = len(features)
     length = typical_length(features)
@@ -86,7 +84,6 @@ def film(
         more,
         features["motion_area_rel"].to_numpy(float),
         scale,
-        cutout,
         end, start, to,
         graph.distance[kept].astype(float) / step,
         _endless(more, end, start, to),

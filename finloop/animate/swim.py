@@ -247,7 +247,7 @@ def drawn(shown: Shown, heading: Floats, cast: Cast) -> dict[str, NDArray[np.gen
     oriented = sprite * count + sector - 1
     return {
         "kind": np.where(shown.frame, FRAME, SPRITE),
-        "source": np.where(shown.frame, cast.film.cutout[frame], oriented),
+        "source": np.where(shown.frame, frame, oriented),
         "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
         "scale": np.where(
             shown.frame, cast.film.scale[frame], cast.sprites["scale"].to_numpy()[sprite]

@@ -55,12 +55,6 @@ def picture(
     return centred(cutout.pixels, centre, length_px, size, turn_deg)
 
 
-def film_rows(film: Cutouts) -> pd.Series:
-    """The row of the store of every (track_id, frame)."""
-    index = film.index
-    return pd.Series(index.index, pd.MultiIndex.from_frame(index[["track_id", "frame"]]))
-
-
 def film_pictures(
     features: pd.DataFrame, film: Cutouts, size: int, pose: str, rows: NDArray[np.intp]
 ) -> NDArray[np.float32]:
@@ -69,15 +63,13 @@ def film_pictures(
     A track's typical length is that of all its pictures. `pose` FILM: as filmed; BODY: headed to
     the right.
     """
-    cutout = film_rows(film)
     length = typical_length(features).to_numpy()
     turn = -features["heading_deg"].to_numpy(float) * (pose == BODY)
-    places = features[["track_id", "frame", "x_px", "y_px"]].iloc[rows].itertuples(index=False)
+    places = features[["x_px", "y_px"]].iloc[rows].itertuples(index=False)
     channels = film[0].pixels.shape[2]
     shown = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
     for number, (row, one) in enumerate(zip(rows, places, strict=True)):
-        at = film[int(cutout[one.track_id, one.frame])]
-        shown[number] = picture(at, one, length[row], size, turn[row])
+        shown[number] = picture(film[int(row)], one, length[row], size, turn[row])
     return shown
 
 

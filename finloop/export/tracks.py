@@ -49,7 +49,7 @@ def poses(
     tracks
         The columns `USED` of the table of tracks.
     features
-        track_id, frame, head_x_px, head_y_px, head_confidence of the feature table, in any order.
+        head_x_px, head_y_px, head_confidence of the feature table, whose rows are the same.
     frames
         Of the clip; those without a fish count too.
     body_points
@@ -72,9 +72,7 @@ def poses(
             "lower export.tracks_least_s",
         )
     ids = np.sort(kept)
-    rows = tracks[tracks["track_id"].isin(ids)].merge(
-        features, on=["track_id", "frame"], validate="one_to_one"
-    )
+    rows = pd.concat([tracks, features], axis=1)[tracks["track_id"].isin(ids)]
     rows = rows.sort_values(["frame", "track_id"], ignore_index=True)
     line = np.stack(
         [lists_to_array(rows["backbone_x_px"]), lists_to_array(rows["backbone_y_px"])], -1

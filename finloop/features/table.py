@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.schema import Column, Schema, lists_to_array
+from finloop.errors import FinloopError
 from finloop.features.area import bend
 from finloop.features.head import head_first
 from finloop.features.settings import Settings
@@ -96,13 +97,25 @@ def heading(backbone: NDArray[np.floating]) -> NDArray[np.float64]:
 def features(
     tracks: pd.DataFrame, rate_hz: float, settings: Settings
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:
-    """The feature table of a table of tracks, and the backbones head first.
+    """The feature table of a table of tracks, row by row, and the backbones head first.
+
+    The table of tracks is in the order (track_id, frame), as `extract` writes it.
+
+    Raises
+    ------
+    FinloopError
+        If it is not.
 
     Returns
     -------
-    table : columns of `FEATURES`, sorted by track_id, frame; backbones : (rows, n, 2) px beside it.
+    table : columns of `FEATURES`, the rows of `tracks`; backbones : (rows, n, 2) px beside it.
     """
-    tracks = tracks.sort_values(["track_id", "frame"], ignore_index=True)
+    if not pd.MultiIndex.from_frame(tracks[["track_id", "frame"]]).is_monotonic_increasing:
+        raise FinloopError(
+            "the table of tracks is not sorted by track_id, frame",
+            "the table that the stage `extract` writes, whose rows are those of the cut-outs",
+            "make it again: `dvc repro --force extract`",
+        )
     parts, lines = [], []
     for _, track in tracks.groupby("track_id"):
         backbone, confidence = oriented(track, rate_hz)

@@ -19,7 +19,6 @@ from numpy.typing import ArrayLike, NDArray
 from finloop.base.cutout import Cutouts
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, film_pictures, picture
-from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.gateways.settings import Settings
 from finloop.sprites.pictures import following, pictures
@@ -77,11 +76,6 @@ def nearness(
 
     Pose BODY: sprites and film with the measured heading to the right. FILM: each row as filmed,
     with the sprites in its orientation as they are drawn. `advance(n)`: n more rows are done.
-
-    Raises
-    ------
-    FinloopError
-        If a sprite is of a frame that the feature table lacks.
     """
     row, after = _rows_of(sprites, features)
     if pose == BODY:
@@ -139,14 +133,7 @@ def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
 
 def _rows_of(sprites: pd.DataFrame, features: pd.DataFrame) -> tuple[Ints, Ints]:
     """The row of every sprite's frame, and of the next one; at the end of a track the same."""
-    number = pd.MultiIndex.from_frame(features[["track_id", "frame"]])
-    row = number.get_indexer(pd.MultiIndex.from_frame(sprites[["track_id", "frame"]]))
-    if (row < 0).any():
-        raise FinloopError(
-            f"{(row < 0).sum()} sprites are of frames that the feature table does not have",
-            "sprites and features of one film",
-            "run the stages from `features` on again: `dvc repro`",
-        )
+    row = sprites["row"].to_numpy(np.intp)
     return row, row + _left(features)[row].clip(max=1)
 
 

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
@@ -54,7 +55,16 @@ class CutoutWriter:
         """Append one cut-out."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
-        self._rows.append((*cutout[:4], *pixels.shape, packed))
+        self._append((*cutout[:4], *pixels.shape, packed))
+
+    def copy(self, store: "CutoutStore", rows: NDArray[np.intp]) -> None:
+        """Append these rows of another store, as they are packed there."""
+        index = store.index.to_numpy()
+        for row in rows.tolist():
+            self._append((*index[row].tolist(), store.packed(row).to_pybytes()))
+
+    def _append(self, row: tuple[Any, ...]) -> None:
+        self._rows.append(row)
         if len(self._rows) >= _BATCH:
             self._flush()
 
@@ -77,7 +87,11 @@ class CutoutWriter:
 
 @dataclass(frozen=True)
 class CutoutStore:
-    """An open store. `index`: a row per cut-out in the file's order, its place and size."""
+    """An open store. `index`: a row per cut-out in the file's order, its place and size.
+
+    The film's store, of `extract`, is in the order (track_id, frame): the row of the table of
+    tracks, and of the feature table, is the number of the cut-out.
+    """
 
     index: pd.DataFrame
     _pixels: pa.ChunkedArray
@@ -85,13 +99,16 @@ class CutoutStore:
     def __len__(self) -> int:
         return len(self.index)
 
+    def packed(self, row: int) -> pa.Buffer:
+        """The compressed pixels of cut-out number `row`."""
+        return self._pixels[row].as_buffer()
+
     def __getitem__(self, row: int) -> Cutout:
         """Cut-out number `row` of the index; FinloopError if it is damaged."""
         at = self.index.iloc[row]
         shape = (int(at.height_px), int(at.width_px), int(at.channels))
-        packed = self._pixels[row].as_buffer()
         try:
-            raw = _CODEC.decompress(packed, decompressed_size=int(np.prod(shape)))
+            raw = _CODEC.decompress(self.packed(row), decompressed_size=int(np.prod(shape)))
         except (OSError, pa.ArrowException) as error:
             raise FinloopError(
                 came=f"cut-out {row} of the store is damaged ({error})",

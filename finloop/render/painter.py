@@ -405,16 +405,15 @@ def film_steps(
 ) -> NDArray[np.float64]:
     """The steps of the film itself: its fish drawn alone at their own places, frame after frame.
 
-    tracks: track_id, frame and mass centre, a row per picture of this `kind`, in any order; at most
-    so many pairs of consecutive frames, spread over the film.
+    tracks: track_id, frame and mass centre, a row per picture of this `kind`; at most so many pairs
+    of consecutive frames, spread over the film.
     """
-    order = np.lexsort((tracks["frame"], tracks["track_id"]))
-    track, frame = (tracks[name].to_numpy()[order] for name in ("track_id", "frame"))
+    track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
     first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
     chosen = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
     places = tracks[["x_px", "y_px"]].to_numpy(float)
     found = []
-    for pair in zip(order[chosen], order[chosen + 1], strict=True):
+    for pair in zip(chosen, chosen + 1, strict=True):
         steps = Steps(painter)
         for row in pair:
             x, y = places[row]

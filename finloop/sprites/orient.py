@@ -1,7 +1,7 @@
 """Sprites: a few frames of the film, turned to fill all orientations (fish paper §3.3)."""
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,6 +27,7 @@ SPRITES = Schema(
         Column("sequence", "string", "1"),
         Column("step", "int16", "1"),
         Column("phase", "string", "1"),
+        Column("row", "int32", "1"),
         Column("track_id", "int32", "1"),
         Column("frame", "int32", "1"),
         Column("mirrored", "bool", "1"),
@@ -67,11 +68,11 @@ class Gallery:
         return np.stack(
             [
                 aligned(
-                    placed(self.cutouts[cutout]), x, y, heading,
+                    placed(self.cutouts[row]), x, y, heading,
                     pick.PICTURE / (pick.ROOM * length), pick.PICTURE,
                 )
-                for cutout, x, y, length, heading in zip(
-                    of["cutout"], of["x_px"], of["y_px"], of["length_px"], heading_deg, strict=True
+                for row, x, y, length, heading in zip(
+                    rows.tolist(), of["x_px"], of["y_px"], of["length_px"], heading_deg, strict=True
                 )
             ]
         )  # fmt: skip
@@ -233,6 +234,7 @@ def _sequence(table: pd.DataFrame, word: str, choice: Choice, typical_px: float)
             "sequence": word,
             "step": np.arange(n),
             "phase": phase,
+            "row": np.arange(len(table))[stretch.rows],
             "track_id": here["track_id"].to_numpy(),
             "frame": here["frame"].to_numpy(),
             "mirrored": choice.mirrored,
@@ -283,13 +285,10 @@ def _with_next(table: pd.DataFrame, stretch: Stretch) -> slice:
     return slice(stretch.rows.start, after + int(more))
 
 
-def drawn(sprites: pd.DataFrame, source: Callable[[int, int], Cutout]) -> Iterator[Cutout]:
-    """Every sprite in all orientations: the row is sprite · orientations + orientation − 1.
-
-    `source` gives the film's cut-out of a track and frame.
-    """
+def drawn(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
+    """Every sprite in all orientations: the row is sprite · orientations + orientation − 1."""
     for row in sprites.itertuples():
-        cutout = source(row.track_id, row.frame)
+        cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None
         for ahead in direction_deg(np.arange(1, row.orientations + 1), row.orientations):
             one = turned(

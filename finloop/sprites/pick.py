@@ -22,7 +22,6 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
-from finloop.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 
 SIDES = {"left": LEFT, "right": RIGHT}
@@ -87,21 +86,11 @@ of these fish, headed right, their mass centres in the middle, all of one length
 
 
 def swimmers(features: pd.DataFrame, tracks: pd.DataFrame) -> pd.DataFrame:
-    """All that picking needs to know of every fish of every frame, sorted by track_id, frame.
+    """All that picking needs to know of every fish of every frame, a row for each of both tables.
 
-    `tracks` has the rows of the cut-out store; `cutout` is that row. `heading` is unwrapped,
-    `place` is in px, lengths are in body lengths.
+    `heading` is unwrapped, `place` is in px, lengths are in body lengths.
     """
-    beside = tracks[["track_id", "frame", "area_px", "contrast"]].assign(
-        cutout=np.arange(len(tracks))
-    )
-    table = features.merge(beside, on=["track_id", "frame"], how="left", validate="1:1")
-    if table["cutout"].isna().any():
-        raise FinloopError(
-            f"{int(table['cutout'].isna().sum())} rows of the features have no cut-out",
-            "features and cut-outs of the same film",
-            "make both again: `dvc repro`",
-        )
+    table = features.assign(area_px=tracks["area_px"], contrast=tracks["contrast"])
     of_track = table.groupby("track_id", sort=False)
     length = of_track["body_length_px"].transform("median").to_numpy()
     back = np.radians(table["heading_deg"].to_numpy(float))
@@ -117,7 +106,6 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame) -> pd.DataFrame:
         {
             "track_id": table["track_id"].to_numpy(),
             "frame": table["frame"].to_numpy(),
-            "cutout": table["cutout"].to_numpy(np.int64),
             "x_px": table["x_px"].to_numpy(),
             "y_px": table["y_px"].to_numpy(),
             "step_x_px": gone[:, 0],

@@ -6,7 +6,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutouts
-from finloop.distance.picture import film_rows, picture
+from finloop.distance.picture import picture
 from finloop.features.table import direction_deg, orientations_of
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
@@ -35,22 +35,21 @@ def following(
 
     At the end of a track, where there is nothing, the frame itself.
     """
-    rows = film_rows(film)
-    places = features.set_index(["track_id", "frame"])[["x_px", "y_px"]]
+    places = list(features[["x_px", "y_px"]].itertuples(index=False))
+    key = features[["track_id", "frame"]].to_numpy()
+    goes_on = np.append((np.diff(key, axis=0) == (0, 1)).all(1), False)
     heading = float(direction_deg(number, orientations_of(sprites)))
     found = []
     for sprite in sprites.itertuples():
-        key = int(sprite.track_id), int(sprite.frame) + 1
-        side = -1 if sprite.mirrored else 1
-        turn = -(sprite.heading_deg + side * sprite.turn_deg)
-        if key not in rows.index:
-            key, turn = (key[0], key[1] - 1), -sprite.heading_deg
+        row, turn = int(sprite.row), -sprite.heading_deg
+        if goes_on[row]:
+            row, turn = row + 1, turn - (-1 if sprite.mirrored else 1) * sprite.turn_deg
         # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-        cutout, length = film[int(rows[key])], length_px / sprite.scale
+        cutout, length = film[row], length_px / sprite.scale
         if sprite.mirrored:
-            shown = picture(cutout, places.loc[key], length, size, turn - heading)[::-1]
+            shown = picture(cutout, places[row], length, size, turn - heading)[::-1]
         else:
-            shown = picture(cutout, places.loc[key], length, size, turn + heading)
+            shown = picture(cutout, places[row], length, size, turn + heading)
         found.append(shown)
     return np.stack(found)
 

@@ -67,14 +67,12 @@ class Poses:
 def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
     """The film's backbones, head first, relative to the mass centre, y up.
 
-    tracks: as `extract` wrote it; features: track_id, frame and the head of each of its rows.
+    tracks: as `extract` wrote it; features: the head of each of its rows.
     """
-    key = ["track_id", "frame"]
-    head = tracks[key].merge(features, on=key, how="left", validate="one_to_one")
     names = ("backbone_x_px", "backbone_y_px")
     line = np.stack([lists_to_array(tracks[name]) for name in names], axis=-1).astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
-    there = head[["head_x_px", "head_y_px"]].to_numpy(float)[:, None]
+    there = features[["head_x_px", "head_y_px"]].to_numpy(float)[:, None]
     far = np.linalg.norm(line[:, [0, -1]] - there, axis=-1)
     backwards = far[:, 0] > far[:, 1]
     line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
@@ -82,17 +80,16 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
     return Film(local * (1, -1), half_width)
 
 
-def poses(edit: pd.DataFrame, film: Film, tracks: pd.DataFrame, sprites: pd.DataFrame) -> Poses:
+def poses(edit: pd.DataFrame, film: Film, sprites: pd.DataFrame) -> Poses:
     """The fish at every tick of an edit list (schema EDIT).
 
-    tracks: track_id, frame of every row of the film; sprites: schema SPRITES, may be empty if the
-    list has none.
+    sprites: schema SPRITES, may be empty if the list has none.
     """
-    first = _cast(edit, "", "source", tracks, sprites)
+    first = _cast(edit, "", "source", sprites)
     weight = edit["weight"].to_numpy(float)
     fades = weight > 0
     second = Cast(*(np.where(fades, b, a) for a, b in zip(
-        first, _cast(edit, "partner_", "partner", tracks, sprites), strict=True,
+        first, _cast(edit, "partner_", "partner", sprites), strict=True,
     )))  # fmt: skip
     (line, width), (other, other_width) = (_bodies(film, cast) for cast in (first, second))
     share = weight[:, None]
@@ -107,9 +104,7 @@ def poses(edit: pd.DataFrame, film: Film, tracks: pd.DataFrame, sprites: pd.Data
     )
 
 
-def _cast(
-    edit: pd.DataFrame, prefix: str, number: str, tracks: pd.DataFrame, sprites: pd.DataFrame
-) -> Cast:
+def _cast(edit: pd.DataFrame, prefix: str, number: str, sprites: pd.DataFrame) -> Cast:
     """Every tick's picture as a body of the film; where there is none, any."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
@@ -121,14 +116,10 @@ def _cast(
     if drawn.any():
         count = orientations_of(sprites)
         which = sprites.iloc[source[drawn] // count]
-        rows = pd.Series(np.arange(len(tracks)), pd.MultiIndex.from_frame(tracks[_KEY]))
-        row[drawn] = rows.loc[pd.MultiIndex.from_frame(which[_KEY])].to_numpy()
+        row[drawn] = which["row"]
         axis[drawn], mirrored[drawn] = which["heading_deg"], which["mirrored"]
         turn[drawn] += direction_deg(source[drawn] % count + 1, count) - axis[drawn]
     return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
-
-
-_KEY = ["track_id", "frame"]
 
 
 def _bodies(film: Film, cast: Cast) -> tuple[Floats, Floats]:
