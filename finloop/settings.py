@@ -10,11 +10,13 @@ Types are strict (3.0 is no int, "3" no number, true no 1); NaN and infinity are
 """
 
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
-from importlib import import_module
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
+from types import ModuleType
 from typing import Annotated, Any, get_args, get_type_hints
 
 import yaml
@@ -63,11 +65,22 @@ def settings(word: str, **values: Any) -> Any:
 
 def variants(word: str) -> dict[str, type]:
     """The dataclasses of a stage word, by the names of their files in conf/<word>/."""
-    declared = import_module(f"finloop.{word}.settings").Settings
+    declared = _declaration(word).Settings
     union = get_args(declared)
     if not union:
         return {"default": declared}
     return {get_args(get_type_hints(one)["source"])[0]: one for one in union}
+
+
+def _declaration(word: str) -> ModuleType:
+    """The module finloop.<word>.settings, without its package, which brings torch and the like."""
+    name = f"finloop.{word}.settings"
+    if name not in sys.modules:
+        spec = spec_from_file_location(name, Path(__file__).parent / word / "settings.py")
+        assert spec is not None and spec.loader is not None
+        sys.modules[name] = module_from_spec(spec)
+        spec.loader.exec_module(sys.modules[name])
+    return sys.modules[name]
 
 
 def usual_options() -> dict[str, str]:

@@ -4,6 +4,7 @@ While `dvc exp run` or `make params` composes conf/, this registers
 
 - a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
   in its defaults list: Hydra refuses unknown keys and wrong types against it;
+- the schema `hydra/sweeper/finloop` of what conf/experiment/ sweeps;
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
   the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
   of range, groups left out.
@@ -12,14 +13,18 @@ There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins
 """
 
 from dataclasses import fields, make_dataclass
+from pathlib import Path
 from types import UnionType
 from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from finloop.settings import CONF, WORDS, variants
-from stages.settings import STAMP, all_problems, conf_digest, refusal
+from finloop.settings import WORDS, variants
+from stages.experiment import Experiment
+from stages.settings import STAMP, all_problems, refusal, stamp
+
+CONF = Path(__file__).resolve().parents[1] / "conf"
 
 
 def schema(option: type) -> type:
@@ -42,8 +47,8 @@ def _simplified(hint: Any) -> Any:
     return hint
 
 
-def stamp(*, _root_: DictConfig) -> str:
-    """The digest of conf/, given only to a composed config in which every parameter is right."""
+def checked_stamp(*, _root_: DictConfig) -> str:
+    """The stamp of conf/, given only to a composed config in which every parameter is right."""
     # Node by node, because to resolve the root would resolve the stamp itself again.
     values: dict[str, Any] = {
         str(key): OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
@@ -52,10 +57,11 @@ def stamp(*, _root_: DictConfig) -> str:
     }
     if problems := all_problems(values):
         raise refusal(problems)
-    return conf_digest(CONF)
+    return stamp(CONF)
 
 
 for word in WORDS:
     for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
-OmegaConf.register_new_resolver(STAMP, stamp, replace=True)
+ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
+OmegaConf.register_new_resolver(STAMP, checked_stamp, replace=True)

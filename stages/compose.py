@@ -7,16 +7,22 @@ is written; the exit status is 1 where params.yaml is not the composition of con
 from stages.run import run  # isort: skip
 
 import argparse
+import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import yaml
 from dvc.utils.hydra import compose_and_dump
+from hydra import compose, initialize_config_dir
 from hydra.errors import HydraException
+from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
-from stages.settings import CONF, PARAMS
+from finloop.settings import check
+from stages.experiment import FOLDER, Experiment
+from stages.settings import CONF, LOCAL, PARAMS, STAMP, all_problems, refusal
 
 
 def composed(overrides: list[str]) -> str:
@@ -29,6 +35,35 @@ def composed(overrides: list[str]) -> str:
         except (HydraException, OmegaConfBaseException) as error:
             raise _readable(error) from error
         return output.read_text(encoding="utf-8")
+
+
+def experiment(name: str) -> Experiment:
+    """The sweep that conf/experiment/<name>.yaml declares.
+
+    Raises
+    ------
+    FinloopError
+        If there is no such file (the others are listed), or what it says is wrong.
+    """
+    override = f"+{FOLDER}={name}"
+    composed([override])  # is it right in itself; and loads the schema of a sweep
+    with initialize_config_dir(str(Path.cwd() / CONF), version_base=None):
+        whole = compose("config", [override], return_hydra_config=True)
+    if whole.hydra.runtime.choices["hydra/sweeper"] != "finloop":
+        raise FinloopError(
+            f"{CONF}/{FOLDER}/{name}.yaml has no sweep",
+            "`override /hydra/sweeper: finloop`, and hydra.sweeper.params",
+            f"make params S={override}, which takes its values",
+        )
+    values = OmegaConf.to_container(whole.hydra.sweeper)
+    sweep, problems = check(FOLDER, {name: Experiment}, values)
+    if sweep is None:
+        raise FinloopError(
+            f"{CONF}/{FOLDER}/{name}.yaml is no sweep:\n    " + "\n    ".join(problems),
+            "title, why, params, until and measures, with stages that there are",
+            "correct it",
+        )
+    return sweep
 
 
 def _readable(error: BaseException) -> FinloopError:
@@ -48,20 +83,37 @@ def _readable(error: BaseException) -> FinloopError:
     )
 
 
+def compare(overrides: list[str]) -> None:
+    """Refuse a params.yaml that is not the composition of conf/.
+
+    One that somebody composed with conf/local/, which git does not have, can be checked only where
+    that lies; elsewhere its values are checked.
+    """
+    text = PARAMS.read_text(encoding="utf-8") if PARAMS.is_file() else ""
+    values = yaml.safe_load(text) or {}
+    if "-" in values.get(STAMP, "") and not LOCAL.is_file():
+        print(f"{PARAMS} holds values of somebody's {LOCAL}: only their ranges are checked",
+              file=sys.stderr)  # fmt: skip
+        if problems := all_problems(values):
+            raise refusal(problems)
+    elif text != composed(overrides):
+        raise FinloopError(
+            f"{PARAMS} is not the composition of {CONF}/", "the two equal", "make params"
+        )
+
+
 def main() -> None:
     """Write params.yaml, or compare it."""
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
     given = parser.parse_args()
+    if given.check:
+        compare(given.overrides)
+        return
     text = composed(given.overrides)
-    if not given.check:
-        with whole_file(PARAMS) as part:
-            part.write_text(text, encoding="utf-8")
-    elif not PARAMS.is_file() or PARAMS.read_text(encoding="utf-8") != text:
-        raise FinloopError(
-            f"{PARAMS} is not the composition of {CONF}/", "the two equal", "make params"
-        )
+    with whole_file(PARAMS) as part:
+        part.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

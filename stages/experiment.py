@@ -1,17 +1,13 @@
-"""Sweeps that people do: conf/experiment/<name>.yaml, and the runs that one of them asks for."""
+"""What a sweep of conf/experiment/ declares, and the runs that it asks for."""
 
-import json
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated, Any
+from typing import Annotated
 
-import yaml
-from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
-from pydantic.dataclasses import dataclass as checked
+from pydantic import Field
 
-from finloop.errors import FinloopError
 from finloop.settings import WORDS
-from stages.settings import CONF
 
 FOLDER = "experiment"  # below conf/; no group of params.yaml
 Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
@@ -19,48 +15,48 @@ Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
 
 @dataclass(frozen=True)
 class Experiment:
-    """See conf/experiment/learning_rate.yaml."""
+    """The values of `hydra.sweeper` in conf/experiment/<name>.yaml.
+
+    Attributes
+    ----------
+    title, why : text
+        What the page that compares the runs says.
+    params : parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)"
+        What varies; every combination is a run.
+    until : a stage word
+        The last stage that a run needs.
+    measures : <stage>.<number> of its metrics
+        What is compared, beside the measures that every comparison has.
+    """
 
     title: str
     why: str
-    sweep: Annotated[dict[Name, Annotated[list[Any], Field(min_length=1)]], Field(min_length=1)]
-    until: str  # the last stage to run
-    measures: list[Name]  # <stage>.<number> of its metrics, beside those that every sweep has
+    params: Annotated[dict[Name, Annotated[str, Field(min_length=1)]], Field(min_length=1)]
+    until: str
+    measures: list[Name]
 
     def __post_init__(self) -> None:
-        for name in (self.until, *(one.partition(".")[0] for one in (*self.sweep, *self.measures))):
-            if name not in WORDS:
-                raise ValueError(f"{name} is no stage")
+        """Refuse stages that there are not."""
+        names = (self.until, *self.params, *self.measures)
+        for word in (name.partition(".")[0] for name in names):
+            if word not in WORDS:
+                raise ValueError(f"{word} is no stage")
 
     def runs(self, name: str) -> dict[str, list[str]]:
-        """Every combination: the name of its run and its overrides, the last key varying first."""
-        found = {}
-        for values in product(*self.sweep.values()):
-            told = "-".join(str(value) for value in values)
-            found[f"{name}-{told}"] = [
-                f"{key}={value}" for key, value in zip(self.sweep, values, strict=True)
-            ]
-        return found
+        """Every combination: name of the run → its overrides; the last parameter varies first."""
+        runs = {}
+        for values in product(*map(choices, self.params.values())):
+            pairs = zip(self.params, values, strict=True)
+            runs["-".join((name, *values))] = [f"{key}={value}" for key, value in pairs]
+        return runs
 
 
-def experiment(name: str) -> Experiment:
-    """One of conf/experiment/; FinloopError that lists them, or says what is wrong in it."""
-    path = CONF / FOLDER / f"{name}.yaml"
-    if not path.is_file():
-        known = ", ".join(sorted(one.stem for one in path.parent.glob("*.yaml")))
-        raise FinloopError(f"there is no {path}", f"one of {known}", "make sweep experiment=…")
-    strict = ConfigDict(extra="forbid", strict=True)
-    kind: TypeAdapter[Any] = TypeAdapter(checked(Experiment, frozen=True, config=strict))
-    try:  # as JSON: see finloop.settings.check
-        return kind.validate_json(json.dumps(yaml.safe_load(path.read_text(encoding="utf-8"))))
-    except (ValidationError, yaml.YAMLError) as error:
-        said = str(error)
-        if isinstance(error, ValidationError):
-            said = "; ".join(
-                ".".join(map(str, one["loc"])) + f": {one['msg']}" for one in error.errors()
-            )
-        raise FinloopError(
-            f"{path} is no experiment: {said}",
-            "title, why, sweep, until and measures, with stages that there are",
-            f"correct {path}",
-        ) from error
+def choices(values: str) -> Iterator[str]:
+    """The values of one parameter, from Hydra's notation of a sweep."""
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    override = OverridesParser.create().parse_override(f"swept={values}")
+    if override.is_sweep_override():
+        yield from override.sweep_string_iterator()
+    else:
+        yield override.get_value_string()

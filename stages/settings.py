@@ -6,6 +6,7 @@ nothing. So params.yaml is stamped with a digest of conf/, and refused where con
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from finloop.settings import WORDS, check, usual_options, values_of, variants
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
+LOCAL = CONF / "local/default.yaml"  # one's own film and settings; git ignores it
 STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from
 
 
@@ -52,7 +54,11 @@ def read() -> dict[str, Any]:
 
 
 def _refuse_stale(values: Mapping[str, Any]) -> None:
-    if values.get(STAMP) != conf_digest(CONF):
+    stamps = [str(values.get(STAMP)), stamp(CONF)]
+    if Path(os.environ.get("DVC_ROOT", ".")).resolve() != Path.cwd():
+        # A temporary experiment has only what git has; conf/local/ was composed before.
+        stamps = [one.partition("-")[0] for one in stamps]
+    if stamps[0] != stamps[1]:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",
             f"a {PARAMS} composed from the present {CONF}/, so that no old value is used unseen",
@@ -61,13 +67,24 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
         )
 
 
-def conf_digest(conf: Path) -> str:
-    """A digest of every .yaml file in a folder, names and contents, whatever the line ends."""
+def stamp(conf: Path) -> str:
+    """A digest of the values in conf/, and after a `-` one of conf/local/ where that is in use.
+
+    Experiments are left out: a new one changes no value.
+    """
+    files = {path.relative_to(conf).as_posix(): path for path in conf.rglob("*.yaml")}
+    shared = [name for name in files if not name.startswith(("experiment/", "local/"))]
+    local = [name for name in files if name == LOCAL.relative_to(CONF).as_posix()]
+    parts = (_digest({name: files[name] for name in names}) for names in (shared, local) if names)
+    return "-".join(parts)
+
+
+def _digest(files: Mapping[str, Path]) -> str:
+    """Of names and contents, whatever the line ends."""
     digest = hashlib.sha256()
-    for path in sorted(conf.rglob("*.yaml"), key=lambda path: path.relative_to(conf).as_posix()):
+    for name, path in sorted(files.items()):
         text = path.read_bytes().replace(b"\r\n", b"\n")
-        name = path.relative_to(conf).as_posix().encode()
-        digest.update(b"%d %s %d %s" % (len(name), name, len(text), text))
+        digest.update(b"%d %s %d %s" % (len(name), name.encode(), len(text), text))
     return digest.hexdigest()[:16]
 
 

@@ -30,7 +30,7 @@ from stages.settings import CONF, PARAMS, all_problems, refusal
 def _composed(overrides: tuple[str, ...]) -> str:
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(ROOT)
-        return composed(list(overrides))
+        return composed(["~local", *overrides])
 
 
 @cache

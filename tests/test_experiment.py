@@ -1,7 +1,9 @@
 """Sweeps and their comparison, what params.yaml says beyond conf/; test_pipeline.py runs one."""
 
 import json
+from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,12 +14,13 @@ from conftest import ROOT, TINY_CARP
 
 from finloop.errors import FinloopError
 from finloop.report.compare import OBJECTIVES, comparison, html, pareto
-from stages import experiment as door
-from stages.compose import composed
-from stages.experiment import experiment
-from stages.settings import overrides as changed
+from finloop.settings import check, settings
+from stages.compose import composed, experiment
+from stages.experiment import Experiment, choices
+from stages.settings import overrides as overrides_of
 
 EXPERIMENTS = sorted(path.stem for path in (ROOT / "conf/experiment").glob("*.yaml"))
+SWEEPS = [name for name in EXPERIMENTS if name != "paper"]  # which sets values, and varies none
 
 
 @pytest.fixture(autouse=True)
@@ -25,28 +28,50 @@ def in_root(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(ROOT)
 
 
+@cache
+def usual() -> dict[str, Any]:
+    return yaml.safe_load(composed(["~local"]))
+
+
 # --- conf/experiment
 
 
 @pytest.mark.parametrize("name", EXPERIMENTS)
-def test_an_experiment_varies_what_there_is_and_measures_what_is_measured(name):
+def test_an_experiment_composes_as_any_group_of_hydra(name):
+    values = yaml.safe_load(composed(["~local", f"+experiment={name}"]))
+    assert values.keys() == usual().keys()  # no title, no sweep
+    assert (values != usual()) == (name not in SWEEPS)
+
+
+def test_an_experiment_that_varies_nothing_is_no_sweep():
+    with pytest.raises(FinloopError, match="has no sweep"):
+        experiment("paper")
+
+
+@pytest.mark.parametrize("name", SWEEPS)
+def test_a_sweep_varies_what_there_is_and_measures_what_is_measured(name):
     one = experiment(name)
-    whole = yaml.safe_load(composed([]))
-    for key, values in one.sweep.items():
+    for key, values in one.params.items():
         word, key = key.split(".")
-        assert key in whole[word]
-        assert len(set(map(str, values))) == len(values) > 1
-        assert whole[word][key] in values  # what is usual is among them
+        varied = list(choices(values))
+        assert len(set(varied)) == len(varied) > 1
+        assert str(usual()[word][key]) in varied  # what is usual is among them
     for measure in (*one.measures, *(each.key for each in OBJECTIVES)):
         stage, key = measure.split(".")
         assert key in json.loads((ROOT / f"reports/{stage}/metrics.json").read_text())
 
 
-def test_every_value_is_allowed():
-    for name in EXPERIMENTS:  # one key after the other, all values of one experiment at once
-        for overrides in [list(experiment(name).runs(name).values())[-1]]:
-            composed(overrides)
+@pytest.mark.parametrize("name", SWEEPS)
+def test_every_value_is_allowed(name):
+    runs = experiment(name).runs(name).values()
+    for key, value in {one.partition("=")[::2] for overrides in runs for one in overrides}:
+        word, key = key.split(".")
+        settings(word, **{key: yaml.safe_load(value)})
+
+
+def test_every_combination_is_a_run():
     runs = experiment("orientations").runs("orientations")
+    assert len(runs) == 6
     assert list(runs)[:2] == ["orientations-12-film", "orientations-12-body"]
     assert runs["orientations-48-film"] == ["features.orientations=48", "distance.pose=film"]
 
@@ -54,28 +79,35 @@ def test_every_value_is_allowed():
 GOOD = {
     "title": "t",
     "why": "w",
-    "sweep": {"bpn.hidden": [1, 2]},
+    "params": {"bpn.hidden": "1, 2"},
     "until": "animate",
     "measures": [],
 }
 
 
+def test_values_are_in_the_notation_of_hydra():
+    sweep = Experiment("t", "w", {"bpn.hidden": "range(1, 3)", "bpn.seed": "7"}, "animate", [])
+    assert sweep.runs("one") == {
+        "one-1-7": ["bpn.hidden=1", "bpn.seed=7"],
+        "one-2-7": ["bpn.hidden=2", "bpn.seed=7"],
+    }
+
+
 @pytest.mark.parametrize(
-    ("change", "said"),
-    [({"until": "nowhere"}, "nowhere is no stage"), ({"sweep": {}}, "sweep"), ({"more": 1}, "more"),
-     ({"sweep": {"hidden": [1]}}, "sweep.hidden"), ({"measures": ["nosuch.a"]}, "nosuch is no stage")],
+    ("change", "problem"),
+    [({"until": "nowhere"}, "nowhere is no stage"), ({"params": {}}, "one.params"),
+     ({"more": 1}, "one.more: unknown"), ({"params": {"hidden": "1"}}, "one.params.hidden"),
+     ({"measures": ["nosuch.a"]}, "nosuch is no stage"), ({"title": "???"}, "title: has no value")],
 )  # fmt: skip
-def test_a_wrong_experiment_is_refused_by_name(change, said, tmp_path, monkeypatch):
-    monkeypatch.setattr(door, "CONF", tmp_path)
-    (tmp_path / "experiment").mkdir()
-    path = tmp_path / "experiment/one.yaml"
-    path.write_text(yaml.safe_dump(GOOD))
-    assert experiment("one").runs("one") == {"one-1": ["bpn.hidden=1"], "one-2": ["bpn.hidden=2"]}
-    path.write_text(yaml.safe_dump(GOOD | change))
-    with pytest.raises(FinloopError, match=said):
-        experiment("one")
-    with pytest.raises(FinloopError, match="one of one"):
-        experiment("two")
+def test_a_wrong_sweep_is_refused_by_name(change, problem):
+    assert check("one", {"one": Experiment}, GOOD)[1] == []
+    (problem_here,) = check("one", {"one": Experiment}, GOOD | change)[1]
+    assert problem in problem_here
+
+
+def test_an_experiment_that_is_not_there_names_the_others():
+    with pytest.raises(FinloopError, match="learning_rate"):
+        experiment("nosuch")
 
 
 @pytest.mark.parametrize(
@@ -84,10 +116,10 @@ def test_a_wrong_experiment_is_refused_by_name(change, said, tmp_path, monkeypat
                      "animate.goals=[[0.1,0.2],[0.9,0.5]]", "distance.keep=null", "morph.back=false"]],
 )  # fmt: skip
 def test_what_was_changed_composes_to_the_same_again(overrides):
-    text = composed(list(overrides))
-    again = changed(yaml.safe_load(text))
+    text = composed(["~local", *overrides])
+    again = overrides_of(yaml.safe_load(text))
     assert bool(again) == bool(overrides)
-    assert composed(again) == text
+    assert composed(["~local", *again]) == text
 
 
 # --- which are best

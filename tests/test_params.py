@@ -1,6 +1,7 @@
 """Parameters: what is refused, by which name, when; and params.yaml is the composition of conf/."""
 
 import inspect
+import os
 import re
 import shutil
 import subprocess
@@ -17,9 +18,9 @@ from pydantic import Field
 from finloop.errors import FinloopError
 from finloop.settings import WORDS, check, settings, values_of, variants
 from stages import settings as door
-from stages.compose import composed
+from stages.compose import compare, composed
 from stages.experiment import FOLDER
-from stages.settings import STAMP, all_problems, conf_digest, load, refusal
+from stages.settings import LOCAL, STAMP, all_problems, load, refusal, stamp
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
@@ -118,7 +119,7 @@ def test_the_source_decides_between_options():
 
 @cache  # composing takes Hydra a sixth of a second
 def made(*overrides: str) -> str:
-    return composed(list(overrides))
+    return composed(["~local", *overrides])
 
 
 def composed_values(word: str, option: str) -> dict[str, Any]:
@@ -199,13 +200,17 @@ def test_what_is_declared_is_cheap_to_know():
 
 
 def test_conf_holds_the_options_and_no_others():
-    files = [path for path in (ROOT / "conf").glob("*/*.yaml") if path.parent.name != FOLDER]
+    files = [
+        path
+        for path in (ROOT / "conf").glob("*/*.yaml")
+        if path.parent.name not in (FOLDER, "local")
+    ]
     found = {(path.parent.name, path.stem) for path in files}
     assert found == set(EVERY)
 
 
 def test_params_yaml_is_the_composition_of_conf():
-    assert (ROOT / "params.yaml").read_text() == made()
+    compare([])
 
 
 def test_the_whole_must_be_there_and_nothing_else():
@@ -253,6 +258,7 @@ def test_a_value_out_of_range_is_refused_while_composing(bad):
 def elsewhere(tmp_path, monkeypatch):
     """A folder with conf/ and its params.yaml, and it is the current one."""
     shutil.copytree(ROOT / "conf", tmp_path / "conf")
+    (tmp_path / LOCAL).unlink(missing_ok=True)
     (tmp_path / "params.yaml").write_text(made())
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -295,17 +301,86 @@ def test_a_stamp_is_no_parameter_to_override():
         door._refuse_stale({STAMP: "0" * 16})
 
 
-def test_the_digest_sees_names_and_contents_but_not_line_ends(tmp_path):
+def test_the_stamp_sees_names_and_contents_but_no_line_ends_and_no_experiments(tmp_path):
     conf = tmp_path / "conf"
     conf.mkdir()
     (conf / "a.yaml").write_bytes(b"x: 1\ny: 2\n")
-    first = conf_digest(conf)
+    first = stamp(conf)
     (conf / "notes.txt").write_text("not configuration")
+    (conf / FOLDER).mkdir()
+    (conf / FOLDER / "new.yaml").write_text("x: 3")
     (conf / "a.yaml").write_bytes(b"x: 1\r\ny: 2\r\n")
-    assert conf_digest(conf) == first
+    assert stamp(conf) == first
     (conf / "b.yaml").write_bytes(b"")
-    second = conf_digest(conf)
+    second = stamp(conf)
     (conf / "b.yaml").rename(conf / "c.yaml")
-    third = conf_digest(conf)
+    third = stamp(conf)
     (conf / "a.yaml").write_bytes(b"x: 1\ny: 3\n")
-    assert len({first, second, third, conf_digest(conf)}) == 4
+    assert len({first, second, third, stamp(conf)}) == 4
+
+
+# --- conf/local/: one's own film and settings
+
+
+@pytest.fixture(scope="module")
+def own_params(tmp_path_factory) -> str:
+    """params.yaml of a repository in which the example of conf/local/ is in use."""
+    root = tmp_path_factory.mktemp("own")
+    for name in ("conf", "hydra_plugins"):
+        shutil.copytree(ROOT / name, root / name)
+    shutil.copyfile(ROOT / f"{LOCAL}.example", root / LOCAL)
+    # A process of its own: the plugin that is loaded here looks at the repository's own conf/.
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    command = [sys.executable, "-m", "stages.compose"]
+    subprocess.run(command, cwd=root, env=env, check=True)
+    text = (root / "params.yaml").read_text()
+    subprocess.run([*command, "--check"], cwd=root, env=env, check=True)
+    subprocess.run([*command, "~local"], cwd=root, env=env, check=True)
+    assert yaml.safe_load((root / "params.yaml").read_text()) | {STAMP: 0} == yaml.safe_load(
+        made()
+    ) | {STAMP: 0}
+    return text
+
+
+@pytest.fixture
+def own(own_params, elsewhere):
+    """The same conf/ and params.yaml, for this process."""
+    shutil.copyfile(f"{LOCAL}.example", LOCAL)
+    (elsewhere / "params.yaml").write_text(own_params)
+    return elsewhere
+
+
+def test_ones_own_film_and_settings_are_composed_every_time(own):
+    clip, extract = load("clip"), load("extract")
+    assert (clip.source, clip.path) == ("file", "/some/where.mp4")
+    assert extract == settings("extract", noise_sigmas=6.0)
+    assert not subprocess.run(["git", "check-ignore", "-q", LOCAL], cwd=ROOT).returncode
+
+
+def test_an_edit_of_ones_own_settings_is_never_passed_over(own):
+    LOCAL.write_text(LOCAL.read_text().replace("6.0", "7.0"))
+    with pytest.raises(FinloopError, match="make params"):
+        load("extract")
+    LOCAL.unlink()
+    with pytest.raises(FinloopError, match="make params"):
+        load("extract")
+
+
+def test_a_temporary_experiment_has_ones_own_settings_without_the_file(own, monkeypatch):
+    LOCAL.unlink()
+    monkeypatch.setenv("DVC_ROOT", str(ROOT))
+    assert load("extract").noise_sigmas == 6.0
+    with (own / "conf/config.yaml").open("a") as file:
+        file.write("# edited\n")
+    with pytest.raises(FinloopError, match="make params"):
+        load("extract")
+
+
+def test_where_the_file_is_not_its_values_are_checked(own, capsys):
+    LOCAL.unlink()
+    compare([])
+    assert str(LOCAL) in capsys.readouterr().err
+    path = own / "params.yaml"
+    path.write_text(path.read_text().replace("noise_sigmas: 6.0", "noise_sigmas: -6.0"))
+    with pytest.raises(FinloopError, match=r"extract\.noise_sigmas: should be greater"):
+        compare([])

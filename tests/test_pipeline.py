@@ -145,7 +145,9 @@ def test_metrics_and_plots_show_what_stages_make():
     for plot in PIPELINE["plots"]:
         for name, shape in plot.items() if isinstance(plot, dict) else [(plot, None)]:
             sources = shape["y"] if shape and "y" in shape else [name]
-            assert all(made & {source, str(Path(source).parent)} for source in sources), name
+            # Not a file in a folder of outputs: without the cache, as in a fresh clone, DVC cannot
+            # look into the folder, and every experiment fails with "failed to load directory".
+            assert made >= set(sources), name
 
 
 # --- running
@@ -330,12 +332,14 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(repo: Copy):
     quick = {
         "title": "t",
         "why": "w",
-        "sweep": {"features.release": [0.4, 0.5, 7.0]},
+        "params": {"features.release": "0.4, 0.5, 7.0"},
         "until": "features",
         "measures": ["features.straight_pct"],
     }
-    (repo.root / "conf/experiment/quick.yaml").write_text(yaml.safe_dump(quick))
-    repo.compose()  # conf/ is another one now
+    experiment = {"defaults": [{"override /hydra/sweeper": "finloop"}], "hydra": {"sweeper": quick}}
+    text = "# @package _global_\n" + yaml.safe_dump(experiment)
+    (repo.root / "conf/experiment/quick.yaml").write_text(text)
+    assert "Running" not in repo.dvc("repro")  # a new sweep changes nothing
     repo.git("add", "--all")
     repo.git("commit", "--quiet", "--message", "a sweep of my own")
     before = repo.git("status", "--porcelain"), repo.text("dvc.lock"), repo.text("params.yaml")

@@ -36,9 +36,8 @@ from omegaconf.errors import OmegaConfBaseException
 
 from finloop.errors import FinloopError
 from stages.compare import compare, git, head, table
-from stages.compose import composed
-from stages.experiment import experiment
-from stages.settings import overrides, read
+from stages.compose import composed, experiment
+from stages.settings import LOCAL, overrides, read
 
 COMMAND = "exec python -m "  # of every stage in dvc.yaml
 LOG = Path(".dvc/tmp/sweep.log")
@@ -55,6 +54,8 @@ def copy(root: Path, folder: Path, cache: Path) -> Path:
             shutil.copy2(root / name, folder / name)
         else:
             (folder / name).unlink(missing_ok=True)
+    if (root / LOCAL).is_file():  # which git ignores
+        shutil.copyfile(root / LOCAL, folder / LOCAL)
     # Times too: numba takes its compiled code only for a source as old as it was.
     shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
     settings = f"[cache]\n    dir = {cache}\n"
@@ -221,7 +222,7 @@ def main() -> None:
     made = [name for name in runs if name not in failed]
     if made:
         wide = {} if sys.stdout.isatty() else {"COLUMNS": "200"}
-        subprocess.run(table(asked.sweep, asked.measures), env=os.environ | wide, check=False)
+        subprocess.run(table(asked.params, asked.measures), env=os.environ | wide, check=False)
         print(f"\n{compare(made, list(asked.measures), asked.title, asked.why)} compares them.")
     if failed:
         for name, log in failed.items():
