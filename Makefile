@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test setup params repro play sweep lint params-check bench clean
+.PHONY: help demo test setup params repro play sweep lint params-check bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -92,6 +92,9 @@ params-check: setup ## is params.yaml the composition of conf/?
 
 bench: setup ## measure speed and memory, as ratios in one run
 	@python -m benchmarks
+
+docs: display setup ## draw every picture of the README and the guides anew; wants chromium
+	@python -m docs.draw
 
 clean: ## remove results and caches; DVC's cache and .venv stay
 	@git clean -Xdfq reports data

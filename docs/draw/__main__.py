@@ -1,0 +1,164 @@
+"""Draw every picture: `python -m docs.draw`; from a run kept in a folder: `… docs.draw FOLDER`."""
+
+import argparse
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from itertools import chain
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+import yaml
+
+from benchmarks.pipeline import ROOT, prepare, stage
+from docs.draw.browser import chromium, live_tank, report
+from docs.draw.film import (
+    RATE_HZ,
+    Picture,
+    captioned,
+    frames,
+    save_film,
+    save_still,
+    sized,
+    steady,
+    window,
+)
+from docs.draw.flow import save_flow
+from docs.draw.guides import draw_guides
+
+PICTURES = ROOT / "docs/pictures"
+CARP = ["clip=carp", "clip.width_px=800", "clip.height_px=560", "animate.trials=1"]
+HERO_PX, PANEL_PX, REPORT_PX = 720, 320, 900  # widths
+FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # of the film, of its outlines, after the last goal
+WINDOW, PANEL_S = (360, 270), 8.0  # that follows the fish; seconds of it
+TANK_S = 7.0, 18.0  # of the film of the 3-D tank
+OUTLINE = (120, 255, 220)
+SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # the fish of the live tank
+
+
+def run_pipeline(folder: Path) -> None:
+    """Every stage on the drawn carp."""
+    for name in ("data/drawings", "data/gaits"):
+        shutil.copytree(ROOT / name, folder / name)
+    (folder / "benchmarks").mkdir()
+    shutil.copy2(ROOT / "benchmarks/table2.csv", folder / "benchmarks")
+    prepare(folder, CARP)
+    for word in yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]:
+        if word != "params":
+            print(f"docs: stage {word}", file=sys.stderr)
+            stage(folder, word)
+
+
+def outlined(folder: Path, start_s: float, end_s: float) -> Iterator[Picture]:
+    """The film with the outline of every fish."""
+    tracks = pd.read_parquet(folder / "data/extract/tracks.parquet")
+    rate = tracks_rate(folder)
+    for number, picture in enumerate(frames(folder / "data/clip/clip.mp4", start_s, end_s)):
+        marked = picture.copy()
+        frame = round((start_s + number / RATE_HZ) * rate)
+        for fish in tracks[tracks["frame"] == frame].itertuples():
+            line = np.round(16 * np.stack([fish.outline_x_px, fish.outline_y_px], 1))
+            cv2.polylines(marked, [line.astype(np.int32)], True, OUTLINE, 1, cv2.LINE_AA, 4)
+        yield marked
+
+
+def tracks_rate(folder: Path) -> float:
+    """Frames per second of the clip."""
+    table = pd.read_parquet(folder / "data/features/features.parquet", columns=["frame", "time_s"])
+    last = table.loc[table["frame"].idxmax()]
+    return float(last["frame"] / last["time_s"])
+
+
+def story(folder: Path) -> Iterator[Picture]:
+    """The film, what is measured in it, and the fish on its way to A, B and C."""
+    clip, edit = folder / "data/clip/clip.mp4", edit_list(folder, "hybrid")
+    wanders = edit.loc[edit["goal"] == "", "time_s"]
+    end_s = AFTER_S + float(wanders.iloc[0] if len(wanders) else edit["time_s"].iloc[-1])
+    parts = (
+        (frames(clip, 0, FILM_S), "1   The film"),
+        (outlined(folder, FILM_S, FILM_S + OUTLINE_S), "2   The fish is cut out and measured"),
+        (frames(folder / "data/render/hybrid_marked.mp4", 0, end_s), "3   Sent to A, B and C"),
+    )
+    return chain.from_iterable(
+        captioned((sized(one, HERO_PX) for one in steady(part)), words) for part, words in parts
+    )
+
+
+def edit_list(folder: Path, mode: str) -> pd.DataFrame:
+    """What is drawn in every tick; no goal is an empty name."""
+    return pd.read_parquet(folder / f"data/animate/{mode}.parquet").fillna({"goal": ""})
+
+
+def panel(path: Path, places: pd.DataFrame) -> Iterator[Picture]:
+    """A window of a film that follows the fish, smoothly."""
+    smooth = places[["x_px", "y_px"]].rolling(51, center=True, min_periods=1).mean()
+
+    def place(time_s: float) -> tuple[float, float]:
+        at = np.searchsorted(places["time_s"], time_s)
+        x, y = smooth.iloc[min(at, len(smooth) - 1)]
+        return float(x), float(y)
+
+    follow = window(steady(frames(path, 0, PANEL_S)), place, WINDOW)
+    return (sized(one, PANEL_PX) for one in follow)
+
+
+def draw_panels(folder: Path) -> None:
+    """The film, the network and the hybrid, to be put side by side."""
+    film = pd.read_parquet(folder / "data/features/features.parquet")
+    first = film[film["track_id"] == film["track_id"].iloc[0]]
+    save_film(PICTURES / "film.webp", panel(folder / "data/clip/clip.mp4", first))
+    for mode in ("nn", "hybrid"):  # the second is the one that the other pictures show
+        prepare(folder, [*CARP, f"render.mode={mode}"])
+        stage(folder, "render")
+        moving = panel(folder / f"data/render/{mode}.mp4", edit_list(folder, mode))
+        save_film(PICTURES / f"{'network' if mode == 'nn' else mode}.webp", moving)
+
+
+def draw_drawings() -> None:
+    """A morph, and two drawings that a gait drives, by the commands of the guide."""
+    faces = ["morph", "face_a", "face_b", "--frames", "36", "--back"]
+    dog = ["gait", "dog_1", "dog_2", "--gait", "dog_walk"]
+    fish = ["gait", "fish_1", "fish_2", "--gait", "trout", "--frames", "24", "--rate", "30"]
+    for name, (tool, one, other, *how) in {"morph": faces, "dog": dog, "fish": fish}.items():
+        keys = [str(ROOT / f"data/drawings/{key}.svg") for key in (one, other)]
+        output = ["-o", str(PICTURES / f"{name}.webp"), "--size", str(PANEL_PX)]
+        command = [sys.executable, "-m", f"finloop.{tool}", *keys, *how, *output]
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+
+
+def draw_all(folder: Path) -> None:
+    """All that is made from one run of the pipeline."""
+    draw_panels(folder)
+    save_film(PICTURES / "goals.webp", story(folder))
+    tank = frames(folder / "data/tank/tank.mp4", *TANK_S)
+    save_film(PICTURES / "tank.webp", (sized(one, 480) for one in tank))
+    draw_drawings()
+    save_still(PICTURES / "live.webp", live_tank(folder, SENT))
+    save_still(PICTURES / "report.webp", sized(report(folder), REPORT_PX))
+
+
+def main() -> None:
+    """Make docs/pictures/."""
+    parser = argparse.ArgumentParser(prog="python -m docs.draw", description=__doc__)
+    parser.add_argument("folder", nargs="?", type=Path, help="a run of the pipeline on the carp")
+    folder = parser.parse_args().folder
+    chromium()  # before the long work
+    PICTURES.mkdir(exist_ok=True)
+    save_flow(PICTURES / "flow.svg", ROOT / "dvc.yaml")
+    with tempfile.TemporaryDirectory() as scratch:
+        if folder is None:
+            folder = Path(scratch) / "carp"
+            folder.mkdir()
+            run_pipeline(folder)
+        draw_all(folder.resolve())
+        draw_guides(folder, Path(scratch), PICTURES)
+    size = sum(path.stat().st_size for path in PICTURES.iterdir())
+    print(f"docs: {len(list(PICTURES.iterdir()))} pictures, {size / 1e6:.1f} MB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""Pages as a browser shows them: the report and the live tank."""
+
+import io
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from benchmarks.pipeline import ROOT
+from docs.draw.film import Picture
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+WIDTH_PX, HEIGHT_PX = 1280, 800  # of the window
+HEAD_PX = "Math.round(document.querySelector('#measures').getBoundingClientRect().top)"
+MOMENT_S = 15  # of the report's film
+WAIT_S = 60  # for what a page should show
+
+
+def chromium() -> str:
+    """The browser's path."""
+    for name in NAMES:
+        if path := shutil.which(name):
+            return path
+    raise SystemExit("docs: no Chromium on this machine; install it (apt-get install chromium)")
+
+
+@contextmanager
+def page(address: str) -> Iterator[Any]:
+    """A page that is open in a browser without a screen."""
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=chromium(), args=["--no-sandbox"])
+        try:
+            tab = browser.new_page(viewport={"width": WIDTH_PX, "height": HEIGHT_PX})
+            tab.goto(address)
+            yield tab
+        finally:
+            browser.close()
+
+
+def wait(tab: Any, condition: str) -> None:
+    """Until a condition of the page holds; its policy forbids playwright's own way to wait."""
+    for _ in range(WAIT_S * 10):
+        if tab.evaluate(condition):
+            return
+        tab.wait_for_timeout(100)
+    raise SystemExit(f"docs: the page still does not fulfil: {condition}")
+
+
+def shot(tab: Any, **part: Any) -> Picture:
+    """What the window shows, or the given part of the page."""
+    return np.asarray(Image.open(io.BytesIO(tab.screenshot(**part))).convert("RGB"))
+
+
+def report(folder: Path) -> Picture:
+    """The head of the report, its film in the middle, down to the most important numbers."""
+    with page((folder / "reports/index.html").resolve().as_uri()) as tab:
+        tab.evaluate("document.querySelector('video').pause()")
+        tab.evaluate(f"document.querySelector('video').currentTime = {MOMENT_S}")
+        tab.wait_for_timeout(1500)  # until that moment is shown
+        head = {"x": 0, "y": 0, "width": WIDTH_PX, "height": tab.evaluate(HEAD_PX)}
+        return shot(tab, full_page=True, clip=head)
+
+
+def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
+    """The live tank a while after each fish was sent to a place, in shares of the tank."""
+    command = [sys.executable, "-m", "stages.play", "--no-open", "--port", "0"]
+    command += ["--fish", str(len(shares))]
+    env = os.environ | {"PYTHONPATH": str(ROOT)}
+    tank = subprocess.Popen(command, cwd=folder, env=env, stderr=subprocess.PIPE, text=True)
+    try:
+        assert tank.stderr is not None
+        said = tank.stderr.readline() + tank.stderr.readline()  # that it reads; its address
+        address = next((word for word in said.split() if "http:" in word), "")
+        if not address:
+            raise SystemExit(f"docs: the live tank does not open:\n{said}{tank.stderr.read()}")
+        with page(address) as tab:
+            wait(tab, "!!state")
+            box = tab.locator("#tank").bounding_box()
+            for number, (x, y) in enumerate(shares):
+                tab.select_option("#who", str(number))
+                tab.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+            wait(tab, "state.decision && state.decision.ways.length > 3")
+            tab.wait_for_timeout(2000)  # of swimming, for a trail
+            return shot(tab)
+    finally:
+        tank.terminate()
+        tank.wait()

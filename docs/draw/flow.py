@@ -1,0 +1,93 @@
+"""The stages of dvc.yaml as an SVG: which stage waits for which."""
+
+from pathlib import Path
+from typing import Any
+from xml.sax.saxutils import escape
+
+import networkx as nx
+import yaml
+
+BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a stage, between stages, around all
+PLACES = {  # column and row of every stage
+    "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
+    "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "gait": (3, 3), "morph": (3, 4),
+    "loops": (4, 1), "gateways": (4, 2), "animate": (5, 1),
+    "render": (6, 0), "tank": (6, 1), "export": (6, 2), "report": (7, 1),
+}  # fmt: skip
+TIP = (
+    '<marker id="tip" viewBox="0 0 8 8" refX="1" refY="4" markerWidth="6" markerHeight="6" '
+    'orient="auto"><path d="M0 0L8 4L0 8z"/></marker>'
+)
+STYLE = """
+text { font: 15px system-ui, sans-serif; text-anchor: middle; dominant-baseline: central; }
+text { fill: #16242b; }
+rect { fill: #ffffff; stroke: #005f86; stroke-width: 1.5; }
+path { fill: none; stroke: #51636c; stroke-width: 1.5; marker-end: url(#tip); }
+marker path { fill: #51636c; stroke: none; marker-end: none; }
+@media (prefers-color-scheme: dark) {
+  text { fill: #e8eff2; } rect { fill: #1a252b; stroke: #7cc7e8; }
+  path { stroke: #a3b5be; } marker path { fill: #a3b5be; }
+}
+"""
+
+
+def _outputs(stage: dict[str, Any]) -> list[str]:
+    """The paths that a stage writes."""
+    listed = [out for kind in ("outs", "metrics", "plots") for out in stage.get(kind, [])]
+    return [next(iter(out)) if isinstance(out, dict) else out for out in listed]
+
+
+def flow(dvc_yaml: str) -> nx.DiGraph:
+    """Stages, an edge from each to those that wait for it; edges that follow from others left out.
+
+    The stage `params`, which only checks the values, is left out.
+    """
+    stages = yaml.safe_load(dvc_yaml)["stages"]
+    stages.pop("params", None)
+    graph = nx.DiGraph()
+    graph.add_nodes_from(stages)
+    homes = {out: name for name, stage in stages.items() for out in _outputs(stage)}
+    for name, stage in stages.items():
+        for dep in stage.get("deps", []):
+            for out, home in homes.items():
+                inside = out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")
+                if inside and home != name:
+                    graph.add_edge(home, name)
+    return nx.transitive_reduction(graph)
+
+
+def svg(dvc_yaml: str) -> str:
+    """The picture, readable on light and dark pages."""
+    graph = flow(dvc_yaml)
+    pitch = BOX[0] + GAP[0], BOX[1] + GAP[1]
+
+    def corner(name: str) -> tuple[int, int]:
+        column, row = PLACES[name]
+        return MARGIN + pitch[0] * column, MARGIN + pitch[1] * row
+
+    lines = []
+    for one, other in sorted(graph.edges):
+        (x1, y1), (x2, y2) = corner(one), corner(other)
+        y1, y2, last = y1 + BOX[1] // 2, y2 + BOX[1] // 2, x2 - GAP[0]
+        middle = last + GAP[0] // 2
+        lines.append(
+            f'<path d="M{x1 + BOX[0]} {y1}H{last}C{middle} {y1} {middle} {y2} {x2 - 6} {y2}"/>'
+        )
+    for name in sorted(graph):
+        x, y = corner(name)
+        lines.append(f'<rect x="{x}" y="{y}" width="{BOX[0]}" height="{BOX[1]}" rx="7"/>')
+        lines.append(f'<text x="{x + BOX[0] // 2}" y="{y + BOX[1] // 2}">{escape(name)}</text>')
+    columns, rows = (max(PLACES[name][axis] for name in graph) for axis in (0, 1))
+    width, height = (
+        2 * MARGIN + p * n + b for p, n, b in zip(pitch, (columns, rows), BOX, strict=True)
+    )
+    return (
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {width} {height}" '
+        f'width="{width}" height="{height}">\n<title>The stages and what each waits for</title>\n'
+        f"<style>{STYLE}</style>\n<defs>{TIP}</defs>\n" + "\n".join(lines) + "\n</svg>\n"
+    )
+
+
+def save_flow(path: Path, dvc_yaml: Path) -> None:
+    """Write the picture of a dvc.yaml."""
+    path.write_text(svg(dvc_yaml.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,69 @@
+"""The pictures of the tutorial and of troubleshooting."""
+
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from benchmarks.pipeline import STAGES, prepare, stage
+from docs.draw.film import Picture, save_still, sized
+
+WIDE = 960  # px
+NAMES = 42  # px of a sheet of detections, where the colours are named
+THREE = [
+    "clip=carp", "clip.frames=600", "clip.fish=3", "clip.width_px=760", "clip.height_px=460",
+    "clip.body_length_px=90", "clip.seed=3", "clip.fins=0.3", "clip.shadow=0.3",
+]  # fmt: skip
+TOO_STRICT = ["extract.most_area_ratio=1.1", "extract.least_contrast_ratio=0.95"]
+SEQUENCES = ("straight", "left", "right")
+MOMENTS = 5  # of each sequence
+CELL = (128, 192)  # px, height and width
+
+
+def load(path: Path) -> Picture:
+    """A picture, as red, green and blue."""
+    return np.asarray(Image.open(path).convert("RGB"))
+
+
+def lower(sheet: Picture) -> Picture:
+    """The names of the colours and the last two frames of a sheet of four."""
+    return sized(np.vstack([sheet[:NAMES], sheet[(sheet.shape[0] + NAMES) // 2 :]]), WIDE)
+
+
+def chequered(height: int, width: int) -> Picture:
+    """What picture editors show where there is nothing."""
+    y, x = np.mgrid[:height, :width] // 12
+    return np.where((x + y) % 2, 205, 245)[..., None].repeat(3, axis=2).astype(np.uint8)
+
+
+def strip(sequence: Path) -> Picture:
+    """Some moments of an animated WebP, side by side over a chequered ground."""
+    tiles = []
+    height, width = CELL
+    with Image.open(sequence) as film:
+        count = getattr(film, "n_frames", 1)
+        for number in np.linspace(0, count - 1, MOMENTS).round().astype(int):
+            film.seek(int(number))
+            fish = film.convert("RGBA")
+            ground = Image.fromarray(chequered(height, width)).convert("RGBA")
+            ground.alpha_composite(fish, ((width - fish.width) // 2, (height - fish.height) // 2))
+            tiles.append(np.asarray(ground.convert("RGB")))
+    return np.hstack(tiles)
+
+
+def draw_guides(folder: Path, scratch: Path, pictures: Path) -> None:
+    """From a run of the pipeline, and from a short film that is run in `scratch`."""
+    export = folder / "data/export"
+    sequences = np.vstack([strip(export / f"{word}.webp") for word in SEQUENCES])
+    save_still(pictures / "export.webp", sequences)
+    three = scratch / "three"
+    three.mkdir()
+    prepare(three, THREE)
+    for word in STAGES:
+        stage(three, word)
+    sheet = load(three / "reports/features/contact_sheet.png")
+    save_still(pictures / "doubtful.webp", sized(sheet[: sheet.shape[0] // 4], WIDE))
+    save_still(pictures / "detections.webp", lower(load(three / "reports/extract/detections.png")))
+    prepare(three, [*THREE, *TOO_STRICT])
+    stage(three, "extract")
+    save_still(pictures / "refused.webp", lower(load(three / "reports/extract/detections.png")))
