@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.drawn.dog.draw import film, seen
+from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
 from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -143,7 +143,7 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
         for picture in film(walk):
             writer.write(picture)
-    save_masks(folder / "regions", (seen(one) for one in read_frames(path, colour=True)))
+    save_masks(folder / "regions", (limb_masks(one) for one in read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
     which = np.unique(np.linspace(0, cycle - 1, SHOWN).astype(int))
     shown = [one for k, one in enumerate(read_frames(path, colour=True)) if k in which]

@@ -21,8 +21,9 @@ from finloop.drawn.carp.film import (
     motion,
     still,
 )
-from finloop.drawn.carp.motion import POINTS, midline, turn_bend, turn_progress
+from finloop.drawn.carp.midline import POINTS, midline
 from finloop.drawn.carp.skin import Look, half_width, look
+from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
 
 SMALL = CarpFilm(frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from finloop.curve.contour import Curve, area
-from finloop.drawn.dog.draw import filled, film, seen, traced
-from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, posed
+from finloop.drawn.dog.draw import fill, film, limb_masks, true_masks
+from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, pose
 from finloop.drawn.dog.walk import (
     NAMES,
     DogFilm,
@@ -44,15 +44,15 @@ def moved(dog, name, phase):
 
 @pytest.mark.parametrize("shape", [FORE, HIND], ids=["fore", "hind"])
 def test_a_foot_that_stays_leaves_the_limb_as_it_was_drawn(shape):
-    still = posed(shape, np.zeros(2), np.zeros(2), 128)
+    still = pose(shape, np.zeros(2), np.zeros(2), 128)
     assert area(Curve(still, True)) > 0  # clockwise as seen
     lengths = np.linalg.norm(np.diff(still, axis=0, append=still[:1]), axis=1)
     assert lengths.max() < 1.01 * lengths.mean()  # at the toes a chord is shorter than its arc
     # Moving foot and hip together moves all of it, but for the lean of the pastern, which goes by
     # the foot; so only without one.
     stiff = replace(shape, lean=(0.0, 0.0))
-    both = posed(stiff, np.array([0.2, -0.1]), np.array([0.2, -0.1]), 128)
-    assert both == pytest.approx(posed(stiff, np.zeros(2), np.zeros(2), 128) + [0.2, -0.1])
+    both = pose(stiff, np.array([0.2, -0.1]), np.array([0.2, -0.1]), 128)
+    assert both == pytest.approx(pose(stiff, np.zeros(2), np.zeros(2), 128) + [0.2, -0.1])
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -159,23 +159,23 @@ def test_the_film_is_the_same_again_and_shows_the_near_limbs_where_they_are(tmp_
         coded = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
     assert len(coded) == SMALL.frames
     for k in range(0, SMALL.frames, 5):
-        exact = traced(SMALL, k)
-        for name, mask in seen(coded[k]).items():
+        exact = true_masks(SMALL, k)
+        for name, mask in limb_masks(coded[k]).items():
             both = (mask & exact[name]).sum() / (mask | exact[name]).sum()
             assert both > 0.9
     with pytest.raises(FinloopError, match="pale"):
-        seen(np.zeros((20, 20, 3), np.uint8))
+        limb_masks(np.zeros((20, 20, 3), np.uint8))
 
 
 def test_traced_regions_are_the_exact_contours():
     exact = truth(SMALL, 256)
     for k in (0, 7):
-        masks = traced(SMALL, k)
+        masks = true_masks(SMALL, k)
         assert set(masks) == {*NAMES, "body"}
         for name in NAMES:
             points = exact[name][k] + course_px(SMALL)[k]
             assert masks[name].sum() == pytest.approx(area(Curve(points, True)), rel=0.02)
-            assert (masks[name] == filled(points, 160, 240)).all()
+            assert (masks[name] == fill(points, 160, 240)).all()
 
 
 def test_the_dog_stands_on_the_ground_and_heads_to_the_right():

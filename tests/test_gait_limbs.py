@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from finloop.curve.contour import Curve, area
-from finloop.drawn.dog.draw import filled, traced
+from finloop.drawn.dog.draw import fill, true_masks
 from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
 from finloop.errors import FinloopError
 from finloop.gait.limbs import (
@@ -33,7 +33,7 @@ def egg(n=400, angle=0.0, at=(0.0, 0.0), start=0):
 @pytest.fixture(scope="module")
 def regions():
     return [
-        {name: region_contour(mask) for name, mask in traced(DOG, k).items()}
+        {name: region_contour(mask) for name, mask in true_masks(DOG, k).items()}
         for k in range(DOG.frames)
     ]
 
@@ -47,7 +47,7 @@ def whole(regions):
 def test_the_contour_of_a_disc_is_a_circle_to_a_tenth_of_a_pixel(middle):
     angle = np.linspace(0, 2 * np.pi, 400, endpoint=False)
     disc = 18 * np.column_stack([np.cos(angle), np.sin(angle)]) + middle
-    found = region_contour(filled(disc, 60, 60))
+    found = region_contour(fill(disc, 60, 60))
     radius = np.linalg.norm(found.points - middle, axis=1)
     assert radius.mean() == pytest.approx(18, abs=0.1)
     assert radius.std() < 0.15

@@ -8,7 +8,7 @@ import pytest
 
 from finloop.curve.contour import Curve, area
 from finloop.drawn.carp.film import CarpFilm, motion
-from finloop.drawn.carp.motion import midline
+from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.errors import FinloopError
 from finloop.gait.outline import (

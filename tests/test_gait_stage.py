@@ -12,7 +12,7 @@ from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
 
 import stages.gait
-from finloop.drawn.dog.draw import film, seen
+from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm
 from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
@@ -121,7 +121,7 @@ def no_figures(monkeypatch) -> None:
 @pytest.mark.usefixtures("no_figures")
 def test_own_regions_and_a_film_in_which_nothing_repeats(folder, capsys):
     dog = DogFilm(frames=36, cycles=1.9, width_px=160, height_px=107, trunk_px=57)
-    masks = [seen(picture) for picture in film(dog)]
+    masks = [limb_masks(picture) for picture in film(dog)]
     masks[5]["fore_right"][:] = False
     save_masks(folder / "own", masks)
     for path in sorted((folder / "own").glob("*/*.png"), reverse=True):

@@ -1,7 +1,7 @@
 """The ground truth of a drawn film: one row per fish per frame, sorted by frame, then fish.
 
-Beside the columns that speak for themselves: `bend` is the signed area between the midline and its
-chord per squared body length, `curvature_deg` the direction of the midline at the head minus that
+Columns whose names do not explain them: `bend` is the signed area between the midline and its
+chord per squared body length; `curvature_deg` the direction of the midline at the head minus that
 at the tail, both + for a bend to the left; `mask_area_px` the drawn coverage, body and fins;
 `backbone_*_px` the midline from head to tail in equal steps.
 """

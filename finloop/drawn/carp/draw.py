@@ -1,6 +1,7 @@
 """Drawing one carp in one pose: exact coverage, colours, shadow. Pure functions over arrays."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -23,7 +24,7 @@ PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class Drawing:
-    """A fish cut out, sharp; pixel (0, 0) of the arrays is (x0, y0) of the picture.
+    """A sharp picture of one fish; pixel (0, 0) of the arrays is (x0, y0) of the film's picture.
 
     Attributes
     ----------
@@ -64,11 +65,11 @@ def _tangents(line: Float) -> Float:
 def _body_coordinates(
     line: Float, rows: int, columns: int, reach: Image
 ) -> tuple[NDArray[np.intp], Image, Image, Image]:
-    """Foot of each picture point on the midline: flat index, s, v (same unit as `line`), left x.
+    """Body coordinates of the pixels near the midline: flat index, s, v (unit of `line`), left x.
 
-    A distance transform gives the nearest midline pixel; three fixed-point steps on the midline
-    itself make of it the exact foot of the perpendicular. Only points within `reach` of the
-    midline (given at each of its points) are returned.
+    A distance transform gives the nearest midline pixel; three fixed-point steps turn it into the
+    foot of the perpendicular. Only pixels within `reach` of the midline (one value for each of its
+    points) are returned.
     """
     last = len(line) - 1
     fine = np.linspace(0, last, max(8 * last, int(4 * np.ptp(line, axis=0).sum())))
@@ -124,9 +125,9 @@ def draw(
     look
         The fish's colours.
     light
-        Where the light comes from, unit vector, screen x and y; it models the flanks.
+        Direction of the light's source, unit vector, screen x and y; it shades the flanks.
     oversample
-        Subpixels in each direction of a pixel.
+        Subpixels of a pixel in each direction.
     gloss
         Grey levels of the light that the wet back reflects.
     """
@@ -138,16 +139,37 @@ def draw(
     # Subpixel i of pixel p lies at p + (i + 0.5) / oversample - 0.5.
     fine = (line - (x0, y0) + 0.5) * oversample - 0.5
     unit = length * oversample
-
     picture = np.zeros((rows, columns, 4), np.float32)
     cover = np.zeros((rows, columns), np.float32)
+    _draw_fins(picture, cover, fine, unit, fins, look)
+    # The distance transform is a few per cent off, so reach a little farther than the outline.
+    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
+    body = _on_body(fine, rows, columns, reach.astype(np.float32), look.girth, unit)
+    colour = _lit(body, look, light, gloss)
+    opacity = colour[:, 3] * body.part
+    flat, flat_cover = picture.reshape(-1, 4), cover.reshape(-1)
+    under = flat[body.flat] * (1 - opacity)[:, None]
+    under[:, :3] += colour[:, :3] * opacity[:, None]
+    under[:, 3] += opacity
+    flat[body.flat] = under
+    flat_cover[body.flat] = np.maximum(flat_cover[body.flat], body.part)
+    size = (int(x1 - x0), int(y1 - y0))
+    picture = np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_AREA), np.float32)
+    cover = np.asarray(cv2.resize(cover, size, interpolation=cv2.INTER_AREA), np.float32)
+    return Drawing(int(x0), int(y0), picture[..., :3], picture[..., 3], cover)
+
+
+def _draw_fins(
+    picture: Image, cover: Image, line: Float, unit: float, fins: tuple[float, float], look: Look
+) -> None:
+    """Draw the paired fins; `unit` is the body length in subpixels. Changes both arrays."""
     tangent = _tangents(line)
     for root, side, size, breadth, closed, opened in (PECTORAL, PELVIC):
         for sign, open_ in ((1, fins[0]), (-1, fins[1])):
             if open_ > 0.02:
                 at = root * (len(line) - 1)
                 i = int(at)
-                node = fine[i] + (at - i) * (fine[i + 1] - fine[i])
+                node = line[i] + (at - i) * (line[i + 1] - line[i])
                 t = tangent[i]
                 left = np.array([t[1], -t[0]])
                 width = float(half_width(np.array([root]))[0]) * look.girth
@@ -161,39 +183,49 @@ def draw(
                     lead * size * breadth * (0.45 + 0.55 * open_) * unit,
                 )  # fmt: skip
 
-    # The distance transform is a few per cent off, so reach a little farther than the outline.
-    reach = 1.08 * half_width(np.linspace(0, 1, len(line))) * look.girth * unit + 2 * oversample
-    index, s, v, left_x = _body_coordinates(fine, rows, columns, reach.astype(np.float32))
+
+class _Body(NamedTuple):
+    """The subpixels that the body covers, (n,) each.
+
+    flat: index in the flattened picture; s, v: body coordinates; left_x: x of the unit vector to
+    the fish's left; part: covered share of the subpixel; width2: squared half width at s.
+    """
+
+    flat: NDArray[np.intp]
+    s: Image
+    v: Image
+    left_x: Image
+    part: Image
+    width2: Image
+
+
+def _on_body(
+    line: Float, rows: int, columns: int, reach: Image, girth: float, unit: float
+) -> _Body:
+    """Subpixels of a picture (rows, columns) that lie on the body about the midline `line`."""
+    index, s, v, left_x = _body_coordinates(line, rows, columns, reach)
     v = v / np.float32(unit)
     grid, squared, steep = width_table()
-    w2 = np.interp(s, grid, squared).astype(np.float32) * look.girth**2
-    dw2 = np.interp(s, grid, steep).astype(np.float32) * look.girth**2
+    w2 = np.interp(s, grid, squared).astype(np.float32) * girth**2
+    dw2 = np.interp(s, grid, steep).astype(np.float32) * girth**2
     # Signed distance to the outline w(s)^2 - v^2 = 0, to first order.
     inside = (w2 - v * v) / np.sqrt(dw2 * dw2 + 4 * v * v + 1e-12)
     part = np.clip(inside * np.float32(unit) + 0.5, 0, 1)
     keep = part > 0
-    index, s, v, part, left_x = index[keep], s[keep], v[keep], part[keep], left_x[keep]
-    w2 = w2[keep]
+    return _Body(index[keep], s[keep], v[keep], left_x[keep], part[keep], w2[keep])
 
-    colour = _sample(look.skin, s, v / np.float32(look.girth))
-    across = v / np.sqrt(np.maximum(w2, 1e-6))
+
+def _lit(body: _Body, look: Look, light: tuple[float, float], gloss: float) -> Image:
+    """Colours of the body's subpixels in the light, (n, 4)."""
+    colour = _sample(look.skin, body.s, body.v / np.float32(look.girth))
+    across = body.v / np.sqrt(np.maximum(body.width2, 1e-6))
+    left_x = body.left_x
     lean = light[0] * left_x + light[1] * -np.sqrt(np.clip(1 - left_x**2, 0, 1))
     colour[:, :3] *= (1 + 0.20 * np.clip(across, -1, 1) * lean)[:, None]
     # The wet back shines where it faces the light, most where the body is thick.
-    shine = np.exp(-(((across - 0.38 * lean) / 0.20) ** 2)) * np.clip(w2 / 0.0081, 0, 1)
+    shine = np.exp(-(((across - 0.38 * lean) / 0.20) ** 2)) * np.clip(body.width2 / 0.0081, 0, 1)
     colour[:, :3] += (gloss * shine)[:, None]
-    opacity = colour[:, 3] * part
-    flat, flat_cover = picture.reshape(-1, 4), cover.reshape(-1)
-    under = flat[index] * (1 - opacity)[:, None]
-    under[:, :3] += colour[:, :3] * opacity[:, None]
-    under[:, 3] += opacity
-    flat[index] = under
-    flat_cover[index] = np.maximum(flat_cover[index], part)
-
-    whole = (int(x1 - x0), int(y1 - y0))
-    drawn = np.asarray(cv2.resize(picture, whole, interpolation=cv2.INTER_AREA), np.float32)
-    covered = np.asarray(cv2.resize(cover, whole, interpolation=cv2.INTER_AREA), np.float32)
-    return Drawing(int(x0), int(y0), drawn[..., :3], drawn[..., 3], covered)
+    return colour
 
 
 def _sample(skin: Image, s: Image, v: Image) -> Image:

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blurred, draw
-from finloop.drawn.carp.motion import Motion, crowded, midline, room_of, simulate
+from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
+from finloop.drawn.carp.motion import Motion, crowded, room_of, simulate
 from finloop.drawn.carp.skin import Look, floor, look
 
 Float = NDArray[np.float64]
@@ -28,7 +29,7 @@ NOISE_PAD = 160  # the noise bank is that much larger than a frame, to start any
 
 @dataclass(frozen=True)
 class CarpFilm:
-    """What to film; the ranges are the caller's to check, except `fits`."""
+    """A film of drawn carp; the caller checks the ranges, except for `fits`."""
 
     frames: int = 1500
     fish: int = 1
@@ -38,8 +39,8 @@ class CarpFilm:
     frame_rate_hz: float = 25.0
     noise: float = 2.5  # deviation of the grey level
     light_drift: float = 0.03  # of the light, at most, relative
-    fins: float = 0.25  # share of the time that the pectoral fins are open
-    shadow: float = 0.15  # share of the light that the shadow takes
+    fins: float = 0.25  # share of the time with open pectoral fins
+    shadow: float = 0.15  # share of the light that the shadow takes away
     seed: int = 1
     colour: bool = True
 
@@ -49,7 +50,7 @@ class CarpFilm:
 
 
 def _streams(params: CarpFilm) -> list[np.random.Generator]:
-    """Independent randomness for motion, floor, skin, noise: none disturbs another."""
+    """Independent random generators for motion, floor, skin, noise and light."""
     return [np.random.default_rng(s) for s in np.random.SeedSequence(params.seed).spawn(5)]
 
 
@@ -79,7 +80,7 @@ def looks(params: CarpFilm) -> list[Look]:
 
 
 def light(params: CarpFilm) -> Float:
-    """Light of each frame, 1 on the whole; swings slowly within ± `light_drift`."""
+    """Brightness of the light at each frame: about 1, drifting slowly by ± `light_drift`."""
     phase = _streams(params)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
@@ -92,29 +93,6 @@ def empty_tank(params: CarpFilm) -> Image:
     """The tank without fish or noise at light 1: (height, width, 3), or 1 channel if grey."""
     empty = floor(params.width_px, params.height_px, _streams(params)[1])
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
-
-
-def bend_of(line: Float) -> float:
-    """Signed area between a midline (head to tail) and its chord, / length², + for a left bend."""
-    x, y = line[:, 0], line[:, 1]
-    area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
-    return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
-
-
-def heading_of(line: Float) -> float:
-    """Direction from a third of the midline to the head, degrees in (-180, 180]."""
-    at = (len(line) - 1) / 3
-    i = int(at)
-    third = line[i] + (at - i) * (line[i + 1] - line[i])
-    dx, dy = line[0] - third
-    return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
-
-
-def curvature_of(line: Float) -> float:
-    """Direction of the midline at the head minus at the tail, degrees, + for a left bend."""
-    step = line[:-1] - line[1:]
-    angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))
-    return float(np.degrees(angle[0] - angle[-1]))
 
 
 def _row(fish: int, frame: int, line: Float, drawing: Drawing, poses: Motion) -> Row:
@@ -141,9 +119,9 @@ def _row(fish: int, frame: int, line: Float, drawing: Drawing, poses: Motion) ->
 
 
 def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
-    """Sensor noise to cut frames from: the grey level's deviation is exactly `noise`.
+    """Sensor noise larger than a frame, from which frames are cut; grey deviates by `noise`.
 
-    Colour noise (weaker, as after a camera's own denoising) is added so that it leaves grey as is.
+    Colour noise is weaker, as after a camera's denoising, and leaves the grey level as it is.
     """
     shape = (params.height_px + NOISE_PAD, params.width_px + NOISE_PAD)
     grey = rng.standard_normal(shape, np.float32)
@@ -155,7 +133,7 @@ def _noise_bank(params: CarpFilm, rng: np.random.Generator) -> Image:
 
 
 def _shade(picture: Image, drawing: Drawing, params: CarpFilm) -> tuple[slice, slice]:
-    """Darken the floor under a fish; returns the window that changed."""
+    """Darken the floor under a fish, and return the window of the picture that changed."""
     sigma = SHADOW_BLUR * params.body_length_px
     pad = int(np.ceil(3 * sigma))
     soft = cv2.copyMakeBorder(drawing.coverage, pad, pad, pad, pad, cv2.BORDER_CONSTANT)
@@ -169,7 +147,7 @@ def _shade(picture: Image, drawing: Drawing, params: CarpFilm) -> tuple[slice, s
 def _window(
     picture: Image, x0: int, y0: int, shape: tuple[int, ...]
 ) -> tuple[tuple[slice, slice], tuple[slice, slice]]:
-    """Part of the picture that a patch at (x0, y0) covers, and the part of the patch within."""
+    """The part of the picture that a patch at (x0, y0) covers, and that part of the patch."""
     left, top = max(x0, 0), max(y0, 0)
     right = min(x0 + shape[1], picture.shape[1])
     low = min(y0 + shape[0], picture.shape[0])
@@ -177,7 +155,7 @@ def _window(
 
 
 def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
-    """Frames with their truth, one after another.
+    """Stream the frames with their truth.
 
     Yields
     ------
@@ -193,12 +171,12 @@ def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
     work = empty.copy()
     for frame in range(params.frames):
         lines = [midline_px(params, poses, frame, i) for i in range(params.fish)]
-        drawn = []
+        drawings = []
         for i, line in enumerate(lines):
             left, right = poses.fins[frame, i]
-            drawn.append(draw(line, (float(left), float(right)), skins[i]))
-        changed = [_shade(work, drawing, params) for drawing in drawn]
-        for drawing in drawn:
+            drawings.append(draw(line, (float(left), float(right)), skins[i]))
+        changed = [_shade(work, drawing, params) for drawing in drawings]
+        for drawing in drawings:
             colour, opacity = blurred(drawing)
             if not params.colour:
                 colour = (colour @ _GREY)[..., None]
@@ -212,20 +190,20 @@ def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
         picture = cv2.addWeighted(work, float(lamp[frame]), grain, sign, 0, dtype=cv2.CV_8U)
         for window in changed:
             work[window] = empty[window]
-        rows = [_row(i, frame, lines[i], drawn[i], poses) for i in range(params.fish)]
+        rows = [_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
         yield np.asarray(picture), rows
 
 
 def still(params: CarpFilm, frames: list[int], size_px: int) -> NDArray[np.uint8]:
-    """Cut-outs of the first fish in the given frames, side by side: a strip for a picture."""
-    wanted, parts = set(frames), []
+    """A strip of pictures: the first fish in some frames, side by side."""
+    parts = []
     for number, (picture, rows) in enumerate(film(params)):
-        if number in wanted:
+        if number in frames:
             x, y = round(rows[0]["x_px"]), round(rows[0]["y_px"])
             half = size_px // 2
             top = min(max(y - half, 0), picture.shape[0] - size_px)
             left = min(max(x - half, 0), picture.shape[1] - size_px)
             parts.append(picture[top : top + size_px, left : left + size_px])
-        if number >= max(wanted):
+        if number >= max(frames):
             break
     return np.concatenate(parts, axis=1)

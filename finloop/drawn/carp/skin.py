@@ -1,4 +1,4 @@
-"""What the drawn carp and its tank look like: outline, skin, fins, floor. Pure pictures.
+"""How the drawn carp and its tank look: outline, skin, fins, floor.
 
 Colours are RGB in grey levels (0-255, float32). Body coordinates: s = 0 at the snout, 1 at the end
 of the tail; v = distance from the midline in body lengths, + on the fish's left.
@@ -6,6 +6,7 @@ of the tail; v = distance from the midline in body lengths, + on the fish's left
 
 from dataclasses import dataclass
 from functools import cache
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -43,7 +44,7 @@ def half_width(s: Float) -> Float:
 
 @cache
 def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Float, Float, Float]:
-    """`s`, squared half width and its slope, run on straight beyond the tips (negative there)."""
+    """`s`, squared half width and its slope; beyond the tips a straight line, negative."""
     s = np.linspace(-beyond, 1 + beyond, points)
     curve, slope = _width_squared(), _width_squared().derivative()
     inside = np.clip(s, 0, 1)
@@ -59,7 +60,7 @@ class Look:
     ----------
     skin : (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
     fin : (rows, columns, 5) a paired fin, root at column 0: premultiplied RGB, opacity, coverage
-    girth : the fish's width, of the standard one's
+    girth : width of the fish relative to the standard one
     """
 
     skin: Image
@@ -68,7 +69,7 @@ class Look:
 
 
 def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:
-    """Random texture, mean 0, deviation 1: the sum of blurred noises of the given sizes (px)."""
+    """Random texture, mean 0, deviation 1: the sum of noise blurred by each of `sizes` (px)."""
     total = np.zeros(shape, np.float32)
     for size in sizes:
         # A coarse grid scaled up is the same to the eye as a wide blur, and far quicker.
@@ -103,22 +104,51 @@ _COATS = (
 )
 
 
+class _Grid(NamedTuple):
+    """Body coordinates of the pixels of a skin: s (1, columns), v (rows, 1), r = v / half width."""
+
+    s: Image
+    v: Image
+    r: Image
+
+
 def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
     """Paint one fish; `columns` is the width of its skin picture, `coat` picks its colours."""
-    back, flank, dark, patch = _COATS[coat % len(_COATS)]
+    back, flank, dark, _ = _COATS[coat % len(_COATS)]
     full = SKIN_PER_LENGTH
     rows = int(2 * SKIN_HALF * full)
     s = ((np.arange(full) + 0.5) / full).astype(np.float32)[None, :]
     v = (((np.arange(rows) + 0.5) / rows * 2 - 1) * -SKIN_HALF).astype(np.float32)[:, None]
     width = np.maximum(half_width(s[0].astype(np.float64)), 0.004).astype(np.float32)[None, :]
-    r = v / width  # -1 ... 1 across the body
-    shape = (rows, full)
+    grid = _Grid(s, v, v / width)
+    skin = _patches(grid, coat, rng)
+    skin *= _scales(grid)[..., None]
+    skin = _head(skin, grid, rng)
+    skin = _back(skin, grid)
+    skin = _eyes(skin, grid)
+    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
+    blade = _step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
+    tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
+    skin = _mix(skin, tone, blade * 0.75)
+    skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
+    opaque = 1 - 0.28 * _step(s, TAIL_BLADE, 1.0) + 0 * v
+    small = cv2.resize(
+        np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32),
+        (columns, max(8, round(columns * 2 * SKIN_HALF))),
+        interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
+    )
+    fin = _fin(rng, max(24, round(columns * 0.25)), back, flank, dark)
+    return Look(np.ascontiguousarray(small, np.float32), fin, 1.0)
 
+
+def _patches(grid: _Grid, coat: int, rng: np.random.Generator) -> Image:
+    """Colours of back and flanks, with koi-like patches of clear edges, fewer on the head."""
+    back, flank, dark, patch = _COATS[coat % len(_COATS)]
+    s, v, r = grid
+    shape = r.shape
     skin = np.empty((*shape, 3), np.float32)
     skin[:] = back
     skin = _mix(skin, flank, _step(np.abs(r) + 0.12 * cloud(shape, (30,), rng), 0.35, 0.95))
-
-    # Patches: koi-like clouds with clear edges, fewer on the head.
     field = cloud(shape, (70, 34), rng) + 0.10 * cloud(shape, (5,), rng)
     body = np.abs(r) < 1
     level = float(np.quantile(field[body], 0.70))
@@ -127,20 +157,26 @@ def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
     )
     field = cloud(shape, (46, 22), rng) + 0.12 * cloud(shape, (5,), rng)
     level = float(np.quantile(field[body], 0.84))
-    skin = _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
+    return _mix(skin, dark, _step(field, level - 0.09, level + 0.09) * 0.85)
 
-    # Scales: a net of staggered arcs behind the head, a soft light spot in each.
+
+def _scales(grid: _Grid) -> Image:
+    """Light and shade of the scales: staggered arcs behind the head, a soft light spot in each."""
+    s, v, _ = grid
     size = 0.026
     lane = np.floor(v / (size * 0.5))
     cell = np.mod(s / size + 0.5 * np.mod(lane, 2), 1.0) - 0.5
     across = np.mod(v / (size * 0.5), 1.0) - 0.5
     net = _step(np.hypot(cell - 0.18, across * 0.9), 0.34, 0.58)
     scaled = _step(s, 0.20, 0.27) * (1 - _step(s, 0.84, 0.90))
-    skin *= (1 + scaled * (0.12 - 0.34 * net))[..., None]
+    return 1 + scaled * (0.12 - 0.34 * net)
 
-    # Head: bony plates, gill covers, nostrils, mouth.
+
+def _head(skin: Image, grid: _Grid, rng: np.random.Generator) -> Image:
+    """The skin with bony plates, gill covers, nostrils and mouth."""
+    s, v, r = grid
     head = 1 - _step(s, 0.18, 0.25)
-    skin *= (1 + head * 0.07 * cloud(shape, (16, 7), rng))[..., None]
+    skin *= (1 + head * 0.07 * cloud(r.shape, (16, 7), rng))[..., None]
     gill = np.exp(-(((s - (0.205 - 0.045 * r**2)) / 0.007) ** 2)) * _step(np.abs(r), 0.25, 0.6)
     skin *= (1 - 0.45 * gill)[..., None]
     plate = np.exp(-(((s - 0.165 + 0.02 * r**2) / 0.02) ** 2)) * _step(1 - np.abs(r), 0.1, 0.6)
@@ -149,8 +185,12 @@ def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
         nostril = np.exp(-(((s - 0.042) / 0.006) ** 2 + ((v - side * 0.018) / 0.005) ** 2))
         skin *= (1 - 0.5 * nostril)[..., None]
     skin *= (1 - 0.25 * np.exp(-((s / 0.012) ** 2)) * np.ones_like(v))[..., None]
+    return skin
 
-    # Dorsal fin folded on the back, with its shade; then the rounding of the body.
+
+def _back(skin: Image, grid: _Grid) -> Image:
+    """The skin with the dorsal fin folded on the back, its shade, and the roundness of the body."""
+    s, v, r = grid
     spine = 0.0016 * np.sin(s * 40) * _step(s, 0.3, 0.5)
     dorsal = _step(s, 0.36, 0.41) * (1 - _step(s, 0.66, 0.74))
     skin *= (1 - 0.40 * dorsal * np.exp(-(((v - spine) / 0.0065) ** 2)))[..., None]
@@ -158,33 +198,19 @@ def look(rng: np.random.Generator, columns: int, coat: int) -> Look:
     rounded = np.sqrt(np.clip(1 - 0.93 * np.clip(r * r, 0, 1), 0, 1))
     trunk = 1 - _step(s, TAIL_BLADE - 0.06, TAIL_BLADE + 0.03)
     skin *= (trunk * (0.40 + 0.70 * rounded) + (1 - trunk))[..., None]
+    return skin
 
-    # Eyes stand out at the sides of the head: dark, with a pale rim and a glint.
+
+def _eyes(skin: Image, grid: _Grid) -> Image:
+    """The skin with eyes at the sides of the head: dark, with a pale rim and a glint."""
+    s, v, _ = grid
     for side in (-1, 1):
         far = np.hypot((s - 0.088) / 1.15, v - side * 0.0535)
         skin = _mix(skin, (150, 132, 84), (1 - _step(far, 0.0125, 0.0160)) * 0.7)
         skin = _mix(skin, (12, 12, 12), 1 - _step(far, 0.0090, 0.0118))
         glint = np.hypot(s - 0.0845, v - side * 0.0515)
         skin = _mix(skin, (170, 172, 168), (1 - _step(glint, 0.0012, 0.0036)) * 0.8)
-
-    # Caudal fin on edge: dark membrane, rays along it, thinner towards its end.
-    blade = _step(s, TAIL_BLADE - 0.03, TAIL_BLADE + 0.04) + 0 * v
-    tone = np.asarray(dark, np.float32) * 0.7 + np.asarray(flank, np.float32) * 0.3
-    skin = _mix(skin, tone, blade * 0.75)
-    skin *= (1 + blade * 0.12 * np.sin(v * 2 * np.pi / 0.0075))[..., None]
-    opaque = 1 - 0.28 * _step(s, TAIL_BLADE, 1.0) + 0 * v
-
-    full_skin = np.dstack([np.clip(skin, 4, 176), opaque]).astype(np.float32)
-    small = cv2.resize(
-        full_skin,
-        (columns, max(8, round(columns * 2 * SKIN_HALF))),
-        interpolation=cv2.INTER_AREA if columns < full else cv2.INTER_LINEAR,
-    )
-    return Look(
-        np.ascontiguousarray(small, np.float32),
-        _fin(rng, max(24, round(columns * 0.25)), back, flank, dark),
-        1.0,
-    )
+    return skin
 
 
 def _fin(

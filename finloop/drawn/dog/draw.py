@@ -1,7 +1,7 @@
 """Pictures of the drawn dog, and the regions of its limbs in them.
 
-Flat colours on a meadow that passes by. The near limbs are paler than all else, so that they can
-be found in the film again by their colour (`seen`); the far limbs are partly hidden.
+Flat colours on a meadow that passes by. The near limbs are paler than everything else, so that
+`limb_masks` can segment them by their colour; the far limbs are partly hidden.
 """
 
 from collections.abc import Iterator
@@ -31,14 +31,15 @@ BODY_ID = "body"
 
 @dataclass(frozen=True)
 class Scenery:
-    """What stands on the ground: x [px], y [share of the meadow's depth] and size [px]."""
+    """Objects on the ground. Tufts: x [px], y [share of the meadow's depth], size [px]; hills: x,
+    height [px]."""
 
     tufts: Array
     hills: Array
 
 
 def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
-    """Tufts and hills all along the way."""
+    """Random tufts and hills along the dog's whole course."""
     far = dog.width_px + camera_px(dog)[-1]
     count = int(far / 26) + 4
     tufts = np.column_stack(
@@ -53,24 +54,24 @@ def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
 
 
 def film(dog: DogFilm) -> Iterator[NDArray[np.uint8]]:
-    """Frames (height, width, 3) RGB, one after another."""
+    """Stream the frames, (height, width, 3) RGB."""
     rng = np.random.default_rng(dog.seed)
-    around = scenery(dog, rng)
+    ground = scenery(dog, rng)
     for frame in range(dog.frames):
-        picture = cv2.GaussianBlur(_drawn(dog, frame, around), (0, 0), BLUR_PX).astype(np.float32)
+        picture = cv2.GaussianBlur(_paint(dog, frame, ground), (0, 0), BLUR_PX).astype(np.float32)
         grain = rng.standard_normal(picture.shape[:2], np.float32) * dog.noise
         yield np.clip(np.rint(picture + grain[..., None]), 0, 255).astype(np.uint8)
 
 
-def _drawn(dog: DogFilm, frame: int, around: Scenery) -> NDArray[np.uint8]:
+def _paint(dog: DogFilm, frame: int, ground: Scenery) -> NDArray[np.uint8]:
     picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
     origin, camera = course_px(dog)[frame], camera_px(dog)[frame]
     horizon = round(origin[1] - 0.42 * dog.trunk_px)
     picture[:horizon], picture[horizon:] = SKY, MEADOW
-    for x, height in around.hills:
-        at = (round(x - 0.3 * camera), horizon)
-        cv2.ellipse(picture, at, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
-    for x, deep, size in around.tufts:
+    for x, height in ground.hills:
+        centre = (round(x - 0.3 * camera), horizon)
+        cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
+    for x, deep, size in ground.tufts:
         y = horizon + deep * (dog.height_px - horizon)
         root = np.array([x - camera, y])
         for lean in (-0.6, 0.0, 0.6):
@@ -94,9 +95,9 @@ def _drawn(dog: DogFilm, frame: int, around: Scenery) -> NDArray[np.uint8]:
         _fill(picture, origin + _part(dog, phase, part), colour)
         if part == BODY:
             _fill(picture, origin + _collar(dog, phase), COLLAR)
-    for where, size in ((EYE, 0.020), (NOSE, 0.030)):
+    for place, size in ((EYE, 0.020), (NOSE, 0.030)):
         ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
-        _fill(picture, origin + spot(dog, phase, where) + ring, INK)
+        _fill(picture, origin + spot(dog, phase, place) + ring, INK)
     return picture
 
 
@@ -119,17 +120,17 @@ def _fill(picture: NDArray[np.uint8], points: Array, colour: tuple[int, int, int
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
 
 
-def filled(contour: Array, height: int, width: int) -> Mask:
+def fill(contour: Array, height: int, width: int) -> Mask:
     """Pixels (height, width) whose centres lie within a contour (n, 2) of x and y."""
     out = np.zeros((height, width), bool)
     out[polygon(contour[:, 1], contour[:, 0], out.shape)] = True
     return out
 
 
-def traced(dog: DogFilm, frame: int) -> dict[str, Mask]:
-    """Regions of all limbs and of the trunk, whole, also where others hide them.
+def true_masks(dog: DogFilm, frame: int) -> dict[str, Mask]:
+    """Masks of all limbs and of the trunk, whole, also where other parts hide them.
 
-    As a person traces them, who goes on behind what hides them.
+    So a person would trace them.
     """
     phase, origin = float(phases(dog)[frame]), course_px(dog)[frame]
     parts: dict[str, str | tuple[tuple[float, float], ...]] = {
@@ -137,29 +138,29 @@ def traced(dog: DogFilm, frame: int) -> dict[str, Mask]:
     }
     parts[BODY_ID] = BODY
     return {
-        name: filled(origin + _part(dog, phase, part), dog.height_px, dog.width_px)
+        name: fill(origin + _part(dog, phase, part), dog.height_px, dog.width_px)
         for name, part in parts.items()
     }
 
 
-def seen(picture: NDArray[np.uint8]) -> dict[str, Mask]:
-    """Regions of the near limbs in a frame of the film as it was coded, by their colour.
+def limb_masks(picture: NDArray[np.uint8]) -> dict[str, Mask]:
+    """Masks of the near limbs in a frame of the coded film, segmented by colour.
 
     Raises
     ------
     FinloopError
-        If the picture does not show two pale regions: it is not of this film.
+        If the picture has fewer than two pale regions: it is not of this film.
     """
-    small = picture.astype(np.int32)
-    far = np.stack([((small - colour) ** 2).sum(axis=2) for colour in PALETTE])
-    pale = (far.argmin(axis=0) == 0).astype(np.uint8)
-    count, labels, about, middle = cv2.connectedComponentsWithStats(pale, connectivity=4)
+    levels = picture.astype(np.int32)
+    distance = np.stack([((levels - colour) ** 2).sum(axis=2) for colour in PALETTE])
+    pale = (distance.argmin(axis=0) == 0).astype(np.uint8)
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
     if count < 3:
         raise FinloopError(
             f"a picture with {count - 1} pale regions",
             "a frame of the drawn dog, with both near limbs",
             "give the film that was drawn",
         )
-    largest = 1 + np.argsort(-about[1:count, cv2.CC_STAT_AREA])[:2]
-    hind, fore = sorted(largest, key=lambda label: middle[label][0])
+    largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:2]
+    hind, fore = sorted(largest, key=lambda label: centres[label][0])
     return {"fore_right": labels == fore, "hind_right": labels == hind}

@@ -1,10 +1,10 @@
-"""The drawn dog's parts as it stands, and how its limbs bend: outlines, joints, skin.
+"""The parts of the drawn dog, standing, and how its limbs bend: outlines, joints, skin.
 
 Unit: the trunk, from hip to shoulder joint, is 1 long. x is forward (screen right), y down, 0 at
 the ground below the middle of the trunk. Outlines run clockwise as seen.
 
-A limb is four bones, each turning about its upper joint: upper, lower, pastern and paw. Its skin
-is moved by linear blend: each point goes with all bones, the more the nearer the bone lay.
+A limb has four bones, each turning about its upper joint: upper, lower, pastern and paw. Its skin
+moves by linear blend skinning: a bone weighs the more, the nearer to the point it lies at rest.
 """
 
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 FAR_OFFSET = (0.045, -0.022)  # of the far limbs from the near ones: seen a little from above
 FINE = 2048
 BLEND = 4  # power of the distance to a bone
-BLUNT = 0.02  # added to it, so that a point on a bone is not its alone
+BLUNT = 0.02  # added to that distance, so that a point on a bone follows the others too
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,8 @@ class LimbShape:
     bend
         Side of the knee: 1 = forward (knee), −1 = backward (elbow).
     lean
-        Turn of the pastern for each unit that the foot is ahead [rad], and for each it is lifted.
+        Turn of the pastern [rad] for each unit that the foot is ahead, and for each that it is
+        lifted.
     """
 
     joints: tuple[tuple[float, float], ...]
@@ -95,7 +96,7 @@ TAIL = (
     (-0.58, -0.92), (-0.70, -1.00), (-0.80, -1.12), (-0.85, -1.26), (-0.91, -1.30),
     (-0.92, -1.20), (-0.88, -1.05), (-0.78, -0.90), (-0.66, -0.82), (-0.57, -0.82),
 )  # fmt: skip
-NECK, TAIL_ROOT = (0.74, -1.18), (-0.60, -0.87)  # what head and tail turn about
+NECK, TAIL_ROOT = (0.74, -1.18), (-0.60, -0.87)  # head and tail turn about these
 EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 
 
@@ -103,15 +104,15 @@ EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
 def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Array:
     """n points (n, 2) of equal arc length of the closed cubic spline through the nodes."""
     corners = np.array([*nodes, nodes[0]])
-    at = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
-    spline = CubicSpline(at, corners, bc_type="periodic")
-    fine = spline(np.linspace(0, at[-1], FINE, endpoint=False))
+    knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
+    spline = CubicSpline(knots, corners, bc_type="periodic")
+    fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
     return resampled(Curve(fine, True), n).points
 
 
 @cache
 def skin(shape: LimbShape, n: int) -> tuple[Array, Array]:
-    """Outline (n, 2) at rest, and each point's shares (n, 4) of the bones."""
+    """Outline (n, 2) at rest, and the weights (n, 4) of the bones at each point."""
     outline, joints = smooth(shape.outline, n), np.array(shape.joints)
     along = np.diff(joints, axis=0)
     part = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bones() ** 2
@@ -128,11 +129,11 @@ def reaches(shape: LimbShape, foot: Array, top: Array) -> NDArray[np.bool_]:
     return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
 
 
-def posed(shape: LimbShape, foot: Array, top: Array, n: int) -> Array:
-    """Outlines (…, n, 2) with the foot moved by (…, 2) from where it rests, its top by (…, 2).
+def pose(shape: LimbShape, foot: Array, top: Array, n: int) -> Array:
+    """Outlines (…, n, 2) of a limb whose foot and top are moved by (…, 2) from their rest.
 
-    The knee follows by two-link inverse kinematics. All is smooth in `foot` and `top`, and depends
-    on nothing else.
+    The knee follows by two-link inverse kinematics. The outline is a smooth function of `foot` and
+    `top` alone.
     """
     rest, bones = np.array(shape.joints), shape.bones()
     ankle, pastern, paw = _ankle(shape, foot)
@@ -151,9 +152,9 @@ def posed(shape: LimbShape, foot: Array, top: Array, n: int) -> Array:
     outline, share = skin(shape, n)
     local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
     moved = heads @ np.array([1, 1j])  # (…, 4)
-    at = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
-    at = at + moved @ share.T
-    return np.stack([at.real, at.imag], axis=-1)
+    points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
+    points = points + moved @ share.T
+    return np.stack([points.real, points.imag], axis=-1)
 
 
 def _ankle(shape: LimbShape, foot: Array) -> tuple[Array, Array, Array]:

@@ -1,13 +1,13 @@
 """A drawn dog that walks to the right, with the truth about every limb of every frame.
 
-The model of curve paper §4.2, Fig. 9: diagonal pairs; a foot is planted for half a cycle and goes
-straight back under the body at one speed, then swings forward, slow at both ends of its range and
-most rapid in between. In subcycles A and B (phases 0…½) the left fore and right hind limb swing;
-the extremes lie on key frames 1 and 1'. The dog heads to the right of the screen, so its right
-limbs are the near ones.
+It walks as in the curve paper's §4.2, Fig. 9, diagonal limbs together. A foot is on the ground for
+half a cycle, in which it goes straight back under the body at a constant speed. Then it swings
+forward, slowly at both ends of its range. In subcycles A and B (phases 0…½) the left fore and right
+hind limbs swing; the extremes are key frames 1 and 1'. The dog heads for the right of the screen,
+so its right limbs are the near ones.
 
-*Body frame*: that of the course, which is steady: x forward, y down, px; the origin is on the
-ground below the middle of the trunk.
+*Body frame*: it moves steadily with the dog; x forward, y down, px; the origin is on the ground
+below the middle of the trunk.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from finloop.drawn.dog.shape import (
     NECK,
     TAIL,
     TAIL_ROOT,
-    posed,
+    pose,
     reaches,
     smooth,
 )
@@ -35,27 +35,27 @@ Array = NDArray[np.float64]
 NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
 FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D
 REACH = (-1.0, 1.22)  # of tail and nose from the middle of the trunk
-ROUND = 1.5  # power of the way in the height of a swinging foot: 1 = a corner, 2 = a parabola
+ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = a parabola
 
 
 @dataclass(frozen=True)
 class DogFilm:
-    """What is drawn. Lengths are in trunks (hip to shoulder) unless they say px.
+    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names say px.
 
     Attributes
     ----------
     cycles
-        Of the gait in the film; they begin at phase 0, key frame 1.
+        Cycles of the gait in the film, from phase 0, key frame 1.
     stride
-        Way of a foot under the body; the dog gets on by 2 of it each cycle.
+        Range of a foot under the body; the dog moves on by twice that in a cycle.
     lift
         Height of a foot in mid-swing.
     bob
-        How far the body rises and falls about its mean; it is lowest with the limbs apart.
+        Amplitude of the body's rise and fall; it is lowest with the limbs apart.
     swing_fore, swing_hind
         γ of the clocks of the swinging foot in its two halves.
     pan
-        Share of the dog's way that the camera follows.
+        Share of the dog's motion that the camera follows.
     noise
         Deviation of the grey level.
     """
@@ -82,7 +82,7 @@ class DogFilm:
 
     @property
     def body_length_px(self) -> float:
-        """From the rump to the tip of the nose as it stands."""
+        """Length from the rump to the tip of the nose, standing."""
         return 1.82 * self.trunk_px
 
     def __post_init__(self) -> None:
@@ -117,7 +117,7 @@ class DogFilm:
 
 
 def phases(dog: DogFilm) -> Array:
-    """Phase of each frame, 0 … `cycles`: it does not wrap."""
+    """Phase of each frame, 0 … `cycles`, not wrapped."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
 
@@ -133,7 +133,7 @@ def swings(name: str, phase: Array) -> NDArray[np.bool_]:
 
 
 def progress(dog: DogFilm, name: str, phase: Array) -> Array:
-    """How far a limb is on its way through its half of the cycle, 0 … 1 by its clocks."""
+    """Progress of a limb through its half of the cycle, 0 … 1, by its clocks."""
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
     which = quarter.astype(int) % 4
     gamma = np.array(gammas(dog, name))[which]
@@ -141,9 +141,9 @@ def progress(dog: DogFilm, name: str, phase: Array) -> Array:
 
 
 def foot(dog: DogFilm, name: str, phase: Array) -> Array:
-    """Foot (…, 2) in the body frame, from where it rests, in trunks: up is negative.
+    """Displacement (…, 2) of the foot from its rest, in the body frame, trunks; up is negative.
 
-    In the swing it rises and comes down evenly over its way, but rounds the top.
+    In the swing it rises and falls along a rounded triangle.
     """
     part, up = progress(dog, name, phase), swings(name, phase)
     x = dog.stride * np.where(up, part - 0.5, 0.5 - part)
@@ -152,18 +152,18 @@ def foot(dog: DogFilm, name: str, phase: Array) -> Array:
 
 
 def bob(dog: DogFilm, phase: Array) -> Array:
-    """Where the body is (…, 2) against its mean, in trunks: up is negative."""
+    """Displacement (…, 2) of the body from its mean, in trunks; up is negative."""
     return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
 
 
 def limb(dog: DogFilm, name: str, phase: Array, n: int) -> Array:
-    """Contours (…, n, 2) of a limb in the body frame, px; point i is always the same of the skin.
+    """Contours (…, n, 2) of a limb in the body frame, px, clockwise.
 
-    Clockwise, of equal arc length in the limb at rest.
+    Point i is a fixed point of the skin; at rest the points have equal arc lengths.
     """
     far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
     shape = LIMBS[name[:4]]
-    return dog.trunk_px * (posed(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
+    return dog.trunk_px * (pose(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
 
 
 def feet_px(dog: DogFilm, name: str, phase: Array) -> Array:
@@ -174,17 +174,17 @@ def feet_px(dog: DogFilm, name: str, phase: Array) -> Array:
 
 
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Array:
-    """Contour (n, 2) of body, head, ear or tail in the body frame, px; it nods, it wags."""
+    """Contour (n, 2) of body, head, ear or tail in the body frame, px; head and tail move."""
     return dog.trunk_px * (_carried(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
-def spot(dog: DogFilm, phase: float, where: tuple[float, float]) -> Array:
+def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Array:
     """The eye or nose (2,) in the body frame, px."""
-    return dog.trunk_px * (_carried(HEAD, np.array(where), phase) + bob(dog, np.array(phase)))
+    return dog.trunk_px * (_carried(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
 def _carried(nodes: tuple[tuple[float, float], ...], points: Array, phase: float) -> Array:
-    """Points of a part, turned about the part's root as the phase has it."""
+    """Points of a part at a phase, turned about the root of head or tail."""
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
         root, angle = NECK, nod

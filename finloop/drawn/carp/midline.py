@@ -1,0 +1,102 @@
+"""The midline of the drawn carp: its shape in a pose, and measures of a shape.
+
+Lengths are in body lengths, angles in radians, anticlockwise as seen on screen. The screen's y
+points down, so a unit vector at angle a is ``(cos a, -sin a)``; ``+`` is left.
+
+The body is an inextensible midline whose curvature is
+
+    travelling wave (grows towards the tail) + C-bend (strongest in mid-body) + small noise
+
+with the front third nearly stiff, as in the fish paper §2.2 ("head ... cannot deform").
+"""
+
+from collections.abc import Sequence
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.drawn.carp.skin import half_width
+from finloop.drawn.truth import POINTS
+
+Float = NDArray[np.float64]
+
+SEGMENTS = POINTS - 1
+WAVELENGTH = 1.05  # of the tail beat: one wave on the body
+
+
+@cache
+def mass_weights() -> Float:
+    """Share of the body's mass at each midline point, head to tail, by the body's width."""
+    width = half_width(np.linspace(0, 1, POINTS))
+    return width / width.sum()
+
+
+@cache
+def bend_shape() -> Float:
+    """C-bend curvature at the 63 inner midline points; sums to 1; strongest in mid-body."""
+    s = np.arange(1, SEGMENTS) / SEGMENTS
+    t = np.clip((s - 0.16) / 0.80, 0, 1)
+    shape = np.sin(np.pi * t**0.95) ** 2
+    return shape / shape.sum()
+
+
+@cache
+def wave_shape() -> Float:
+    """Angle (radians) that the tail-beat wave bends at each inner point at amplitude 1."""
+    s = np.arange(1, SEGMENTS) / SEGMENTS
+    growth = 0.18 + 3.1 * np.clip((s - 0.2) / 0.8, 0, None) ** 1.35
+    return growth * np.clip(s / 0.3, 0, 1) ** 2 / SEGMENTS
+
+
+def midline(
+    x: float,
+    y: float,
+    axis: float,
+    beat: float,
+    amplitude: float,
+    bend: float,
+    ripple: Sequence[float] | Float = (0.0, 0.0),
+) -> Float:
+    """Midline of a pose, (65, 2) in body lengths, head to tail; its arc length is exactly 1.
+
+    Tangents are integrated from curvature, so the line cannot stretch; then it is placed with its
+    mass centre at (x, y) and its mean tangent along `axis`, which makes the head recoil against the
+    tail as it does in a fish.
+    """
+    s = np.arange(1, SEGMENTS) / SEGMENTS
+    joint = (
+        amplitude * wave_shape() * np.sin(2 * np.pi * (s / WAVELENGTH - beat))
+        + bend * bend_shape()
+        + (ripple[0] * np.sin(np.pi * s) + ripple[1] * np.sin(2 * np.pi * s)) / SEGMENTS
+    )
+    angle = -np.concatenate([[0.0], np.cumsum(joint)])  # of each segment, pointing to the head
+    weight = mass_weights()
+    of_segment = (weight[1:] + weight[:-1]) / (weight[1:] + weight[:-1]).sum()
+    angle += axis - of_segment @ angle
+    step = np.column_stack([-np.cos(angle), np.sin(angle)]) / SEGMENTS  # towards the tail, y down
+    line = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
+    return line - weight @ line + (x, y)
+
+
+def bend_of(line: Float) -> float:
+    """Signed area between a midline (head to tail) and its chord, / length², + for a left bend."""
+    x, y = line[:, 0], line[:, 1]
+    area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+    return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
+
+
+def heading_of(line: Float) -> float:
+    """Direction from a third of the midline to the head, degrees in (-180, 180]."""
+    at = (len(line) - 1) / 3
+    i = int(at)
+    third = line[i] + (at - i) * (line[i + 1] - line[i])
+    dx, dy = line[0] - third
+    return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
+
+
+def curvature_of(line: Float) -> float:
+    """Direction of the midline at the head minus at the tail, degrees, + for a left bend."""
+    step = line[:-1] - line[1:]
+    angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))
+    return float(np.degrees(angle[0] - angle[-1]))
