@@ -20,8 +20,15 @@ VALUE = re.compile(rf"\b((?:{'|'.join(WORDS)})\.\w+)=([^\s`\"]+)")
 
 
 def values(text: str) -> list[tuple[str, str]]:
-    """Every `group.key=value` of a text that is whole."""
+    """Every `group.key=value` of a text that is whole, and those of its YAML."""
+    blocks = map(yaml.safe_load, re.findall(r"```yaml\n(.*?)```", text, re.DOTALL))
     return [
+        (f"{word}.{key}", str(value))
+        for block in blocks
+        for word, group in block.items()
+        if word != "defaults"
+        for key, value in group.items()
+    ] + [
         (key, one)
         for key, value in VALUE.findall(text)
         if "…" not in value
