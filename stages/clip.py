@@ -203,7 +203,6 @@ def main() -> None:
             "brightness_min_level": tally.darkest,
             "brightness_max_level": tally.brightest,
             "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-            "clip_size_mb": clip.stat().st_size / 1e6,
             "arena_fraction": float(arena.mean()),
         }
     save_metrics(METRICS, numbers)

@@ -120,16 +120,12 @@ def main() -> None:
         for atlas in sorted(SPRITES_FOLDER.glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
         listed = readable(edit, tracks, sprites)
-        save_csv(folder / f"{p.mode}.csv", listed, decimals=4)
+        save_csv(folder / f"{p.mode}.csv", listed, decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
-        sizes = {
-            path.name.replace(".", "_") + "_bytes": path.stat().st_size for path in folder.iterdir()
-        }
     save_metrics(
         REPORT / "metrics.json",
-        sizes
-        | {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}
+        {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}
         | {
             "frames": len(edit),
             "tracks": len(points.individuals),

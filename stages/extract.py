@@ -29,7 +29,7 @@ from finloop.extract.settings import Settings
 from finloop.extract.sheet import detections_picture
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
-from finloop.io.film_writer import CUTOUTS_NAME, film_writer
+from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
 from finloop.io.record import save_record
 from finloop.io.video import (
@@ -155,7 +155,6 @@ def main() -> None:
             f"tracks_of_{LONG}_frames": len(long),
             f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
             "longest_track_frames": max(lengths.values()),
-            "cutouts_size_mb": (EXTRACT / CUTOUTS_NAME).stat().st_size / 1e6,
         },
     )
 

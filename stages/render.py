@@ -43,54 +43,48 @@ def films(
     background: np.ndarray,
     half_px: int,
     advance: Callable[[], None],
-) -> tuple[list[float], list[list[Tile]], dict[str, int]]:
-    """Write the films of an edit list; steps between its frames, tiles of two sheets, sizes."""
+) -> tuple[list[float], list[list[Tile]]]:
+    """Write the films of an edit list; steps between its frames, tiles of two sheets."""
     rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
     names, colours = parts(edit)
     start, changes = liveliest(edit, SHOWN), switches(edit, tracks, SWITCHES)
     wanted = {*range(start, start + SHOWN)}.union(*(around(tick, len(edit)) for tick in changes))
     clean, change, tiles = Painter(background), list[float](), dict[int, Tile]()
     steps = Steps(clean)
-    with whole_folder(OUT) as folder:
-        with ExitStack() as stack:
+    with whole_folder(OUT) as folder, ExitStack() as stack:
 
-            def writes(writer: Movie, painter: Painter, ticks: int) -> Output:
-                return stack.enter_context(writer), painter, ticks
+        def writes(writer: Movie, painter: Painter, ticks: int) -> Output:
+            return stack.enter_context(writer), painter, ticks
 
-            def mp4(painter: Painter, name: str) -> Output:
-                path = folder / f"{name}.mp4"
-                return writes(Mp4Writer(path, painter.frame.shape, rate, p.crf), painter, len(edit))
+        def mp4(painter: Painter, name: str) -> Output:
+            path = folder / f"{name}.mp4"
+            return writes(Mp4Writer(path, painter.frame.shape, rate, p.crf), painter, len(edit))
 
-            outputs, seen = [mp4(clean, p.mode)], clean
+        outputs, seen = [mp4(clean, p.mode)], clean
+        if p.marks:
+            seen = Painter(background, colour=True)
+            marks = Marks(seen, edit, goals)
+            outputs.append(mp4(seen, f"{p.mode}_marked"))
+        if webp_ticks := round(p.webp_seconds * rate):
+            how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
+            outputs.append(writes(WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks))
+        for tick, one in enumerate(rows):
+            change.append(steps.to(clean.show(one)))
             if p.marks:
-                seen = Painter(background, colour=True)
-                marks = Marks(seen, edit, goals)
-                outputs.append(mp4(seen, f"{p.mode}_marked"))
-            if webp_ticks := round(p.webp_seconds * rate):
-                how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
-                outputs.append(
-                    writes(WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks)
-                )
-            for tick, one in enumerate(rows):
-                change.append(steps.to(clean.show(one)))
-                if p.marks:
-                    marks.show(tick, one)
-                for writer, painter, ticks in outputs:
-                    if tick < ticks:
-                        writer.write(painter.frame)
-                if tick in wanted:
-                    film = window(clean.frame, one.x_px, one.y_px, half_px)
-                    name = names[tick]
-                    tiles[tick] = Tile(film, tick, name, colours[name], one.weight)
-                advance()
-        sizes = {
-            path.name.replace(".", "_") + "_bytes": path.stat().st_size for path in folder.iterdir()
-        }
+                marks.show(tick, one)
+            for writer, painter, ticks in outputs:
+                if tick < ticks:
+                    writer.write(painter.frame)
+            if tick in wanted:
+                film = window(clean.frame, one.x_px, one.y_px, half_px)
+                name = names[tick]
+                tiles[tick] = Tile(film, tick, name, colours[name], one.weight)
+            advance()
     sheets = [
         [tiles[tick] for tick in range(start, min(start + SHOWN, len(edit)))],
         [tiles[tick] for one in changes for tick in around(one, len(edit))],
     ]
-    return change, sheets, sizes
+    return change, sheets
 
 
 def around(tick: int, ticks: int) -> range:
@@ -114,15 +108,14 @@ def main() -> None:
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
     with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
         half_px = round(0.75 * scene.typical_length_px)
-        change, sheets, sizes = films(p, edit, goals, tracks, gallery, background, half_px, advance)
+        change, sheets = films(p, edit, goals, tracks, gallery, background, half_px, advance)
         natural = film_steps(Painter(background), gallery, FRAME, tracks)
     for name, tiles in zip(("contact_sheet", "switches"), sheets, strict=True):
         save_picture(REPORT / f"{name}.png", contact_sheet(tiles, BEFORE + AFTER))
     save_figure(REPORT / "trajectory.png", trajectory(edit, goals, background))
     save_metrics(
         REPORT / "metrics.json",
-        sizes
-        | step_numbers(change, natural)
+        step_numbers(change, natural)
         | {
             "frames": len(edit),
             "duration_s": len(edit) / facts.frame_rate_hz,

@@ -142,11 +142,7 @@ def main() -> None:
         part.write_bytes(text)
     save_metrics(
         METRICS,
-        {
-            "page_mb": len(text) / 1e6,
-            "film_mb": len(film) / 1e6,
-            "figures": sum(len(one.figures) for one in made),
-        },
+        {"figures": sum(len(one.figures) for one in made)},
     )
 
 

@@ -39,6 +39,7 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import NoReturn
 
+from finloop.base.digits import significant
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.process import die_with_parent
@@ -198,7 +199,7 @@ def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., No
 
 
 def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
-    """Write a stage's metrics: flat, sorted, six digits; one without a value is left out.
+    """Write a stage's metrics: flat, sorted, DIGITS digits; one without a value is left out.
 
     None and NaN say that a number does not exist for this clip (no truth, no fish long enough);
     JSON has no NaN, and 0 would be a lie.
@@ -208,7 +209,7 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
         if isinstance(value, Integral):
             kept[name] = int(value)
         elif isinstance(value, Real) and math.isfinite(value):
-            kept[name] = float(f"{float(value):.6g}")
+            kept[name] = significant(float(value))
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name}: a number is wanted, got {value!r}")
     with whole_file(path) as part:

@@ -115,14 +115,10 @@ def main() -> None:
         save_bytes(folder / "tank.glb", glb)
         way = [upright((place - room.middle) / room.length) for place in fish.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
-        sizes = {
-            f"{path.name.replace('.', '_')}_bytes": path.stat().st_size for path in folder.iterdir()
-        }
     save_picture(REPORT / "contact_sheet.png", sheet(rows))
     save_metrics(
         REPORT / "metrics.json",
-        sizes
-        | {
+        {
             "frames": len(fish),
             "duration_s": len(fish) / rate,
             "gltf_shapes": len(shape.modes),

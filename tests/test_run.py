@@ -131,7 +131,7 @@ def test_metrics_are_flat_sorted_and_short(tmp_path):
         "none": math.inf,
     }
     door.save_metrics(path, numbers)
-    assert path.read_text() == '{\n  "a_deg": 2.5,\n  "b_px": 0.333333,\n  "tracks": 8\n}\n'
+    assert path.read_text() == '{\n  "a_deg": 2.5,\n  "b_px": 0.3333,\n  "tracks": 8\n}\n'
     assert json.loads(path.read_text())["tracks"] == 8
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from finloop.base.schema import Column, Schema, lists_to_array
 from finloop.errors import FinloopError
-from finloop.io.table import load_table, save_table
+from finloop.io.table import load_table, save_csv, save_table
 
 SCHEMA = Schema(
     (
@@ -136,3 +136,20 @@ def test_unreadable_tables_are_said(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(FinloopError, match="cannot be read as a table"):
         load_table(path, SCHEMA)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_a_small_table_does_not_tell_one_processor_from_another(tmp_path, dtype):
+    measured = np.array([1234.567, 0.123456, 1e-6, np.nan])
+    for name, last_bits in (("a.csv", 0), ("b.csv", 1e-6)):
+        values = (measured * (1 + last_bits)).astype(dtype)
+        frame = pd.DataFrame({"frame": [1, 2, 3, 123456], "x": values, "why": list("abcd")})
+        save_csv(tmp_path / name, frame, decimals=5)
+    text = (tmp_path / "a.csv").read_text()
+    assert text == "frame,x,why\n1,1235.0,a\n2,0.1235,b\n3,0.0,c\n123456,,d\n"
+    assert text == (tmp_path / "b.csv").read_text()
+
+
+def test_an_exact_table_keeps_its_decimals(tmp_path):
+    save_csv(tmp_path / "a.csv", pd.DataFrame({"x": [1234.56789]}), decimals=3, exact=True)
+    assert (tmp_path / "a.csv").read_text() == "x\n1234.568\n"

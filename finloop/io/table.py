@@ -14,6 +14,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from finloop.base.digits import significant
 from finloop.base.schema import Column, Schema
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
@@ -126,10 +127,18 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     )
 
 
-def save_csv(path: Path, frame: pd.DataFrame, decimals: int) -> None:
-    """Write a small table for people and for plots, rounded, whole or not at all."""
+def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
+    """Write a small table for people and for plots, rounded, whole or not at all.
+
+    No number has more than `decimals`, and none but of an `exact` table (mathematical constants,
+    places in a film) more significant digits than are alike on all processors.
+    """
+    frame = frame.round(decimals)
+    if not exact:
+        measured = frame.select_dtypes("floating")
+        frame = frame.assign(**{name: column.map(significant) for name, column in measured.items()})
     with whole_file(path) as part:
-        frame.round(decimals).to_csv(part, index=False, lineterminator="\n")
+        frame.to_csv(part, index=False, lineterminator="\n")
 
 
 def _wish(column: Column) -> str:
