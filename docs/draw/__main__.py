@@ -32,7 +32,7 @@ from docs.draw.guides import draw_guides
 
 PICTURES = ROOT / "docs/pictures"
 CARP = ["clip=carp", "clip.width_px=800", "clip.height_px=560", "animate.trials=1"]
-HERO_PX, PANEL_PX, REPORT_PX = 720, 320, 900  # widths
+HERO_PX, PANEL_PX, TANK_PX, REPORT_PX = 720, 320, 640, 800  # widths
 FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # of the film, of its outlines, after the last goal
 WINDOW, PANEL_S = (360, 270), 8.0  # that follows the fish; seconds of it
 TANK_S = 7.0, 18.0  # of the film of the 3-D tank
@@ -135,7 +135,7 @@ def draw_all(folder: Path) -> None:
     draw_panels(folder)
     save_film(PICTURES / "goals.webp", story(folder))
     tank = frames(folder / "data/tank/tank.mp4", *TANK_S)
-    save_film(PICTURES / "tank.webp", (sized(one, 480) for one in tank))
+    save_film(PICTURES / "tank.webp", (sized(one, TANK_PX) for one in tank))
     draw_drawings()
     save_still(PICTURES / "live.webp", live_tank(folder, SENT))
     save_still(PICTURES / "report.webp", sized(report(folder), REPORT_PX))
