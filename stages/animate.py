@@ -30,13 +30,11 @@ from finloop.features.table import FEATURES, delta_frames
 from finloop.gateways.find import GATEWAYS
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
-from finloop.io.picture import save_figure
 from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.find import LOOPS as LOOPS_TABLE
 from finloop.loops.graph import loop_graph
-from finloop.plots.animate import kinematics
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.pictures import following, outlines, pictures
 from stages.settings import load
@@ -153,15 +151,16 @@ def main() -> None:
                 "longest_exact_repeat_s": measures.longest_repeat(edit) / motion.rate_hz,
                 **trials(p, fish, swum),
             }
-            shown[name] = measures.motion_of_edit(edit, fish), measures.of_states(edit)
+            shown[name] = measures.motion_of_edit(edit, fish)
         film_numbers = measures.of_film(brought.features, swum, brought.natural, motion)
+        moves = measures.kinematics({measures.FILM_MOTION: swum} | shown)
+        save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
     if LOOPS not in numbers:
         print(
             "animate: the film has no loops to go on by: no mode `loops`, and `hybrid` is the "
             "network mode alone (the stage `loops` says what would give some)",
             file=sys.stderr,
         )
-    save_figure(REPORT / "kinematics.png", kinematics(swum, film_numbers, shown))
     side_by_side = measures.table(numbers, film_numbers)
     save_csv(REPORT / "measures.csv", side_by_side, decimals=3)
     save_metrics(

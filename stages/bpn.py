@@ -1,4 +1,4 @@
-"""Stage `bpn`: the feature table becomes the motion model, its errors and Fig. 15."""
+"""Stage `bpn`: the feature table becomes the motion model, and its errors (Fig. 15)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.bpn.held_out import assessment
+from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
@@ -15,11 +15,9 @@ from finloop.bpn.train import Learning, train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import save_bytes
-from finloop.io.picture import save_figure
 from finloop.io.record import save_json
-from finloop.io.table import load_table, save_csv
+from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.plots.bpn import figure15, held_out_figure
 from stages.settings import load
 
 FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parquet")
@@ -64,9 +62,8 @@ def main() -> None:
     save_json(OUT / "model.json", model.record(), indent=1)
     save_bytes(OUT / "model.onnx", onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
-    save_figure(REPORT / "fig15.png", figure15(curve))
-    predicted = model.predict(rows.inputs[held])
-    save_figure(REPORT / "held_out.png", held_out_figure(predicted, rows.outputs[held]))
+    unseen = held_out_table(model, rows, held)
+    save_table(OUT / "held_out.parquet", unseen, HELD_OUT)
     save_metrics(REPORT / "metrics.json", metrics)
 
 

@@ -16,10 +16,8 @@ from finloop.distance.map import (
     MapFacts,
     Pairs,
     about_mean,
-    alike,
     bands,
     computed,
-    full,
     kinds,
     order,
     pair_table,
@@ -32,10 +30,8 @@ from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, open_cutouts
-from finloop.io.picture import save_figure
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
-from finloop.plots.distance import figure9, picture_rows
 from stages.settings import load
 
 CUTOUTS = Path("data/extract/cutouts.arrow")
@@ -97,16 +93,6 @@ def main() -> None:
     count = len(features) * (len(features) - 1) // 2
     done = computed(blocks)
     skipped_pct = 100 * (1 - done / count)
-    few = picture_rows(features, p.picture_frames)
-    save_figure(
-        REPORT / "fig9.png",
-        figure9(
-            full(x[place[few]]),
-            alike(kind[few], area[few], p.area_threshold),
-            features["track_id"].to_numpy()[few],
-            median,
-        ),
-    )
     save_metrics(
         REPORT / "metrics.json",
         {

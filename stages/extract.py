@@ -26,7 +26,6 @@ from finloop.extract.film import (
     tracks,
 )
 from finloop.extract.settings import Settings
-from finloop.extract.sheet import detections_picture
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.film_writer import film_writer
@@ -89,7 +88,7 @@ def cutouts(found: Iterable[Found]) -> Iterator[Cutout]:
 
 
 def main() -> None:
-    """Make data/extract/, reports/extract/metrics.json and a picture of what was found."""
+    """Make data/extract/ and reports/extract/metrics.json."""
     settings: Settings = load("extract")
     if THREADS > 1:
         warm_up(WORKERS_NEED)
@@ -132,12 +131,6 @@ def main() -> None:
             ),
         )
         save_picture(folder / "background.png", scene.background)
-    shown = np.linspace(0, facts.frames - 1, min(4, facts.frames)).round().astype(int).tolist()
-    frames = list(read_spread(CLIP / CLIP_NAME, shown, colour=facts.colour))
-    save_picture(
-        REPORT / "detections.png",
-        detections_picture(frames, shown, scene, typical, arena, settings),
-    )
     long = [count for count in lengths.values() if count >= LONG]
     save_metrics(
         REPORT / "metrics.json",

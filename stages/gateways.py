@@ -20,18 +20,15 @@ from finloop.gateways.find import (
     numbers,
 )
 from finloop.gateways.settings import Settings
+from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
-from finloop.io.picture import save_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.plots.gateways import contact_sheet, pairs, spread
 from finloop.sprites.orient import SPRITES
 from stages.settings import load
 
 SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
-TABLE = Path("data/gateways/gateways.parquet")
-SHOWN = 12  # gateways of each direction on the contact sheet
 WORDS = {IN: "into", OUT: "out of"}
 
 
@@ -65,14 +62,10 @@ def main() -> None:
         near = nearness(sprites, store, features, film, facts.size, facts.pose, advance)
         kept = gateways(near, sprites, features, rate_hz, step, settings)
         every = nearest(near, sprites, features, rate_hz, settings)
-        shown = {}
-        for word in WORDS:
-            of = kept if word in set(kept["direction"]) else every  # refused: to see why
-            some = spread(of[of["direction"] == word], SHOWN)
-            shown[word] = list(pairs(some, sprites, store, features, film, facts))
     say(kept, every, step, settings.least_s)
-    save_table(TABLE, kept, GATEWAYS)
-    save_picture(REPORT / "contact_sheet.png", contact_sheet(shown))
+    with whole_folder(Path("data/gateways")) as folder:
+        save_table(folder / "gateways.parquet", kept, GATEWAYS)
+        save_table(folder / "nearest.parquet", every, GATEWAYS)
     save_metrics(
         REPORT / "metrics.json",
         numbers(kept, every, near, features, rate_hz, step),

@@ -3,18 +3,14 @@
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from finloop.distance.map import PAIRS, MapFacts
-from finloop.distance.picture import film_pictures
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_file, whole_folder
-from finloop.io.cutouts import CutoutStore, open_cutouts
-from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -30,38 +26,11 @@ from finloop.loops.position_table import (
     shown_ends,
 )
 from finloop.loops.settings import Settings
-from finloop.plots.loops import (
-    Example,
-    apart,
-    best_and_worst,
-    message,
-    over_tank,
-    over_time,
-    table_picture,
-)
 from stages.settings import load
 
-EXTRACT, DISTANCE = Path("data/extract"), Path("data/distance")
+DISTANCE = Path("data/distance")
 FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
-SHOWN, SIZE_PX = 6, 128  # best loops and worst, and their pictures
 WAYS = 5  # ways from the last end to the first
-
-
-def examples(
-    loops: pd.DataFrame, features: pd.DataFrame, film: CutoutStore, pose: str, step: float
-) -> Iterator[Example]:
-    """Pictures of some loops: the frame before a, a itself, and b instead."""
-    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
-    for one in loops.itertuples():
-        before = one.a - 1 if one.a and track[one.a - 1] == track[one.a] else one.a
-        rows = np.array([before, one.a, one.b])
-        last, natural, instead = film_pictures(features, film, SIZE_PX, pose, rows)
-        places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, one.b))
-        words = (
-            f"track:frame {places}: seam {one.distance / step:.2f} steps, "
-            f"filtered {one.filtered / step:.2f}"
-        )
-        yield Example(last, natural, instead, words)
 
 
 def nothing(none: NoLoops) -> None:
@@ -71,11 +40,10 @@ def nothing(none: NoLoops) -> None:
         for name, schema in (("loops", LOOPS), ("positions", POSITIONS)):
             empty = {column.name: np.empty(0, column.dtype) for column in schema.columns}
             save_table(folder / f"{name}.parquet", pd.DataFrame(empty), schema)
+        (folder / "none.txt").write_text(str(none), encoding="utf-8")
     for name in ("position_table", "routes"):
         with whole_file(REPORT / f"{name}.csv") as part:
             part.write_text("\n", encoding="utf-8")
-    for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
-        save_figure(REPORT / f"{name}.png", message(str(none)))
     save_metrics(REPORT / "metrics.json", {"loops": 0, "ends": 0, "endless_film_pct": 0.0})
 
 
@@ -100,23 +68,11 @@ def main() -> None:
         save_table(folder / "loops.parquet", loops, LOOPS)
         save_table(folder / "positions.parquet", where, POSITIONS)
 
-    shown = shown_ends(graph.ends, track)
-    table = position_table(shown, features)
+    table = position_table(shown_ends(graph.ends, track), features)
     with whole_file(REPORT / "position_table.csv") as part:
         table.to_csv(part, lineterminator="\n")
     ways = routes(graph, *far_ends(graph), WAYS, jump_frames=settings.least_s * rate_hz)
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    save_figure(REPORT / "over_time.png", over_time(loops, graph, track, rate_hz))
-    tank = load_picture(EXTRACT / "background.png")
-    save_figure(REPORT / "over_tank.png", over_tank(loops, graph, features, tank))
-    save_figure(REPORT / "fig11.png", table_picture(table, shown, features))
-    gap = round(settings.least_s * rate_hz)
-    with open_cutouts(EXTRACT / "cutouts.arrow") as film:
-        best, worst = (
-            list(examples(some.iloc[apart(some, gap, SHOWN)], features, film, facts.pose, step))
-            for some in (loops, loops[::-1])
-        )
-    save_figure(REPORT / "best_and_worst.png", best_and_worst(best, worst))
     save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts))
 
 

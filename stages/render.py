@@ -1,4 +1,4 @@
-"""Stage `render`: an edit list becomes films and pictures (fish paper Figs. 16, 18)."""
+"""Stage `render`: an edit list becomes films (fish paper Figs. 16, 18)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
@@ -15,12 +15,11 @@ from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
 from finloop.io.gallery import open_gallery
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
-from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.picture import load_picture
 from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
-from finloop.render.marks import Marks, parts
+from finloop.render.marks import Marks
 from finloop.render.painter import Gallery, Painter, Steps, film_steps, placed, step_numbers
 from finloop.render.settings import Settings
 from finloop.sprites.orient import SPRITES
@@ -29,8 +28,6 @@ from stages.settings import load
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
 OUT, REPORT = Path("data/render"), Path("reports/render")
-SHOWN = 40  # ticks on the contact sheet
-SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on the sheet of switches; ticks before, and from, each
 Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
 
 
@@ -38,18 +35,13 @@ def films(
     p: Settings,
     edit: pd.DataFrame,
     goals: list[Goal],
-    tracks: pd.DataFrame,
     gallery: Gallery,
     background: np.ndarray,
-    half_px: int,
     advance: Callable[[], None],
-) -> tuple[list[float], list[list[Tile]]]:
-    """Write the films of an edit list; steps between its frames, tiles of two sheets."""
+) -> list[float]:
+    """Write the films of an edit list; the steps between its frames."""
     rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
-    names, colours = parts(edit)
-    start, changes = liveliest(edit, SHOWN), switches(edit, tracks, SWITCHES)
-    wanted = {*range(start, start + SHOWN)}.union(*(around(tick, len(edit)) for tick in changes))
-    clean, change, tiles = Painter(background), list[float](), dict[int, Tile]()
+    clean, change = Painter(background), list[float]()
     steps = Steps(clean)
     with whole_folder(OUT) as folder, ExitStack() as stack:
 
@@ -75,22 +67,8 @@ def films(
             for writer, painter, ticks in outputs:
                 if tick < ticks:
                     writer.write(painter.frame)
-            if tick in wanted:
-                film = window(clean.frame, one.x_px, one.y_px, half_px)
-                name = names[tick]
-                tiles[tick] = Tile(film, tick, name, colours[name], one.weight)
             advance()
-    sheets = [
-        [tiles[tick] for tick in range(start, min(start + SHOWN, len(edit)))],
-        [tiles[tick] for one in changes for tick in around(one, len(edit))],
-    ]
-    return change, sheets
-
-
-def around(tick: int, ticks: int) -> range:
-    """The ticks shown of a switch."""
-    first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
-    return range(first, min(first + BEFORE + AFTER, ticks))
+    return change
 
 
 def main() -> None:
@@ -107,12 +85,8 @@ def main() -> None:
     table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES) if drawn else None
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
     with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
-        half_px = round(0.75 * scene.typical_length_px)
-        change, sheets = films(p, edit, goals, tracks, gallery, background, half_px, advance)
+        change = films(p, edit, goals, gallery, background, advance)
         natural = film_steps(Painter(background), gallery, FRAME, tracks)
-    for name, tiles in zip(("contact_sheet", "switches"), sheets, strict=True):
-        save_picture(REPORT / f"{name}.png", contact_sheet(tiles, BEFORE + AFTER))
-    save_figure(REPORT / "trajectory.png", trajectory(edit, goals, background))
     save_metrics(
         REPORT / "metrics.json",
         step_numbers(change, natural)

@@ -12,13 +12,11 @@ from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES, orientations_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.picture import save_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.sprites import atlas
 from finloop.sprites.metrics import (
-    contact_sheet,
     faults,
     is_still,
     loop_numbers,
@@ -31,7 +29,6 @@ from finloop.sprites.orient import (
     Gallery,
     choose,
     drawn,
-    placed,
     sprite_table,
 )
 from finloop.sprites.pick import SIDES, swimmers
@@ -97,9 +94,6 @@ def main() -> None:
     say(chosen, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)
-    with open_cutouts(FOLDER / "sprites.arrow") as store:
-        sheet = contact_sheet(sprites, lambda row: placed(store[row]))
-    save_picture(REPORT / "contact_sheet.png", sheet)
     save_metrics(
         REPORT / "metrics.json",
         numbers(sprites, table, features, facts.frames, rate_hz)

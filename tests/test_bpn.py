@@ -20,6 +20,7 @@ from scratch import content, prepare, same_but_figures
 import finloop.bpn.onnx
 import finloop.bpn.train
 import stages.bpn
+import stages.plots.bpn
 from finloop.bpn.held_out import (
     assessment,
     confusion,
@@ -623,6 +624,7 @@ def ran(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         stages.bpn.main()
+        stages.plots.bpn.main()
     return folder
 
 
@@ -640,7 +642,7 @@ def metrics(folder):
 
 def test_the_stage_makes_the_model_and_its_reports(here):
     assert set(content(here / "reports/bpn")) == MADE
-    assert set(content(here / "data/bpn")) == {"model.json", "model.onnx"}
+    assert set(content(here / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
     model = load_record(here / "data/bpn/model.json", motion_model, "bpn")
     assert model.delta_s == pytest.approx(DELTA / 25)
     assert model.hidden == 20
@@ -659,6 +661,7 @@ def test_the_stage_makes_the_same_again(here):
     shutil.rmtree(here / "data/bpn")
     shutil.rmtree(here / "reports")
     stages.bpn.main()
+    stages.plots.bpn.main()
     assert same_but_figures(once, content(here / "data/bpn") | content(here / "reports"))
 
 

@@ -23,6 +23,7 @@ from scratch import content, prepare, put_clip
 import stages.clip
 import stages.extract
 import stages.features
+import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.errors import FinloopError
@@ -51,7 +52,6 @@ from finloop.extract.film import (
     typical_fish,
 )
 from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
-from finloop.extract.sheet import detections_picture
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import Settings as FeatureSettings
@@ -61,6 +61,7 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
+from finloop.plots.extract import detections_picture
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
@@ -742,6 +743,7 @@ def extracted(tmp_path_factory):
         patch.setattr(stages.extract, "THREADS", 1)
         stages.clip.main()
         stages.extract.main()
+        stages.plots.extract.main()
     return folder
 
 

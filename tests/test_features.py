@@ -19,11 +19,12 @@ from scratch import content, prepare, same_but_figures
 import stages.clip
 import stages.extract
 import stages.features
+import stages.plots.features
 from finloop.errors import FinloopError
 from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
 from finloop.features.head import _posterior, _viterbi, head_first
-from finloop.features.metrics import against_truth, forwards, summary, table1
+from finloop.features.metrics import against_truth, forwards, longest_track, summary, table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
 from finloop.features.table import (
     FEATURES,
@@ -40,7 +41,6 @@ from finloop.plots.features import (
     Specimen,
     contact_sheet,
     figure7,
-    longest_track,
     most_doubtful,
     rose,
     trajectories,
@@ -858,6 +858,7 @@ def extracted(tmp_path_factory):
         stages.clip.main()
         stages.extract.main()
         stages.features.main()
+        stages.plots.features.main()
     return folder
 
 

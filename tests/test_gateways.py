@@ -16,6 +16,7 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip
 
 import stages.gateways
+import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import BODY, FILM, film_pictures, picture, steps
@@ -462,6 +463,7 @@ def work(tmp_path, monkeypatch, world, film):
 def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, capsys):
     prepare(work, *TINY_CARP, "gateways.top_out=3")
     stages.gateways.main()
+    stages.plots.gateways.main()
     table = load_table(work / "data/gateways/gateways.parquet", GATEWAYS)
     want = world.table()
     assert list(table["row"]) == list(want["row"])

@@ -19,6 +19,7 @@ from scipy.spatial.distance import cdist
 from scratch import content, prepare, put_clip, same_but_figures
 
 import stages.loops
+import stages.plots.loops
 from finloop.base.cutout import Cutout
 from finloop.distance.map import PAIRS, STEPS, MapFacts
 from finloop.distance.picture import BODY, film_pictures, steps
@@ -615,6 +616,7 @@ def toy(tmp_path_factory):
 def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     monkeypatch.chdir(toy)
     stages.loops.main()
+    stages.plots.loops.main()
     loops = load_table(toy / "data/loops/loops.parquet", LOOPS)
     frame = np.tile(np.arange(N), 2)
     beat = (frame + np.repeat([0, 5], N)) % 16
@@ -668,6 +670,8 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     stages.loops.main()
     assert "one track of 10 frames" in capsys.readouterr().err
+    stages.plots.loops.main()
+    assert len(list((tmp_path / "reports/loops").glob("*.png"))) == 4
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
 
 

@@ -79,14 +79,20 @@ def outputs(word: str) -> dict[str, dict[str, Any]]:
 
 
 def folder(file: str) -> str:
-    """How dvc.yaml names a file: by its package's folder, by itself where it lies in none."""
+    """How dvc.yaml names a file: by its package's folder, by itself if it is a plot or in none."""
     parts = Path(file).parts
-    return "/".join(parts[:2]) if len(parts) > 2 and parts[0] == "finloop" else file
+    whole = len(parts) > 2 and parts[0] == "finloop" and parts[1] != "plots"
+    return "/".join(parts[:2]) if whole else file
+
+
+def module(stage: str) -> str:
+    """What the stage runs."""
+    return f"stages.{stage.replace('-', '.')}"
 
 
 @pytest.mark.parametrize("word", STAGES)
 def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
-    files = closure(module_files(f"stages.{word}"))
+    files = closure(module_files(module(word)))
     wanted = {folder(file) for file in files - {"finloop/__init__.py", "stages/__init__.py"}}
     if word == "params":  # looks at every declaration, by name
         wanted |= {f"finloop/{one}/settings.py" for one in WORDS}
@@ -103,10 +109,25 @@ def test_the_closure_sees_imports_of_imports_and_inside_functions():
     assert "finloop/io/atomic.py" in imported("stages/run.py")
 
 
+PLOTS = [stage for stage in STAGES if stage.startswith("plots-")]
+
+
+@pytest.mark.parametrize("stage", PLOTS)
+def test_a_changed_picture_computes_nothing_anew(stage):
+    word = stage.removeprefix("plots-")
+    assert all(out.startswith(f"reports/{word}/") for out in outputs(stage))
+    drawn = {dep for dep in STAGES[stage]["deps"] if dep.startswith("finloop/plots")}
+    drawn -= {"finloop/plots/__init__.py"}
+    assert f"finloop/plots/{word}.py" in drawn
+    assert {one for one in STAGES if drawn & set(STAGES[one]["deps"])} <= set(PLOTS)
+
+
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_is_one_word_everywhere(word):
     stage = STAGES[word]
-    assert stage["cmd"] == f"exec python -m stages.{word}"  # exec: see stages/run.py
+    assert stage["cmd"] == f"exec python -m {module(word)}"  # exec: see stages/run.py
+    if word in PLOTS:
+        return
     if word == "params":
         return
     assert stage["params"] == [word]
@@ -117,7 +138,7 @@ def test_a_stage_is_one_word_everywhere(word):
 
 
 def test_every_group_belongs_to_a_stage():
-    assert set(WORDS) == set(STAGES) - {"params"}
+    assert set(WORDS) == set(STAGES) - {"params", *PLOTS}
 
 
 def test_nothing_runs_before_the_parameters_are_checked():

@@ -20,6 +20,7 @@ from scratch import content, prepare
 
 import stages.clip
 import stages.extract
+import stages.plots.render
 import stages.render
 from finloop.animate.edit_list import EDIT, Goal
 from finloop.base.cutout import Cutout
@@ -30,7 +31,18 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_records, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
-from finloop.plots.render import Tile, contact_sheet, liveliest, switches, trajectory, window
+from finloop.plots.render import (
+    AFTER,
+    BEFORE,
+    TICKS,
+    Tile,
+    around,
+    contact_sheet,
+    liveliest,
+    switches,
+    trajectory,
+    window,
+)
 from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
 from finloop.render.painter import (
     Box,
@@ -723,6 +735,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
     assert metrics["frames"] == len(shown)
     assert metrics["picture_step_ratio"] == pytest.approx(1, abs=0.01)
     assert set(content(Path("data/render"))) == {"nn.mp4", "nn_marked.mp4", "nn.webp"}
+    stages.plots.render.main()
     for name in ("trajectory.png", "contact_sheet.png"):
         assert load_picture(Path("reports/render") / name).std() > 10
 
@@ -890,8 +903,8 @@ def test_a_jump_without_a_cross_fade_is_a_switch():
 @pytest.mark.parametrize("count", [2, 5, 30])
 @pytest.mark.parametrize("tick", [0, 1, 4])
 def test_around_a_switch_are_ticks_of_the_animation(count, tick):
-    found = stages.render.around(min(tick, count - 1), count)
-    assert len(found) == min(count, stages.render.BEFORE + stages.render.AFTER)
+    found = around(min(tick, count - 1), count)
+    assert len(found) == min(count, BEFORE + AFTER)
     assert found[0] >= 0 and found[-1] < count and min(tick, count - 1) in found
 
 
@@ -910,10 +923,9 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
     )  # fmt: skip
     prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
+    stages.plots.render.main()
     sheet = load_picture(Path("reports/render/switches.png"))
-    one = load_picture(Path("reports/render/contact_sheet.png")).shape[0] / (
-        stages.render.SHOWN / 8
-    )
+    one = load_picture(Path("reports/render/contact_sheet.png")).shape[0] / (TICKS / 8)
     assert sheet.shape[0] == 3 * one
 
 

@@ -17,6 +17,7 @@ from conftest import TINY_CARP
 from PIL import Image
 from scratch import content, prepare, put_clip
 
+import stages.plots.sprites
 import stages.sprites
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
@@ -28,11 +29,11 @@ from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
+from finloop.plots.sprites import contact_sheet
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites import pick as sprites_pick
 from finloop.sprites.metrics import (
     complete,
-    contact_sheet,
     faults,
     is_still,
     loop_numbers,
@@ -878,6 +879,7 @@ def work(tmp_path, monkeypatch, toy):
 
 def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys):
     stages.sprites.main()
+    stages.plots.sprites.main()
     assert sorted(p.name for p in (work / "data/sprites").iterdir()) == [
         "atlas-0.json", "atlas-0.png", "sprites.arrow", "sprites.parquet",
     ]  # fmt: skip

@@ -17,7 +17,18 @@ from finloop.animate.arena import Tank
 from finloop.animate.edit_list import FRAME, LOOPS, Goal
 from finloop.animate.motion import FILM, STATES, TURN, Motion
 from finloop.animate.swim import Cast, Mode, Player
+from finloop.base.schema import Column, Schema
 from finloop.features.table import wrap_deg
+
+FILM_MOTION = "film"
+KINEMATICS = Schema(
+    (
+        Column("mode", "string", "1"),
+        Column("speed", "float64", "body lengths/s"),
+        Column("turn_rate", "float64", "deg/s"),
+    )
+)
+"""How the film (mode FILM_MOTION) and each mode's fish move, a row a tick; both over Δ."""
 
 Floats = NDArray[np.float64]
 
@@ -90,6 +101,17 @@ def _off_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     share = np.clip((points - a) @ along / max(float(along @ along), 1e-12), 0.0, 1.0)
     return np.hypot(*(points - a - share[:, None] * along).T)
+
+
+def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
+    """The table of `KINEMATICS`, of `motion_of_film` and `motion_of_edit` by name."""
+    return pd.concat(
+        [
+            pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
+            for mode, (speed, rate) in motions.items()
+        ],
+        ignore_index=True,
+    )
 
 
 def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:

@@ -6,12 +6,35 @@ fitted to the rows that the network learnt from. Both are clipped to the range o
 """
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.bpn.model import OUTPUT_HIGH, OUTPUT_LOW, Mask, MotionModel, Numbers, Rows, type_class
+from finloop.base.schema import Column, Schema
+from finloop.bpn.model import (
+    OUTPUT_HIGH,
+    OUTPUT_LOW,
+    OUTPUTS,
+    Mask,
+    MotionModel,
+    Numbers,
+    Rows,
+    type_class,
+)
 from finloop.features.swimming_type import WORDS
 
+SIDES = ("predicted", "true")
+HELD_OUT = Schema(
+    tuple(Column(f"{side}_{name}", "float64", "1") for side in SIDES for name in OUTPUTS)
+)
+"""States Δ later of the rows held out, as predicted and as they are."""
+
 _COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
+
+
+def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
+    """The table of `HELD_OUT`."""
+    states = np.hstack([model.predict(rows.inputs[held_out]), rows.outputs[held_out]])
+    return pd.DataFrame(states, columns=[column.name for column in HELD_OUT.columns])
 
 
 def persistence(inputs: Numbers) -> Numbers:

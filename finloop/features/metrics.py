@@ -34,6 +34,11 @@ def table1(features: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
+def longest_track(features: pd.DataFrame) -> pd.DataFrame:
+    """The rows of the track with the most frames."""
+    return features[features["track_id"] == features["track_id"].mode()[0]]
+
+
 def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
     """Flat numbers about the table, for metrics.json."""
     lengths = features.groupby("track_id").size()

@@ -1,6 +1,6 @@
 """Pictures of a feature table: Fig. 7, trajectories, orientation rose, contact sheet."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import cv2
@@ -10,7 +10,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutouts
 from finloop.features.area import closed_spline, control_points
+from finloop.features.metrics import longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
 
@@ -20,11 +22,6 @@ TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
     LEFT: (WORDS[LEFT], "#D55E00"),
     RIGHT: (WORDS[RIGHT], "#009E73"),
 }
-
-
-def longest_track(features: pd.DataFrame) -> pd.DataFrame:
-    """The rows of the track with the most frames."""
-    return features[features["track_id"] == features["track_id"].mode()[0]]
 
 
 def figure7(features: pd.DataFrame) -> Figure:
@@ -99,6 +96,26 @@ class Specimen(NamedTuple):
     film: Picture  # (h, w) or (h, w, 3)
     x0_px: int
     y0_px: int
+
+
+def head_first(lines: NDArray[np.floating], features: pd.DataFrame) -> NDArray[np.floating]:
+    """Backbones (rows, n, 2), beside the feature table, turned so that each begins at the head."""
+    head = features[["head_x_px", "head_y_px"]].to_numpy(float)
+    first, last = (np.hypot(*(lines[:, end] - head).T) for end in (0, -1))
+    return np.where((last < first)[:, None, None], lines[:, ::-1], lines)
+
+
+def specimens(
+    table: pd.DataFrame,
+    backbones: np.ndarray,
+    numbers: np.ndarray,
+    cutouts: Cutouts,
+    background: np.ndarray,
+) -> Iterator[Specimen]:
+    """Rows of the table with their cut-outs laid over the empty tank."""
+    for number in numbers.tolist():
+        row, cutout = table.iloc[number], cutouts[number]
+        yield Specimen(row, backbones[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
 
 
 def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:

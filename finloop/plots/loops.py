@@ -1,6 +1,6 @@
 """Pictures of video loops: over time, over the tank, the position table, the best and the worst."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,9 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
+from finloop.base.cutout import Cutouts
+from finloop.distance.map import MapFacts
+from finloop.distance.picture import film_pictures
 from finloop.loops.graph import LoopGraph, goes_on, in_component
 from finloop.loops.position_table import LETTERS
 
@@ -178,6 +181,9 @@ def _letters(
         )  # fmt: skip
 
 
+SIZE_PX = 128  # of the pictures of a loop
+
+
 class Example(NamedTuple):
     """A loop for the sheet: three pictures (h, w, c) 0 … 1, premultiplied, and what it costs."""
 
@@ -185,6 +191,23 @@ class Example(NamedTuple):
     natural: NDArray[np.float32]
     instead: NDArray[np.float32]
     words: str
+
+
+def examples(
+    loops: pd.DataFrame, features: pd.DataFrame, film: Cutouts, facts: MapFacts
+) -> Iterator[Example]:
+    """Pictures of some loops: the frame before a, a itself, and b instead."""
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    for one in loops.itertuples():
+        before = one.a - 1 if one.a and track[one.a - 1] == track[one.a] else one.a
+        rows = np.array([before, one.a, one.b])
+        last, natural, instead = film_pictures(features, film, SIZE_PX, facts.pose, rows)
+        places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, one.b))
+        words = (
+            f"track:frame {places}: seam {one.distance / facts.step_median:.2f} steps, "
+            f"filtered {one.filtered / facts.step_median:.2f}"
+        )
+        yield Example(last, natural, instead, words)
 
 
 def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:

@@ -1,6 +1,6 @@
 """Pictures of an edit list: the trajectory (Fig. 16) and a sheet of consecutive ticks."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, Goal
 from finloop.render.marks import aims, parts, rgb, sought, write
+from finloop.render.painter import Painter, Placed
 
 Picture = NDArray[np.uint8]
 _WANDERING = "0.35"
@@ -72,6 +73,10 @@ def _arrows(axes: "object", edit: pd.DataFrame) -> None:
     )  # fmt: skip
 
 
+TICKS = 40  # on the contact sheet
+SWITCHES, BEFORE, AFTER = 12, 3, 5  # rows on their sheet; ticks before each, and from it on
+
+
 class Tile(NamedTuple):
     """One tick for the contact sheet: what is drawn around the fish, and what the row says."""
 
@@ -115,6 +120,36 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     return sorted(int(tick) for tick in np.concatenate(chosen)) if chosen else []
 
 
+def ticks_drawn(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
+    """The ticks on each sheet: consecutive ones, and those around each switch."""
+    start, ticks = liveliest(edit, TICKS), len(edit)
+    switched = [tick for one in switches(edit, tracks, SWITCHES) for tick in around(one, ticks)]
+    return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": switched}
+
+
+def around(tick: int, ticks: int) -> range:
+    """The ticks drawn of a switch."""
+    first = max(0, min(tick - BEFORE, ticks - BEFORE - AFTER))
+    return range(first, min(first + BEFORE + AFTER, ticks))
+
+
+def tiles(
+    edit: pd.DataFrame,
+    ticks: Sequence[int],
+    rows: Iterable[Placed],
+    painter: Painter,
+    half_px: int,
+) -> list[Tile]:
+    """A tile for each of some ticks of an edit list; `rows`: what to draw in each of these."""
+    names, colours = parts(edit)
+    out = []
+    for tick, row in zip(ticks, rows, strict=True):
+        painter.show(row)
+        film = window(painter.frame, row.x_px, row.y_px, half_px)
+        out.append(Tile(film, tick, names[tick], colours[names[tick]], row.weight))
+    return out
+
+
 def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
     """The square of a frame around a place; beyond the picture its edge goes on."""
     x, y = round(x_px), round(y_px)
@@ -123,7 +158,7 @@ def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
     return frame[rows[:, None], columns]
 
 
-def contact_sheet(tiles: Sequence[Tile], columns: int = 8, size: int = 150) -> Picture:
+def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
     """Consecutive ticks side by side, the bar above each in the colour of its state."""
     drawn = [_tile(tile, size) for tile in tiles]
     while len(drawn) % columns or not drawn:

@@ -1,22 +1,15 @@
-"""What the sprites are like: Table 1 after synthesis, closure of loops, faults, contact sheet."""
+"""What the sprites are like: Table 1 after synthesis, closure of loops, faults."""
 
-from collections.abc import Callable
-from typing import Any
-
-import cv2
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.features.metrics import table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
-from finloop.features.table import direction_deg, orientations_of
+from finloop.features.table import orientations_of
 from finloop.sprites.orient import Choice
 from finloop.sprites.pick import SIDES, STILL, Look, closure, cycle_heading, steps
-from finloop.sprites.turn import Placed
 
 TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
-Picture = NDArray[np.uint8]
 
 
 def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
@@ -107,82 +100,3 @@ def faults(chosen: dict[str, Choice]) -> pd.DataFrame:
         ],
         columns=["sequence", "frames", "fault", "value"],
     )
-
-
-# -- contact sheet ---------------------------------------------------------------------------------
-
-_GROUND, _INK = 205, (150, 30, 30)
-
-
-def contact_sheet(
-    sprites: pd.DataFrame, pictures: Callable[[int], Placed], columns: int = 12, size: int = 150
-) -> Picture:
-    """Every step of each sequence in orientation 1, then all orientations of the strongest bend.
-
-    `pictures` gives row sprite · orientations + orientation − 1 of sprites.arrow. A cross marks the
-    pivot.
-    """
-    count = orientations_of(sprites)
-    reach = 1 + max(
-        _reach(pictures(row.sprite * count + o), row)
-        for row in sprites.itertuples()
-        for o in (0, count // 4)
-    )
-    bands = []
-    for word, rows in sprites.groupby("sequence", sort=False):
-        tiles = [
-            _tile(
-                pictures(row.sprite * count), row, reach, size,
-                f"{word} {row.step} {row.phase}",
-                f"{row.track_id}:{row.frame} a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg",
-            )
-            for row in rows.itertuples()
-        ]  # fmt: skip
-        bands.append(_rows(tiles, columns))
-    row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
-    bands.append(
-        _rows(
-            [
-                _tile(
-                    pictures(row.sprite * count + o), row, reach, size,
-                    f"orientation {o + 1}", f"{direction_deg(o + 1, count):.0f} deg",
-                )
-                for o in range(count)
-            ],
-            columns,
-        )
-    )  # fmt: skip
-    return np.vstack(bands)
-
-
-def _reach(one: Placed, row: Any) -> int:
-    h, w = one.pixels.shape[:2]
-    x, y = row.x_px - one.x0_px, row.y_px - one.y0_px
-    return int(np.ceil(max(x, y, w - x, h - y)))
-
-
-def _tile(one: Placed, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
-    """A picture enlarged on grey, its mass centre in the middle of a tile."""
-    scale = size / (2 * reach)
-    matrix = np.array(
-        [
-            [scale, 0, size / 2 - scale * (row.x_px - one.x0_px)],
-            [0, scale, size / 2 - scale * (row.y_px - one.y0_px)],
-        ]
-    )
-    big = cv2.warpAffine(one.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC)
-    big = np.clip(big, 0, 255)
-    tile = np.broadcast_to(big[..., :-1] + _GROUND * (1 - big[..., -1:] / 255), (size, size, 3))
-    tile = np.ascontiguousarray(np.clip(np.rint(tile), 0, 255).astype(np.uint8))
-    middle = size // 2
-    cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)
-    cv2.rectangle(tile, (0, 0), (size - 1, size - 1), (225,) * 3, 1)
-    for text, y in ((above, 12), (below, size - 5)):
-        cv2.putText(tile, text, (4, y), cv2.FONT_HERSHEY_SIMPLEX, 0.32, _INK, 1, cv2.LINE_AA)
-    return tile
-
-
-def _rows(tiles: list[Picture], columns: int) -> Picture:
-    while len(tiles) % columns:
-        tiles.append(np.full_like(tiles[0], 255))
-    return np.vstack([np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)])

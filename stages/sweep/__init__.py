@@ -177,7 +177,9 @@ def sweep(runs: dict[str, list[str]], base: list[str], until: str, jobs: int) ->
     ):
 
         def start(folder: Path) -> ProcessPoolExecutor:
-            return stack.enter_context(worker(folder, [f"stages.{word}" for word in stages]))
+            return stack.enter_context(
+                worker(folder, [f"stages.{name.replace('-', '.')}" for name in stages])
+            )
 
         def make(pool: ProcessPoolExecutor, folder: Path, name: str, alone: bool) -> bool:
             targets = stages if alone else [until]

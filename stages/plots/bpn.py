@@ -1,0 +1,25 @@
+"""Pictures of `bpn`: the error per epoch (Fig. 15), and predictions beside the truth."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+import pandas as pd
+
+from finloop.bpn.held_out import HELD_OUT
+from finloop.io.picture import save_figure
+from finloop.io.table import load_table
+from finloop.plots.bpn import figure15, held_out_figure
+
+REPORT = Path("reports/bpn")
+
+
+def main() -> None:
+    """Draw fig15.png and held_out.png."""
+    held_out = load_table(Path("data/bpn/held_out.parquet"), HELD_OUT).to_numpy()
+    save_figure(REPORT / "fig15.png", figure15(pd.read_csv(REPORT / "curve.csv")))
+    save_figure(REPORT / "held_out.png", held_out_figure(held_out[:, :2], held_out[:, 2:]))
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,63 @@
+"""Pictures of `loops`: where they are in time and tank (Figs. 8, 10–13), and how they look."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+from finloop.distance.map import MapFacts
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import open_cutouts
+from finloop.io.picture import load_picture, save_figure
+from finloop.io.record import load_record
+from finloop.io.table import load_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.loops.find import LOOPS
+from finloop.loops.graph import loop_graph
+from finloop.loops.position_table import position_table, shown_ends
+from finloop.loops.settings import Settings
+from finloop.plots.loops import (
+    apart,
+    best_and_worst,
+    examples,
+    message,
+    over_tank,
+    over_time,
+    table_picture,
+)
+from stages.settings import load
+
+DATA, REPORT = Path("data"), Path("reports/loops")
+BEST = 6  # loops drawn, and as many of the worst
+
+
+def main() -> None:
+    """Draw over_time.png, over_tank.png, fig11.png and best_and_worst.png."""
+    p: Settings = load("loops")
+    loops = load_table(DATA / "loops/loops.parquet", LOOPS)
+    if loops.empty:
+        why = (DATA / "loops/none.txt").read_text(encoding="utf-8")
+        for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
+            save_figure(REPORT / f"{name}.png", message(why))
+        return
+    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
+    facts = load_record(DATA / "distance/facts.json", MapFacts, "distance")
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    track = features["track_id"].to_numpy()
+    graph = loop_graph(loops, track)
+    tank = load_picture(DATA / "extract/background.png")
+    ends = shown_ends(graph.ends, track)
+    save_figure(REPORT / "over_time.png", over_time(loops, graph, track, rate_hz))
+    save_figure(REPORT / "over_tank.png", over_tank(loops, graph, features, tank))
+    table = table_picture(position_table(ends, features), ends, features)
+    save_figure(REPORT / "fig11.png", table)
+    gap = round(p.least_s * rate_hz)
+    with open_cutouts(DATA / "extract/cutouts.arrow") as film:
+        best, worst = (
+            list(examples(some.iloc[apart(some, gap, BEST)], features, film, facts))
+            for some in (loops, loops[::-1])
+        )
+    save_figure(REPORT / "best_and_worst.png", best_and_worst(best, worst))
+
+
+if __name__ == "__main__":
+    run(main)
