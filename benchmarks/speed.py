@@ -26,7 +26,7 @@ from skimage.morphology import skeletonize
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.extract.backbone import trace
-from finloop.extract.film import Detector, Settings, detected, rows, survey, tracks
+from finloop.extract.film import Detector, Settings, detect, rows, survey, tracks
 from finloop.extract.segment import silhouettes
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
@@ -92,7 +92,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     scene, typical = survey(sample(facts, how.samples, clip), arena, how)
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
-    found = detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
+    found = detect(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
     linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):

@@ -15,11 +15,11 @@ from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.background import Image, Scene, sample_size
 from finloop.extract.film import (
-    Detected,
+    Detections,
     Detector,
-    Found,
+    TrackedFish,
     Verdict,
-    detected,
+    detect,
     follow,
     rows,
     survey,
@@ -50,41 +50,41 @@ LONG = 60  # frames of a long track
 WORKERS_NEED = ["finloop.extract.film", "finloop.io.video"]  # imported once, for all workers
 
 
-def sample(facts: VideoFacts, asked: int, clip: Path = CLIP) -> list[Image]:
+def sample(facts: VideoFacts, samples: int, clip: Path = CLIP) -> list[Image]:
     """Frames spread evenly over the clip, key frames where it is long enough to choose."""
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    count = sample_size(asked, facts.frames, shape)
+    count = sample_size(samples, facts.frames, shape)
     numbers = np.linspace(0, facts.frames - 1, count).round().astype(int)
     if facts.frames >= count * KEY_FRAME_EVERY:
         numbers = numbers // KEY_FRAME_EVERY * KEY_FRAME_EVERY
     return list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
 
 
-def detections(facts: VideoFacts, scene: Scene, detector: Detector) -> Iterator[Detected]:
-    """What is in every frame, in order."""
+def detections(facts: VideoFacts, scene: Scene, detector: Detector) -> Iterator[Detections]:
+    """The detections of every frame, in order."""
     # One thread each: every core decodes its own stretch.
     read = partial(read_frames, CLIP / CLIP_NAME, colour=facts.colour, threads=1)
-    if detector.settings.background == "mog2":  # each frame's background follows from all before
+    if detector.settings.background == "mog2":  # a background depends on all frames before
         film = follow(read(start=0, stop=facts.frames), scene, facts.frame_rate_hz)
-        return (detector(frame, there) for frame, there in film)
-    return detected(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
+        return (detector(frame, tank) for frame, tank in film)
+    return detect(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
 
 
-def batches(found: Iterable[list[Found]]) -> Iterator[list[Found]]:
-    """The same fish in larger lots, which are quicker to write."""
-    lot: list[Found] = []
-    for some in found:
-        lot += some
-        if len(lot) >= 512:
-            yield lot
-            lot = []
-    yield lot
+def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
+    """The same fish in larger batches, which are quicker to write."""
+    batch: list[TrackedFish] = []
+    for some in fish:
+        batch += some
+        if len(batch) >= 512:
+            yield batch
+            batch = []
+    yield batch
 
 
-def cutouts(found: Iterable[Found]) -> Iterator[Cutout]:
-    """The pictures of the same fish."""
-    for one in found:
-        yield Cutout(one.track_id, one.frame, one.fish.x0, one.fish.y0, one.fish.cutout)
+def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
+    """The cut-outs of the fish."""
+    for f in fish:
+        yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
 def main() -> None:
@@ -101,57 +101,59 @@ def main() -> None:
     tally: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
 
-    def linked() -> Iterator[list[Found]]:
-        for verdicts, found in tracks(detections(facts, scene, detector), typical, settings, cuts):
+    def linked() -> Iterator[list[TrackedFish]]:
+        for verdicts, fish in tracks(detections(facts, scene, detector), typical, settings, cuts):
             tally.update(verdicts)
-            lengths.update(f.track_id for f in found)
+            lengths.update(f.track_id for f in fish)
             advance()
-            yield found
+            yield fish
 
     with whole_folder(EXTRACT) as folder:
         with (
             progress("extract", facts.frames) as advance,
             film_writer(folder, tracks_schema(settings.points)) as write,
         ):
-            for found in batches(linked()):
-                write(rows(found), cutouts(found))
+            for fish in batches(linked()):
+                write(rows(fish), cutouts(fish))
         if not lengths:
-            seen = ", ".join(f"{count} {verdict}" for verdict, count in tally.items())
+            counts = ", ".join(f"{count} {verdict}" for verdict, count in tally.items())
             raise FinloopError(
                 f"no fish could be followed for {settings.least_frames} frames "
-                f"(silhouettes: {seen})",
+                f"(silhouettes: {counts})",
                 "fish that swim by themselves, clear of the border",
                 "allow shorter tracks (extract.least_frames), other sizes "
                 "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
             )
-        save_record(
-            folder / "scene.json",
-            SceneFacts(
-                scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points
-            ),
+        tank = SceneFacts(
+            scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points
         )
+        save_record(folder / "scene.json", tank)
         save_picture(folder / "background.png", scene.background)
+    save_metrics(REPORT / "metrics.json", metrics(facts.frames, tank, tally, lengths))
+
+
+def metrics(
+    frames: int, tank: SceneFacts, tally: Counter[Verdict], lengths: Counter[int]
+) -> dict[str, float]:
+    """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
     long = [count for count in lengths.values() if count >= LONG]
-    save_metrics(
-        REPORT / "metrics.json",
-        {
-            "frames": facts.frames,
-            "noise_grey": scene.noise,
-            "threshold_grey": scene.threshold,
-            "typical_area_px": typical.area_px,
-            "typical_length_px": typical.length_px,
-            "typical_contrast_grey": typical.contrast,
-            "silhouettes": tally.total(),
-            **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
-            "fish_frames": lengths.total(),
-            "tracks": len(lengths),
-            f"tracks_of_{LONG}_frames": len(long),
-            f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
-            "longest_track_frames": max(lengths.values()),
-        },
-    )
+    return {
+        "frames": frames,
+        "noise_grey": tank.noise_grey,
+        "threshold_grey": tank.threshold_grey,
+        "typical_area_px": tank.typical_area_px,
+        "typical_length_px": tank.typical_length_px,
+        "typical_contrast_grey": tank.typical_contrast_grey,
+        "silhouettes": tally.total(),
+        **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
+        "fish_frames": lengths.total(),
+        "tracks": len(lengths),
+        f"tracks_of_{LONG}_frames": len(long),
+        f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
+        "longest_track_frames": max(lengths.values()),
+    }
 
 
 if __name__ == "__main__":
-    cv2.setNumThreads(1)  # frames are worked on side by side already
+    cv2.setNumThreads(1)  # the processes already use every core
     run(main)

@@ -30,12 +30,12 @@ from finloop.errors import FinloopError
 from finloop.extract import film as extract
 from finloop.extract.background import (
     Scene,
+    brightened,
     difference,
     flat_background,
+    in_light_of,
     light,
-    lit,
     median_background,
-    relit,
     sample_size,
     survey_noise,
 )
@@ -43,7 +43,7 @@ from finloop.extract.film import (
     Detector,
     Settings,
     Typical,
-    detected,
+    detect,
     follow,
     judge,
     rows,
@@ -134,7 +134,7 @@ def test_the_median_takes_the_noise_down_in_any_order_of_frames():
 
 def test_a_film_in_changing_light_has_one_background():
     tank = floor()
-    frames = [lit(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
+    frames = [brightened(tank, gain) for gain in (1.0, 0.85, 1.15, 0.9, 1.1)]
     assert np.abs(median_background(frames).astype(int) - tank).max() <= 2
 
 
@@ -144,15 +144,15 @@ def test_the_light_is_measured_past_the_fish(colour):
     fish = laid(tank, coverage(80, 60, 20), 30)
     assert light(tank, tank) == 1.0
     for gain in (0.8, 0.95, 1.1, 1.3):
-        assert light(lit(fish, gain), tank) == pytest.approx(gain, rel=0.01)
+        assert light(brightened(fish, gain), tank) == pytest.approx(gain, rel=0.01)
 
 
 def test_a_steady_light_costs_nothing():
     tank = floor()
-    assert light(lit(tank, 1.002), tank) == 1.0  # a third of a grey level
-    assert lit(tank, 1.0) is tank
+    assert light(brightened(tank, 1.002), tank) == 1.0  # a third of a grey level
+    assert brightened(tank, 1.0) is tank
     scene = scene_of(tank)
-    assert relit(scene, tank).background is tank
+    assert in_light_of(scene, tank).background is tank
 
 
 def test_a_black_picture_has_no_light():
@@ -163,10 +163,10 @@ def test_a_black_picture_has_no_light():
 @pytest.mark.parametrize("gain", [0.8, 1.2])
 def test_light_alone_is_no_difference(gain):
     tank = floor()
-    frame = lit(tank, gain)
+    frame = brightened(tank, gain)
     assert difference(frame, scene_of(tank, "both")).min() > 20
     for polarity in ("dark", "bright", "both"):
-        assert difference(frame, relit(scene_of(tank, polarity), frame)).max() <= 2
+        assert difference(frame, in_light_of(scene_of(tank, polarity), frame)).max() <= 2
 
 
 def test_polarity_says_which_differences_count():
@@ -612,7 +612,9 @@ def test_no_fish_is_lost_or_confused_and_all_is_where_it_is(drawn, name):
     frames, truth = drawn(name)
     found, tally = followed(frames)
     assert tally == {"fish": len(truth)}
-    table, backbones = features(rows(found), 25.0, FEATURES)
+    table, backbones = features(
+        rows(found).sort_values(["track_id", "frame"], ignore_index=True), 25.0, FEATURES
+    )
     assert table["track_id"].nunique() == FILMS[name].fish
     errors = against_truth(table, backbones, truth)
     assert errors["truth_found_pct"] == 100
@@ -679,7 +681,7 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
     def peak(length):
         gc.collect()
         tracemalloc.start()
-        seen = detected(partial(read, []), length, scene, detector, 1)
+        seen = detect(partial(read, []), length, scene, detector, 1)
         count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
@@ -962,7 +964,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(here, walked, harm, be
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["rows", "save_scene", "film_writer"])
+@pytest.mark.parametrize("where", ["rows", "save_record", "film_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatch, error, where):
     shutil.copytree(walked / "data/extract", here / "data/extract")
     old = content(here / "data/extract")

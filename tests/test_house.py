@@ -19,8 +19,6 @@ EXCEPTIONS: set[str] = {
     "finloop/bpn/train.py::train",
     "finloop/curve/problem.py::checked",
     "finloop/export/tracks.py::poses",
-    "finloop/extract/backbone.py",
-    "finloop/extract/backbone.py::_flank",
     "finloop/live/server.py::app",
     "finloop/morph/exact.py::meet",
     "finloop/morph/folds.py::_bernstein",
@@ -29,7 +27,6 @@ EXCEPTIONS: set[str] = {
     "finloop/render/painter.py",
     "finloop/render/painter.py::_lay",
     "finloop/sprites/pick.py",
-    "stages/extract.py::main",
 }
 
 

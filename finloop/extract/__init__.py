@@ -1,0 +1,5 @@
+"""From film to tracks of isolated fish: cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
+
+Background and noise (`background`), silhouettes (`segment`), the backbone (`skeleton`, `backbone`),
+tracks (`tracks`); `film` puts them together: `survey`, `detect`, `tracks`.
+"""

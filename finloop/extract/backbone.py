@@ -1,14 +1,13 @@
 """The backbone of a fish from its silhouette (fish paper §2.2 and §2.2.1, Figs. 2-4).
 
-Thinning leaves a one-pixel skeleton with side branches (open fins). Numbering pixels from one end
-and keeping the branch with the greatest number is the longest geodesic of the skeleton graph, a
-diagonal step costing √2. That path stops short of head and tail and sits on whole pixels, which
-makes measured lengths 2.5-3.7 % too small. So it is carried on to the outline at both ends, centred
-between the two flanks at sub-pixel precision, smoothed and resampled at equal arc lengths.
+Thinning leaves a one-pixel skeleton with side branches (open fins); `extract.skeleton` picks its
+main path. That path stops short of head and tail and lies on whole pixels, so measured lengths are
+2.5-3.7 % too small. Therefore it is extended to the outline at both ends, centred between the two
+flanks at sub-pixel precision, smoothed and resampled at equal arc lengths.
 
 Glossary: `field` is the difference image of one cut-out (grey levels, the fish is high), s the arc
-length along the backbone in [0, 1], a *flank* the place on either side where the field has fallen
-to half of its local height.
+length along the backbone in [0, 1], a *flank* the point on either side where the field falls to
+half of its local height.
 """
 
 from functools import lru_cache
@@ -20,11 +19,12 @@ from numba import njit
 from numpy.typing import NDArray
 from skimage.morphology import skeletonize
 
+from finloop.extract.skeleton import longest_geodesic, trim_forks
+
 FloatArray = NDArray[np.float32] | NDArray[np.float64]
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # in half widths, how far inside an end its direction is taken
-_FORK = 3.0  # a path's end is cut where it is nearer to the tip than this share of its half width
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
 
 
@@ -46,13 +46,13 @@ class Backbone(NamedTuple):
 def trace(
     mask: NDArray[np.bool_], field: NDArray[np.uint8], points: int, floor: float
 ) -> Backbone | None:
-    """Backbone of the silhouette `mask` (h, w) with `points` points; None if it has no extent.
+    """Backbone of the silhouette `mask` (h, w) with `points` points; None if it is too short.
 
-    `field` (h, w) is the difference image from which sub-pixel flanks and tips are read; below
-    `floor` (grey levels) it is taken for noise.
+    `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
+    precision; values below `floor` (grey levels) are noise.
     """
     half_width = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    path = trimmed(longest_geodesic(skeletonize(mask), half_width), half_width)
+    path = trim_forks(longest_geodesic(skeletonize(mask), half_width), half_width)
     if len(path) < 4:
         return None
     xy, width = _refine(field, path, smoother(points), points, floor)
@@ -68,116 +68,6 @@ def smoother(points: int) -> NDArray[np.float64]:
     """
     third = np.diff(np.eye(points), n=3, axis=0) * (points - 1) ** 2.5
     return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
-
-
-@njit(cache=True, nogil=True)
-def longest_geodesic(
-    skeleton: NDArray[np.bool_], weight: NDArray[np.float32]
-) -> NDArray[np.float64]:
-    """Longest shortest path of a skeleton, as (m, 2) x, y (§2.2.1, Fig. 4: A to D).
-
-    A step's length is multiplied by the mean `weight` (h, w) of its two pixels. Ones give the
-    paper's rule, by which an open fin can outrun the head, which a skeleton stops short of; with
-    the distance to the outline as weight a path counts by the area it passes through, and thin fins
-    lose.
-
-    Two sweeps: the pixel farthest from any pixel is one end, the pixel farthest from that end is
-    the other. Exact on a tree, which the skeleton of a silhouette without holes is. Of several
-    separate pieces the one holding the most pixels is used.
-    """
-    height, width = skeleton.shape
-    number = np.full((height, width), -1, np.int64)
-    count = 0
-    for y in range(height):
-        for x in range(width):
-            if skeleton[y, x]:
-                number[y, x] = count
-                count += 1
-    xs, ys = np.empty(count, np.int64), np.empty(count, np.int64)
-    for y in range(height):
-        for x in range(width):
-            if number[y, x] >= 0:
-                xs[number[y, x]], ys[number[y, x]] = x, y
-    seen = np.zeros(count, np.bool_)
-    best_start, best_size = -1, 0
-    for start in range(count):
-        if not seen[start]:
-            reached = np.isfinite(_geodesic(number, xs, ys, weight, start)[0])
-            seen |= reached
-            if reached.sum() > best_size:
-                best_start, best_size = start, reached.sum()
-    if best_size == 0:
-        return np.empty((0, 2))
-    one_end = _farthest(_geodesic(number, xs, ys, weight, best_start)[0])
-    distance, previous = _geodesic(number, xs, ys, weight, one_end)
-    node = _farthest(distance)
-    path = np.empty((count, 2))
-    length = 0
-    while node >= 0:
-        path[length, 0], path[length, 1] = xs[node], ys[node]
-        node = previous[node]
-        length += 1
-    return path[:length].copy()
-
-
-@njit(cache=True, nogil=True)
-def trimmed(path: NDArray[np.float64], half_width: NDArray[np.float32]) -> NDArray[np.float64]:
-    """The path without its forks: within half a body width of a blunt end the skeleton runs aside
-    into a corner of the outline, so what lies nearer to an end than that is cut off."""
-    first, last = 0, len(path) - 1
-    while (
-        first < len(path) and half_width[int(path[first, 1]), int(path[first, 0])] > _FORK * first
-    ):
-        first += 1
-    while last >= 0 and (
-        half_width[int(path[last, 1]), int(path[last, 0])] > _FORK * (len(path) - 1 - last)
-    ):
-        last -= 1
-    return path[first : max(last + 1, first)].copy()
-
-
-@njit(cache=True, nogil=True)
-def _farthest(distance: NDArray[np.float64]) -> int:
-    best = 0
-    for i in range(distance.size):
-        if (np.isfinite(distance[i]) and not distance[i] <= distance[best]) or (
-            not np.isfinite(distance[best]) and np.isfinite(distance[i])
-        ):
-            best = i
-    return best
-
-
-@njit(cache=True, nogil=True)
-def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
-    """Distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
-    height, width = number.shape
-    distance = np.full(xs.size, np.inf)
-    previous = np.full(xs.size, -1, np.int64)
-    waiting = np.zeros(xs.size, np.bool_)
-    queue = np.empty(xs.size + 1, np.int64)  # circular: a pixel waits at most once
-    head, tail = 0, 1
-    queue[0] = start
-    distance[start] = 0.0
-    while head != tail:
-        node = queue[head]
-        head = (head + 1) % queue.size
-        waiting[node] = False
-        for dy in range(-1, 2):
-            for dx in range(-1, 2):
-                y, x = ys[node] + dy, xs[node] + dx
-                if 0 <= y < height and 0 <= x < width and number[y, x] >= 0:
-                    there = number[y, x]
-                    step = np.sqrt(2.0) if dx and dy else 1.0
-                    here = weight[ys[node], xs[node]]
-                    reach = distance[node] + step * 0.5 * (here + weight[y, x])
-                    if there != node and reach < distance[there] - 1e-9:
-                        distance[there] = reach
-                        previous[there] = node
-                        if not waiting[there]:
-                            waiting[there] = True
-                            queue[tail] = there
-                            tail = (tail + 1) % queue.size
-    return distance, previous
 
 
 @njit(cache=True, nogil=True)
@@ -197,10 +87,10 @@ def resample(xy: NDArray[np.float64], points: int) -> NDArray[np.float64]:
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
         arc[i] = arc[i - 1] + np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
-    at = np.linspace(0.0, arc[-1], points)
+    even = np.linspace(0.0, arc[-1], points)
     out = np.empty((points, 2))
-    out[:, 0] = np.interp(at, arc, xy[:, 0])
-    out[:, 1] = np.interp(at, arc, xy[:, 1])
+    out[:, 0] = np.interp(even, arc, xy[:, 0])
+    out[:, 1] = np.interp(even, arc, xy[:, 1])
     return out
 
 
@@ -212,10 +102,11 @@ def _share_below(before, here, half):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Where the first end of the line `xy` leaves the fish: the field at half its height there.
+    """Point at which the line `xy`, extended beyond its first end, leaves the fish.
 
-    The line is carried on straight in the direction that it has one body width inside: nearer to a
-    blunt end its own direction is uncertain, farther from a slender one it is another.
+    There the field has half of its height. The extension is straight, in the direction that the
+    line has one body width inside: nearer to a blunt end the direction is uncertain, farther from
+    a slender end it is a different one.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
     wide = np.mean(width[1 : len(xy) // 10 + 1])
@@ -241,8 +132,9 @@ def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _flank(field, x, y, nx, ny, half, reach):  # type: ignore[no-untyped-def]
-    """Distance from (x, y) along (nx, ny) to where the field falls below `half`."""
+def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
+    """Distance from `point` (x, y) along `normal` (x, y) to where the field falls below `half`."""
+    (x, y), (nx, ny) = point, normal
     before = _bilinear(field, x, y)
     far = 0.0
     while far < reach:
@@ -258,8 +150,8 @@ def _flank(field, x, y, nx, ny, half, reach):  # type: ignore[no-untyped-def]
 def ring(alpha: NDArray[np.uint8], chain: NDArray[np.int32], points: int) -> NDArray[np.float64]:
     """The outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
-    `chain` (m, 2) are the pixels just inside it, in order, closed. They are spread evenly, moved
-    outwards along the normal to the crossing, and spread evenly again.
+    `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
+    outwards along the normal to the crossing, and resampled again.
     """
     inside = _closed(chain.astype(np.float64), points)
     area = 0.0
@@ -272,7 +164,7 @@ def ring(alpha: NDArray[np.uint8], chain: NDArray[np.int32], points: int) -> NDA
         tx, ty = after[0] - before[0], after[1] - before[1]
         norm = np.copysign(max(np.hypot(tx, ty), 1e-9), area)
         nx, ny = ty / norm, -tx / norm
-        far = _flank(alpha, inside[i, 0], inside[i, 1], nx, ny, 127.5, 3.0)
+        far = _flank(alpha, (inside[i, 0], inside[i, 1]), (nx, ny), 127.5, 3.0)
         out[i, 0] += far * nx
         out[i, 1] += far * ny
     return _closed(out, points)
@@ -295,10 +187,10 @@ def upper_level(patch: NDArray[np.uint8], threshold: float, share: float) -> flo
         for x in range(patch.shape[1]):
             count[patch[y, x]] += 1
     start = int(np.floor(threshold)) + 1
-    wanted, seen = share * count[start:].sum(), 0
+    limit, total = share * count[start:].sum(), 0
     for level in range(start, 256):
-        seen += count[level]
-        if seen > wanted:
+        total += count[level]
+        if total > limit:
             return float(level)
     return float(start)
 
@@ -313,7 +205,7 @@ def _median3(values):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
-    """Carry the path on to the outline, centre it between the flanks, smooth and resample it."""
+    """Extend the path to the outline, centre it between the flanks, smooth and resample it."""
     xy = smooth @ resample(path, points)
     width = np.zeros(points)
     for _ in range(3):
@@ -336,8 +228,9 @@ def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
             norm = max(np.hypot(tx, ty), 1e-9)
             nx, ny = -ty / norm, tx / norm
             half = 0.5 * np.median(ridge[max(i - 1, 0) : i + 2])
-            left = _flank(field, xy[i, 0], xy[i, 1], nx, ny, half, 0.25 * length)
-            right = _flank(field, xy[i, 0], xy[i, 1], -nx, -ny, half, 0.25 * length)
+            point = xy[i, 0], xy[i, 1]
+            left = _flank(field, point, (nx, ny), half, 0.25 * length)
+            right = _flank(field, point, (-nx, -ny), half, 0.25 * length)
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
         # a fin on one side moves one flank only: never by more than the body is wide there

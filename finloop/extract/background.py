@@ -1,8 +1,7 @@
-"""What the tank looks like without fish, how noisy the film is, and the threshold that follows
-(§2.1).
+"""The empty tank, the noise of the film, and the threshold between fish and tank (fish paper §2.1).
 
-The paper subtracts a background and does not say how it is made, or how the threshold is chosen.
-Here: the background is the median of frames spread over the clip; the noise level is the standard
+The paper subtracts a background, and does not say how it is made or how the threshold is chosen.
+Here the background is the median of frames spread over the clip; the noise level is the standard
 deviation of the smoothed difference image where no fish is; the threshold is a multiple of it.
 """
 
@@ -32,7 +31,7 @@ Polarity = Literal["dark", "bright", "both", "auto"]
 
 @dataclass(frozen=True)
 class Scene:
-    """What segmentation needs to know of a clip.
+    """The empty tank of a clip, and how fish differ from it.
 
     background: (h, w) or (h, w, 3) uint8. polarity: never `auto`. noise: standard deviation of the
     smoothed difference image, grey levels. threshold: grey levels, above it a pixel is not noise.
@@ -44,16 +43,16 @@ class Scene:
     threshold: float
 
 
-def sample_size(asked: int, frames: int, shape: tuple[int, ...]) -> int:
-    """How many of a clip's frames of `shape` to look at: as asked, but odd and within bounds."""
-    most = max(1, min(asked, frames, _MEMORY // int(np.prod(shape))))
+def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
+    """Number of sample frames of `shape`: `samples`, but odd, and limited by frames and memory."""
+    most = max(1, min(samples, frames, _MEMORY // int(np.prod(shape))))
     return most - (most + 1) % 2
 
 
 def median_background(frames: Iterable[Image]) -> Image:
     """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
     first, *others = frames
-    alike = [first, *(lit(frame, 1 / light(frame, first)) for frame in others)]
+    alike = [first, *(brightened(frame, 1 / light(frame, first)) for frame in others)]
     middle = len(alike) // 2
     out = np.empty_like(first)
     for top in range(0, len(first), _STRIP):  # a strip of every frame at a time stays in the cache
@@ -87,8 +86,7 @@ def flat_background(frames: Sequence[Image]) -> Image:
 def light(frame: Image, background: Image) -> float:
     """Brightness of `frame` relative to `background`: median of the ratio of their pixels.
 
-    1.0 exactly where they differ by less than half a grey level, so that a steady light costs
-    nothing.
+    Exactly 1.0 if they differ by less than half a grey level: then nothing has to be converted.
     """
     tank = background[::_GRID, ::_GRID].astype(np.float32)
     lit = tank > 16
@@ -98,14 +96,14 @@ def light(frame: Image, background: Image) -> float:
     return 1.0 if abs(gain - 1.0) * float(np.median(tank[lit])) < 0.5 or gain <= 0 else gain
 
 
-def lit(picture: Image, gain: float) -> Image:
-    """The picture as it would be in a light `gain` times as strong."""
+def brightened(picture: Image, gain: float) -> Image:
+    """The picture in a light `gain` times as strong."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
-def relit(scene: Scene, frame: Image) -> Scene:
+def in_light_of(scene: Scene, frame: Image) -> Scene:
     """The scene in the light of `frame`."""
-    return replace(scene, background=lit(scene.background, light(frame, scene.background)))
+    return replace(scene, background=brightened(scene.background, light(frame, scene.background)))
 
 
 def difference(frame: Image, scene: Scene) -> Image:

@@ -1,8 +1,8 @@
 """One frame → its fish: silhouettes, soft cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
 
-Two thresholds: pixels above the noise are *candidates*; within each candidate patch the silhouette
-is what rises above a share of that fish's own contrast. The first finds pale fish, the second keeps
-soft shadows, wakes and reflections out of the silhouette.
+Two thresholds: pixels above the noise form *candidate* patches; within a patch the silhouette are
+the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
+second keeps soft shadows, wakes and reflections out of the silhouette.
 """
 
 from collections.abc import Iterator
@@ -61,10 +61,10 @@ class Fish:
 def silhouettes(
     frame: Image, scene: Scene, arena: Image, least_area: float, share: float
 ) -> Iterator[Silhouette]:
-    """Every patch of `frame` of at least `least_area` px² that stands out of the background.
+    """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
-    The `scene` is the frame's own, in its light (`relit`).
-    `arena` (h, w) uint8 is 255 inside. `share` of a patch's own contrast is where its edge is put.
+    `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
+    edge of a patch lies at `share` of its own contrast.
     """
     change = difference(frame, scene)
     cv2.bitwise_and(change, arena, dst=change)
@@ -122,7 +122,7 @@ def _touches_border(mask: Image, x0: int, y0: int, arena: Image) -> bool:
 def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> Fish | None:
     """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
-    `frame` is the one it comes from, `scene` that frame's.
+    `frame` and `scene` are those in which it was found.
     """
     backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -132,7 +132,7 @@ def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> 
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
     h, w = alpha.shape
-    here = np.s_[y0 : y0 + h, x0 : x0 + w]
+    window = np.s_[y0 : y0 + h, x0 : x0 + w]
     return Fish(
         x_px=moments["m10"] / moments["m00"] + x0,
         y_px=moments["m01"] / moments["m00"] + y0,
@@ -142,16 +142,16 @@ def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> 
         outline_px=outline(alpha) + corner,
         x0=x0,
         y0=y0,
-        cutout=premultiplied(frame[here], scene.background[here], alpha),
+        cutout=premultiplied(frame[window], scene.background[window], alpha),
     )
 
 
 def matte(mask: NDArray[np.bool_], field: Image, threshold: float) -> Image:
-    """Soft alpha (h, w) uint8: the difference as a share of the fish's own height near each pixel.
+    """Soft alpha (h, w) uint8 of a silhouette.
 
-    Near the outline a pixel is a blend of fish and tank, so alpha = difference / (difference that
-    the fish makes just inside). That height is carried outwards from the core by a dilation. Deep
-    inside, where patterned skin may resemble the tank, alpha is 1.
+    Near the outline a pixel is a blend of fish and tank, so alpha is its difference divided by the
+    difference just inside the fish, which a dilation carries outwards. Deep inside, where patterned
+    skin may resemble the tank, alpha is 1.
     """
     solid = mask.astype(np.uint8) * np.uint8(255)
     height = cv2.dilate(cv2.bitwise_and(field, solid), np.ones((5, 5), np.uint8))
@@ -170,13 +170,13 @@ def outline(alpha: Image) -> NDArray[np.float64]:
 def premultiplied(film: Image, tank: Image, alpha: Image) -> Image:
     """Cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied by alpha.
 
-    What the fish added to the picture: film − (1 − alpha) · tank, so that laying the cut-out over
-    the same tank gives back the film, without a fringe of tank colour anywhere else. `film` and
-    `tank` are (h, w) or (h, w, 3), `alpha` (h, w).
+    It is film − (1 − alpha) · tank: laid over the same tank it gives back the film, and over any
+    other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
+    `alpha` (h, w).
     """
     through = 255 - alpha
     added = [
-        cv2.min(cv2.subtract(one, cv2.multiply(other, through, scale=1 / 255)), alpha)
-        for one, other in zip(cv2.split(film), cv2.split(tank), strict=True)
+        cv2.min(cv2.subtract(channel, cv2.multiply(behind, through, scale=1 / 255)), alpha)
+        for channel, behind in zip(cv2.split(film), cv2.split(tank), strict=True)
     ]
     return cv2.merge([*added, alpha])

@@ -1,4 +1,4 @@
-"""The table of tracks that `extract` hands on: its schema, and what else is known of the clip."""
+"""The schema of the table of tracks, and facts about the tank and its fish."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ OUTLINE_POINTS = 128
 
 @dataclass(frozen=True)
 class SceneFacts:
-    """What later stages may want to know of the tank and its fish.
+    """Facts about the tank and its fish, for later stages.
 
     points: of a backbone. Contrast, noise and threshold in grey levels of the difference image.
     """

@@ -1,12 +1,11 @@
 """Fish of one frame joined to those of the next: tracks (fish paper §2.1, several fish at once).
 
-A track is a run of consecutive frames of one isolated fish. It ends where that is no longer
-certain: where the fish touches another one or the border, vanishes, or moves farther than a fish
-can. What comes after is another track, even if it is the same animal: nobody is ever confused with
-a neighbour.
+A track is a run of consecutive frames of one isolated fish. It ends where its identity becomes
+uncertain: where the fish touches another one or the border, vanishes, or moves farther than a fish
+can. Afterwards a new track begins, even if it is the same animal, so two fish are never confused.
 
-Names: *mine* is the silhouette joined to a track; a track is *swallowed* when it finds none and its
-expected place lies inside the box of a silhouette that another track took.
+A track is *swallowed* if no silhouette is assigned to it and its expected place lies inside the box
+of a silhouette that is assigned to another track.
 """
 
 from dataclasses import dataclass
@@ -23,7 +22,7 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
 
 @dataclass(frozen=True)
 class Spot:
-    """One silhouette of a frame, as far as linking cares. `isolated`: it may belong to a track."""
+    """The place of one silhouette of a frame; only an `isolated` one can belong to a track."""
 
     x_px: float
     y_px: float
@@ -50,10 +49,10 @@ class Linker:
     Parameters
     ----------
     gate_px
-        The farthest a fish may be from where its last two frames led one to expect it. Beyond a
-        quarter of it the pairing must also be unrivalled, on either side.
+        Largest distance of a fish from the place expected from its last two frames. Beyond a
+        quarter of it the pairing must also have no rival, on either side.
     area_ratio
-        The most its silhouette may grow or shrink from one frame to the next.
+        Largest ratio by which a silhouette may grow or shrink from one frame to the next.
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:
@@ -108,15 +107,15 @@ class Linker:
         }
 
     def _has_split(
-        self, before: Spot, mine: int, spots: list[Spot], owner: dict[int, _Track]
+        self, before: Spot, own: int, spots: list[Spot], owner: dict[int, _Track]
     ) -> bool:
-        """Whether `mine` has shrunk, and a spot that nobody owned came out of where it was."""
-        if before.area_px <= _GREW * spots[mine].area_px:
+        """Whether spot `own` has shrunk, and a spot without a track has come out of its place."""
+        if before.area_px <= _GREW * spots[own].area_px:
             return False
         born = (
             (s.x_px, s.y_px)
             for i, s in enumerate(spots)
-            if i != mine and i not in owner and s.area_px * 4 > before.area_px
+            if i != own and i not in owner and s.area_px * 4 > before.area_px
             and not any(_holds_any(b.box, [(s.x_px, s.y_px)]) for b in self._before if b != before)
         )  # fmt: skip
         return _holds_any(before.box, born)

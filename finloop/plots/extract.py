@@ -1,4 +1,4 @@
-"""A picture of what segmentation made of some frames, to see at once what to tune."""
+"""A picture of the silhouettes in some frames, by which the settings can be judged."""
 
 from collections.abc import Sequence
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.extract.background import Image, Scene, relit
+from finloop.extract.background import Image, Scene, in_light_of
 from finloop.extract.film import Settings, Typical, judge
 from finloop.extract.segment import Silhouette, silhouettes
 
@@ -31,7 +31,7 @@ def detections_picture(
     panels = []
     for frame, number in zip(frames, numbers, strict=True):
         panel = frame.copy() if frame.ndim == 3 else cv2.cvtColor(frame, cv2.COLOR_GRAY2RGB)
-        lit = relit(scene, frame)
+        lit = in_light_of(scene, frame)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, settings.outline_share):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
@@ -43,11 +43,11 @@ def detections_picture(
 
 
 def _contour(silhouette: Silhouette) -> NDArray[np.int32]:
-    found = cv2.findContours(
+    contours = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE,
         offset=(silhouette.x0, silhouette.y0),
     )[0]  # fmt: skip
-    return max(found, key=len)
+    return max(contours, key=len)
 
 
 def _titled(panel: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
