@@ -4,9 +4,11 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import psutil
 import pytest
@@ -106,6 +108,14 @@ def alive(process: psutil.Process) -> bool:
         return process.is_running() and process.status() != psutil.STATUS_ZOMBIE
     except psutil.NoSuchProcess:
         return False
+
+
+def wait_for(look: Callable[[], Any], seconds: float) -> Any:
+    """What `look` returns as soon as that is true; what it returns in the end if it never is."""
+    end = time.monotonic() + seconds
+    while not (result := look()) and time.monotonic() < end:
+        time.sleep(0.005)
+    return result
 
 
 @pytest.fixture

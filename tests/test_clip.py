@@ -882,7 +882,7 @@ def test_own_film_runs_through(run_stage, avi, capsys):
     assert metrics["frames"] == 40
     assert metrics["duration_s"] == 1.6
     assert metrics["frames_repeated"] == metrics["frames_dropped"] == metrics["frames_missing"] == 0
-    assert metrics["arena_fraction"] == pytest.approx(arena.mean(), rel=1e-5)
+    assert metrics["arena_fraction"] == pytest.approx(arena.mean(), rel=5e-4)
     assert "coding_psnr_db" not in metrics  # lossless: infinite
     assert "note" not in capsys.readouterr().err
 

@@ -59,3 +59,44 @@ def test_what_is_above_a_limit_is_found():
     assert list(above("a.py", "x = 1\n" * (MODULE_LINES + 1))) == ["a.py"]
     crowd = "(a, b, c, d, e, f, g):\n    pass\n"
     assert list(above("a.py", f"@njit(cache=True)\ndef f{crowd}\ndef g{crowd}")) == ["a.py::f"]
+
+
+# --- tests
+
+
+WAITS = {"conftest.py", "test_play_server.py"}  # the home of `wait_for`; a page whose speed counts
+# What still borrows from another test module; an entry goes when a helper has what is borrowed.
+BORROWS = {
+    ("test_animate_film.py", "test_animate"),
+    ("test_play.py", "test_animate"),
+    ("test_play.py", "test_animate_film"),
+    ("test_play.py", "test_render"),
+}
+
+
+def bad_habits(text: str) -> Iterator[str]:
+    """What a test module imports of another, and where it looks at the clock or sleeps."""
+    for node in ast.walk(ast.parse(text)):
+        if isinstance(node, ast.Import):
+            yield from (one.name for one in node.names if one.name.startswith(("test_", "tests.")))
+        elif isinstance(node, ast.ImportFrom):
+            yield from [node.module or "."] * (node.module or "test_").startswith(
+                ("test_", "tests.")
+            )
+        elif isinstance(node, ast.Attribute) and ast.unparse(node.value) == "time":
+            yield f"time.{node.attr}"
+
+
+def test_no_test_imports_another_sleeps_or_asserts_a_time():
+    found = {
+        (path.name, habit)
+        for path in (ROOT / "tests").glob("*.py")
+        if path.name not in WAITS
+        for habit in bad_habits(path.read_text(encoding="utf-8"))
+    }
+    assert found <= BORROWS
+
+
+def test_bad_habits_are_found():
+    text = "from test_a import b\nimport tests.c\nfrom . import d\ntime.sleep(1)\nimport time"
+    assert list(bad_habits(text)) == ["test_a", "tests.c", ".", "time.sleep"]

@@ -4,11 +4,11 @@ import gc
 import multiprocessing
 import os
 import signal
-import time
 from fractions import Fraction
 
 import numpy as np
 import pytest
+from conftest import wait_for
 
 from finloop.errors import FinloopError
 from finloop.io.movie import VideoWriter
@@ -31,28 +31,32 @@ def no_hanging():
     signal.signal(signal.SIGALRM, before)
 
 
-def slow_square(number):
-    time.sleep(0.02 * (number % 3))
+def square(number):
     return number**2
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
-def test_results_come_in_order(workers):
-    assert list(ordered_map(slow_square, range(12), workers)) == [k**2 for k in range(12)]
-    assert list(ordered_map(slow_square, [], workers)) == []
-    assert list(ordered_map(slow_square, [3], workers)) == [9]
+def test_each_item_is_worked_once(workers):
+    assert list(ordered_map(square, range(12), workers)) == [k**2 for k in range(12)]
+    assert list(ordered_map(square, [], workers)) == []
+    assert list(ordered_map(square, [3], workers)) == [9]
 
 
-def place(_):
-    time.sleep(0.05)
-    return os.getpid()
+def after_the_next(job):
+    """Even items end after the odd ones that follow them: two processes work at a time."""
+    folder, number = job
+    if number % 2 == 0:
+        assert wait_for((folder / str(number + 1)).exists, 20)
+    (folder / str(number)).touch()
+    return number, os.getpid()
 
 
-def test_the_work_is_shared():
-    assert set(ordered_map(place, range(3), 1)) == {os.getpid()}
-    others = set(ordered_map(place, range(8), 2))
-    assert len(others) == 2
-    assert os.getpid() not in others
+@pytest.mark.parametrize("workers", [2, 3])
+def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
+    results = list(ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], workers))
+    assert [number for number, _ in results] == list(range(12))
+    places = {place for _, place in results}
+    assert len(places) >= 2 and os.getpid() not in places
 
 
 def fails_at_five(number):
@@ -81,16 +85,15 @@ def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path
     results = ordered_map(noted, ((tmp_path, number) for number in range(60)), workers)
     for taken in range(1, 20):
         next(results)
-        time.sleep(0.02)
-        assert len(list(tmp_path.iterdir())) <= taken + workers + 1
+        most = taken + workers + 1
+        assert not wait_for(lambda most=most: len(list(tmp_path.iterdir())) > most, 0.02)
 
 
-def test_who_stops_early_does_not_wait_for_the_rest():
-    results = ordered_map(time.sleep, [0, *[0.2] * 500], 2)
+def test_who_stops_early_does_not_wait_for_the_rest(tmp_path):
+    results = ordered_map(noted, [(tmp_path, number) for number in range(500)], 2)
     next(results)
-    start = time.monotonic()
     results.close()
-    assert time.monotonic() - start < 10
+    assert len(list(tmp_path.iterdir())) <= 4
     assert not multiprocessing.active_children()
 
 

@@ -1,12 +1,12 @@
 """The pipeline as DVC sees it: its graph is true, and every way to run it, or to stop it, works."""
 
 import ast
+import contextlib
 import json
 import os
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ import pandas as pd
 import psutil
 import pytest
 import yaml
-from conftest import TINY_CARP, Copy, alive
+from conftest import TINY_CARP, Copy, alive, wait_for
 
 from finloop.settings import WORDS
 
@@ -283,17 +283,21 @@ def test_queued_experiments_run_apart_and_leave_the_workspace_alone(repo: Copy):
 
 
 def running(dvc: subprocess.Popen[str], word: str) -> psutil.Process:
-    """Wait for the process of a stage that a DVC command has started."""
-    deadline = time.monotonic() + 120
-    while dvc.poll() is None and time.monotonic() < deadline:
+    """Wait for the process of a stage that a DVC command has started, and that has loaded numpy."""
+
+    def look() -> psutil.Process | None:
+        if dvc.poll() is not None:
+            raise AssertionError(f"{word} never ran: {dvc.communicate()[0]}")
         for child in psutil.Process(dvc.pid).children(recursive=True):
-            try:
-                if child.cmdline()[-2:] == ["-m", f"stages.{word}"]:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                loaded = any("_multiarray_umath" in file.path for file in child.memory_maps())
+                if child.cmdline()[-2:] == ["-m", f"stages.{word}"] and loaded:
                     return child
-            except psutil.NoSuchProcess:
-                continue
-        time.sleep(0.005)
-    raise AssertionError(f"{word} never ran: {dvc.communicate()[0]}")
+        return None
+
+    stage = wait_for(look, 120)
+    assert stage is not None
+    return stage
 
 
 def blow_ctrl_c(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
@@ -306,10 +310,7 @@ def blow_kill_stage(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
 
 def blow_kill_dvc(dvc: subprocess.Popen[str], stage: psutil.Process) -> None:
     dvc.kill()
-    until = time.monotonic() + 0.5  # far less than a stage takes to end by itself
-    while alive(stage) and time.monotonic() < until:
-        time.sleep(0.01)
-    assert not alive(stage), "the stage works on without DVC"
+    assert wait_for(lambda: not alive(stage), 30), "the stage works on without DVC"
 
 
 def lock(repo: Copy) -> Any:
@@ -321,7 +322,6 @@ def stop(repo: Copy, word: str, blow: Any) -> None:
     """Stop a run while it is in the stage `word`."""
     with repo.start("dvc", "repro", "render") as dvc:
         stage = running(dvc, word)
-        time.sleep(0.3)
         blow(dvc, stage)
         text, _ = dvc.communicate(timeout=120)
     assert dvc.returncode != 0

@@ -7,13 +7,12 @@ import os
 import pty
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import psutil
 import pytest
-from conftest import alive
+from conftest import alive, wait_for
 
 from finloop.errors import FinloopError
 from stages import run as door
@@ -204,9 +203,6 @@ def test_a_stage_ends_with_dvc_however_dvc_ends(by_dvc):
         assert parent.stdout is not None
         child = psutil.Process(int(parent.stdout.readline()))
         parent.kill()
-    until = time.monotonic() + (5 if by_dvc else 0.5)
-    while alive(child) and time.monotonic() < until:
-        time.sleep(0.02)
-    assert alive(child) != by_dvc
+    assert wait_for(lambda: not alive(child), 30 if by_dvc else 0.5) == by_dvc
     if not by_dvc:
         child.kill()

@@ -4,15 +4,15 @@ import json
 import os
 import shutil
 import signal
-import time
 from fractions import Fraction
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
+from conftest import wait_for
 from scratch import content, prepare
-from test_tank import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
+from toy_fish import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
 
 import stages.tank
 from finloop.animate.edit_list import EDIT
@@ -266,9 +266,7 @@ def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
         page.on("request", lambda request: asked.append(request.url))
         page.goto((folder / "data/tank/tank.html").as_uri())
         tank = "document.getElementById('tank')"
-        until = time.monotonic() + 20
-        while page.evaluate(f"!{tank}.loaded || {tank}.paused") and time.monotonic() < until:
-            time.sleep(0.05)
+        assert wait_for(lambda: page.evaluate(f"{tank}.loaded && !{tank}.paused"), 20)
         assert page.evaluate(f"[{tank}.availableAnimations, {tank}.paused]") == [["swim"], False]
         page.evaluate("for (const one of document.querySelectorAll('button')) one.click()")
         assert page.evaluate(f"{tank}.paused") and page.inner_text("#play") == "Play"
