@@ -1,0 +1,23 @@
+"""The network that predicts a fish's motion (fish paper §3.1, §5.1.1; Eqs. 1–4, Figs. 6, 15).
+
+Motion area, swimming type, displacement and included angle now give motion area and swimming type
+Δ later.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "held_out": ["assessment"],
+        "model": [
+            "MotionModel",
+            "motion_model",
+            "motion_rows",
+            "split_by_blocks",
+            "split_by_tracks",
+        ],
+        "onnx": ["onnx_bytes"],
+        "train": ["Learning", "train"],
+    },
+)

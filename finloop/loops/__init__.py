@@ -1,0 +1,16 @@
+"""Video loops (fish paper §4.1–4.2; Figs. 8, 10–13): where the film may jump to a similar frame.
+
+A loop joins two frames whose filtered distance is a local minimum below the threshold. All loops
+form a graph; the position table says how far, and where to, the fish swims between their ends.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "find": ["NoLoops", "as_map", "find"],
+        "graph": ["LoopGraph", "loop_graph", "routes"],
+        "position_table": ["position_table", "positions"],
+    },
+)
