@@ -15,7 +15,7 @@ from finloop.animate import measures
 from finloop.animate.arena import place_goals
 from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, NETWORK
 from finloop.animate.motion import learn
-from finloop.animate.pictures import SIZE, Pictures, drawn_steps, film_steps, seams, without_ghosts
+from finloop.animate.pictures import Pictures, drawn_steps, seams, without_ghosts
 from finloop.animate.players import frame_hulls, players, reach
 from finloop.animate.search import film
 from finloop.animate.settings import Settings
@@ -23,8 +23,8 @@ from finloop.animate.sprites import arrange
 from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
 from finloop.base.schema import lists_to_array
 from finloop.bpn.model import motion_model
-from finloop.distance.map import MapFacts
-from finloop.distance.picture import distance, typical_length
+from finloop.distance.map import STEPS, MapFacts
+from finloop.distance.picture import distance
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES, delta_frames
 from finloop.gateways.find import GATEWAYS
@@ -35,23 +35,30 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.find import LOOPS as LOOPS_TABLE
 from finloop.loops.graph import loop_graph
+from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
-from finloop.sprites.pictures import following, outlines, pictures
+from finloop.sprites.pictures import outlines
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 TRIAL_GOALS = 3
-ALIKE = 2.0  # median steps of the film; pictures no farther apart may be drawn on one another
+ALIKE = 1.5  # natural steps; pictures no farther apart may be drawn on one another
 OUTLINE = ("outline_x_px", "outline_y_px")
 
 
 @dataclass(frozen=True)
 class Brought:
-    """The fish that swims, one a mode; natural (steps,): Eq. 5 between the film's frames."""
+    """The fish that swims, one a mode, and the film's natural steps.
+
+    step: their median, the unit of every seam; steps, as_filmed (n,): Eq. 5 between successive
+    frames, in the pose of the distance map and without turning them.
+    """
 
     players: dict[str, Player]
     pictures: Pictures
-    natural: np.ndarray
+    step: float
+    steps: np.ndarray
+    as_filmed: np.ndarray
     features: pd.DataFrame
 
 
@@ -69,36 +76,37 @@ def bring(p: Settings) -> Iterator[Brought]:
     gates = load_table(DATA / "gateways/gateways.parquet", GATEWAYS)
     arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
     rate, delta = facts.frame_rate_hz, delta_frames(model.delta_s, facts.frame_rate_hz)
-    length = float(features["body_length_px"].median())
+    steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
     ):
-        natural = film_steps(features, frames)
-        headed = pictures(sprites, store, length, SIZE)
-        after = following(sprites, features, frames, length, SIZE)
+        reel = Reel(features, frames, sprites, store)
+        pictures = Pictures(reel, map_facts.size)
         hulls = frame_hulls(
             np.stack([lists_to_array(outline[name]) for name in OUTLINE], axis=-1),
             features,
-            (length / typical_length(features)).to_numpy(float),
+            (reel.length_px / reel.lengths_px).astype(float),
         )
-        sprite_hulls = outlines(sprites, store)
+        sprite_hulls = outlines(reel)
         reach_px, barred = reach(sprite_hulls, hulls)
         graph = loop_graph(found, features["track_id"].to_numpy())
-        reel = film(features, graph, map_facts.step_median, map_facts.pose, rate, delta, barred)
-        order = arrange(sprites, distance(after, headed), rate)
+        way = film(features, graph, map_facts.step_median, map_facts.pose, rate, delta, barred)
+        order = arrange(sprites, distance(pictures.after, pictures.headed), rate)
         head = np.hypot(
             features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
         ).median()
         made = players(
-            Cast(sprites, order, reel, sprite_hulls, hulls), learn(features, rate, delta), model,
+            Cast(sprites, order, way, sprite_hulls, hulls), learn(features, rate, delta), model,
             gates, arena, reach_px, float(head), p.goal_radius, p.stay_s, p.fade_s,
             map_facts.step_median,
         )  # fmt: skip
         yield Brought(
             made,
-            Pictures(sprites, store, headed, after, features, frames),
-            natural,
+            pictures,
+            map_facts.step_median,
+            steps["step"].to_numpy(float),
+            steps["as_filmed"].to_numpy(float),
             features,
         )
 
@@ -138,21 +146,21 @@ def main() -> None:
         for name, fish in brought.players.items():
             found = swim(fish.mode, goals, ticks, np.random.default_rng(p.seed))
             edit = edit_list(found, ticks, fish)
-            edit = without_ghosts(edit, brought.pictures, ALIKE * np.median(brought.natural))
+            edit = without_ghosts(edit, brought.pictures, ALIKE * brought.step)
             save_table(folder / f"{name}.parquet", edit, EDIT)
             save_table(folder / f"{name}_considered.parquet", found.considered(ticks), CONSIDERED)
             joins, jumps = seams(edit, brought.pictures)
             numbers[name] = {
                 **measures.of_plan(edit, goals, fish, swum),
-                **measures.of_steps(drawn_steps(edit, brought.pictures), brought.natural),
-                **measures.of_seams(joins, brought.natural),
+                **measures.of_steps(drawn_steps(edit, brought.pictures), brought.as_filmed),
+                **measures.of_seams(joins, brought.steps),
                 **measures.of_states(edit),
                 **measures.of_rhythm(edit, jumps, motion.rate_hz),
                 "longest_exact_repeat_s": measures.longest_repeat(edit) / motion.rate_hz,
                 **trials(p, fish, swum),
             }
             shown[name] = measures.motion_of_edit(edit, fish)
-        film_numbers = measures.of_film(brought.features, swum, brought.natural, motion)
+        film_numbers = measures.of_film(brought.features, swum, brought.as_filmed, motion)
         moves = measures.kinematics({measures.FILM_MOTION: swum} | shown)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
     if LOOPS not in numbers:

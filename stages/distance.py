@@ -25,13 +25,14 @@ from finloop.distance.map import (
     step_table,
     usual_steps,
 )
-from finloop.distance.picture import film_pictures
+from finloop.distance.picture import FILM, apart
 from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.cutouts import open_cutouts
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
+from finloop.reel import Reel
 from stages.settings import load
 
 CUTOUTS = Path("data/extract/cutouts.arrow")
@@ -47,20 +48,16 @@ def counted(found: Iterator[Pairs], advance: Callable[[], None]) -> Iterator[Pai
         advance()
 
 
-def inexact(
-    pairs: pd.DataFrame, features: pd.DataFrame, film: CutoutStore, size: int, pose: str
-) -> int:
+def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
     """How many of CHECKED pairs are off by EXACT, the same pictures made anew and in float64."""
     some = pairs.sample(min(CHECKED, len(pairs)), random_state=0)
     count = 0
     for start in range(0, len(some), 50):
         few = some.iloc[start : start + 50]
         a, b = (
-            film_pictures(features, film, size, pose, few[end].to_numpy()).astype(np.float64)
-            for end in ("i", "j")
+            reel.frames(few[end].to_numpy(), size, pose).astype(np.float64) for end in ("i", "j")
         )
-        true = np.sqrt(np.square(a - b).sum(axis=(1, 2, 3)))
-        count += int((np.abs(true - few["distance"].to_numpy()) > EXACT).sum())
+        count += int((np.abs(apart(a, b) - few["distance"].to_numpy()) > EXACT).sum())
     return count
 
 
@@ -74,15 +71,17 @@ def main() -> None:
     place = np.argsort(rows)
 
     with open_cutouts(CUTOUTS) as film:
-        x = about_mean(film_pictures(features, film, p.size, p.pose, rows))
+        reel = Reel(features, film)
+        x = about_mean(reel.frames(rows, p.size, p.pose))
         steps = step_table(features, x, place)
+        steps["as_filmed"] = steps["step"] if p.pose == FILM else reel.steps(p.size, FILM)
         median, p95 = usual_steps(steps)
         most = np.inf if p.keep is None else p.keep * median
         found = similar(x, kind[rows], area[rows], p.area_threshold, most)
         blocks = list(bands(kind[rows], area[rows], p.area_threshold))
         with progress("distance", len(blocks), "blocks") as advance:
             pairs = pair_table(counted(found, advance), rows)
-        pairs_inexact = inexact(pairs, features, film, p.size, p.pose)
+        pairs_inexact = inexact(pairs, reel, p.size, p.pose)
 
     with whole_folder(FOLDER) as folder:
         save_table(folder / "pairs.parquet", pairs, PAIRS)

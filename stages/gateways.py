@@ -25,6 +25,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
 from stages.settings import load
 
@@ -59,7 +60,8 @@ def main() -> None:
         open_cutouts(Path("data/extract/cutouts.arrow")) as film,
         progress("gateways", len(features)) as advance,
     ):
-        near = nearness(sprites, store, features, film, facts.size, facts.pose, advance)
+        reel = Reel(features, film, sprites, store)
+        near = nearness(reel, facts.size, facts.pose, advance)
         kept = gateways(near, sprites, features, rate_hz, step, settings)
         every = nearest(near, sprites, features, rate_hz, settings)
     say(kept, every, step, settings.least_s)

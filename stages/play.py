@@ -14,11 +14,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import finloop.live
 from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
-from finloop.animate.pictures import apart
+from finloop.animate.pictures import fade_distance
 from finloop.animate.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.gallery import PLACE, shelves
@@ -46,12 +44,13 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
     painter = Painter(load_picture(DATA / "extract/background.png"))
     with bring(p) as brought:
-        pictures, most = brought.pictures, ALIKE * float(np.median(brought.natural))
-        stores = {FRAME: pictures.film, SPRITE: pictures.store}
-        gallery = Gallery(shelves(stores, tracks, pictures.sprites), keep=PICTURES)
+        pictures, most = brought.pictures, ALIKE * brought.step
+        reel = pictures.reel
+        stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
+        gallery = Gallery(shelves(stores, tracks, reel.sprites), keep=PICTURES)
 
         def ghost(row: Any) -> bool:
-            return apart(row, pictures) > most
+            return fade_distance(row, pictures) > most
 
         yield View(LiveTank(brought.players, mode, fish, seed, ghost), painter, gallery)
 

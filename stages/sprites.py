@@ -4,6 +4,7 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
@@ -15,6 +16,7 @@ from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.reel import Reel
 from finloop.sprites import atlas
 from finloop.sprites.metrics import (
     faults,
@@ -26,12 +28,11 @@ from finloop.sprites.metrics import (
 from finloop.sprites.orient import (
     SPRITES,
     Choice,
-    Gallery,
     choose,
     drawn,
     sprite_table,
 )
-from finloop.sprites.pick import SIDES, swimmers
+from finloop.sprites.pick import PICTURE, SIDES, swimmers
 from finloop.sprites.settings import Settings
 from stages.settings import load
 
@@ -73,7 +74,7 @@ def main() -> None:
     table = swimmers(features, tracks)
 
     with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
-        look = Gallery(table, cutouts)
+        look = partial(Reel(features, cutouts).headed, size=PICTURE)
         chosen = choose(table, look, rate_hz, settings)
         sprites = sprite_table(table, chosen)
         with (

@@ -9,23 +9,22 @@ import pytest
 
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.animate.pictures import (
-    SIZE,
     Pictures,
     drawn_steps,
     film_next,
-    film_steps,
     seams,
     without_ghosts,
 )
 from finloop.base.cutout import Cutout
-from finloop.distance.picture import SPAN, distance, picture
+from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.sprites.pictures import following, outlines, pictures
+from finloop.reel import Reel
+from finloop.sprites.pictures import outlines
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
-LENGTH = 40.0
+LENGTH, SIZE = 40.0, 64
 
 
 def fish(length: int = 40, wide: float = 1 / 3) -> np.ndarray:
@@ -84,10 +83,7 @@ def shown(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        yield Pictures(
-            sprites, store, pictures(sprites, store, LENGTH, SIZE),
-            following(sprites, table, film, LENGTH, SIZE), table, film,
-        )  # fmt: skip
+        yield Pictures(Reel(table, film, sprites, store), SIZE)
 
 
 def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
@@ -95,7 +91,7 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
     rows = []
     for kind, number, heading in ticks:
         if kind == FRAME:
-            rotation = wrap_deg(heading - shown.features["heading_deg"][number])
+            rotation = wrap_deg(heading - shown.reel.features["heading_deg"][number])
             rows.append((kind, number, float(rotation), 1.0, heading))
         else:
             sector = int(orientation(np.array(heading), ORIENTATIONS))
@@ -120,10 +116,15 @@ def faded(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> pd.
 # --- steps of the film
 
 
+def natural(table, film):
+    steps = Reel(table, film).steps(SIZE, FILM)
+    return steps[~np.isnan(steps)]
+
+
 def test_a_film_that_stands_still_makes_no_steps(tmp_path):
     table = film_of(tmp_path, [(0.0, 0.3), (0.0, 0.3), (0.0, 0.3), (30.0, 0.3)])
     with open_cutouts(tmp_path / "film.arrow") as film:
-        found = film_steps(table, film)
+        found = natural(table, film)
     assert found[:2] == pytest.approx(0)
     assert found[2] > 5
 
@@ -132,20 +133,10 @@ def test_steps_are_not_taken_across_tracks_or_gaps(tmp_path):
     turning = [(10.0 * i, 0.3) for i in range(6)]
     table = film_of(tmp_path, turning, turning[:3])
     with open_cutouts(tmp_path / "film.arrow") as film:
-        assert len(film_steps(table, film)) == 5 + 2
-        gap = table.assign(frame=table["frame"] + (table.index > 2))
-        assert len(film_steps(gap, film)) == 4 + 2
-
-
-def test_steps_of_a_long_film_are_spread_over_it(tmp_path, monkeypatch):
-    monkeypatch.setattr("finloop.animate.pictures._PAIRS", 5)
-    monkeypatch.setattr("finloop.animate.pictures._LOT", 2)
-    still, turning = [(0.0, 0.3)] * 10, [(20.0 * i, 0.3) for i in range(11)]
-    table = film_of(tmp_path, still + turning)
-    with open_cutouts(tmp_path / "film.arrow") as film:
-        found = film_steps(table, film)
-    assert len(found) == 5
-    assert found[:2] == pytest.approx(0) and (found[3:] > 5).all()
+        assert len(natural(table, film)) == 5 + 2
+        gap = Reel(table, film)
+        object.__setattr__(gap, "features", table.assign(frame=table["frame"] + (table.index > 2)))
+        assert gap.goes_on.sum() == 4 + 2
 
 
 def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
@@ -155,8 +146,8 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        after = following(sprites, table, film, LENGTH, SIZE)
-        drawn = pictures(sprites, store, LENGTH, SIZE)
+        reel = Reel(table, film, sprites, store)
+        after, drawn = reel.after_sprites(SIZE), reel.sprite_pictures(SIZE)
     assert drawn.shape == (3, SIZE, SIZE, 2)
     assert (
         distance(after, drawn) < 0.12 * np.linalg.norm(drawn[0])
@@ -166,8 +157,11 @@ def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
 def test_an_outline_is_ahead_and_to_the_left(tmp_path):
     table = film_of(tmp_path, [(0.0, 1 / 3)] * 2)
     sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
-    with open_cutouts(tmp_path / "sprites.arrow") as store:
-        hull = outlines(sprites, store)[0]
+    with (
+        open_cutouts(tmp_path / "film.arrow") as film,
+        open_cutouts(tmp_path / "sprites.arrow") as store,
+    ):
+        hull = outlines(Reel(table, film, sprites, store))[0]
     assert hull[:, 0].min() == pytest.approx(-40, abs=3)
     assert hull[:, 0].max() == pytest.approx(40, abs=3)
     blunt = hull[hull[:, 0] > 35]
@@ -190,7 +184,7 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
 def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
     for row in (0, 5, 9):
         number = row
-        cutout, at = shown.film[number], shown.features.iloc[row]
+        cutout, at = shown.reel.film[number], shown.reel.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
         assert np.array_equal(shown(FRAME, number, 25.0, 1.0), wanted)
     large = shown(FRAME, 0, 0.0, 2.0)[..., 1].sum() / shown(FRAME, 0, 0.0, 1.0)[..., 1].sum()
@@ -217,12 +211,12 @@ def test_a_drawn_cross_fade_lies_between_its_pictures(shown, kind):
 
 
 def test_the_frame_after_a_frame_is_that_of_its_track(shown):
-    assert [shown.following(row) for row in (0, 6, 8, 12)] == [1, 7, 9, 13]
-    assert shown.following(7) is None and shown.following(13) is None
+    assert shown.reel.after([0, 6, 8, 12]).tolist() == [1, 7, 9, 13]
+    assert shown.reel.after([7, 13]).tolist() == [7, 13]
 
 
 def test_natural_play_has_no_seam_however_it_is_turned(shown):
-    heading = shown.features["heading_deg"].to_numpy()
+    heading = shown.reel.features["heading_deg"].to_numpy()
     for rot in (0.0, 77.0, -140.0):
         edit = edit_of(shown, *((FRAME, row, heading[row] + rot) for row in range(8)))
         assert [len(part) for part in seams(edit, shown)] == [0, 0]
@@ -239,7 +233,7 @@ def test_a_jump_is_as_far_as_the_frame_it_leaves_out(shown, rot):
     found, ticks = seams(edit, shown)
     assert list(ticks) == [3]
     ahead = [
-        picture(shown.film[row], shown.features.iloc[row], LENGTH, SIZE, -angle)
+        picture(shown.reel.film[row], shown.reel.features.iloc[row], LENGTH, SIZE, -angle)
         for row, angle in ((3, 30.0), (10, 80.0))
     ]
     assert found == pytest.approx(np.linalg.norm(ahead[1] - ahead[0]), rel=1e-3)
@@ -259,7 +253,7 @@ def test_a_frame_without_a_next_one_is_held_against_itself(shown):
 
 
 def test_a_jump_of_sprites_is_what_the_film_does_not_show(shown):
-    assert list(film_next(shown.sprites)) == [1, 2, -1, 4, -1]
+    assert list(film_next(shown.reel.sprites)) == [1, 2, -1, 4, -1]
     edit = edit_of(shown, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))
     found, ticks = seams(edit, shown)
     pose = distance(shown.after, shown.headed)

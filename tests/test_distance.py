@@ -1,16 +1,10 @@
 """Eq. 5 and the pictures it is taken of."""
 
-from pathlib import Path
-
 import cv2
 import numpy as np
-import pandas as pd
 import pytest
 
-from finloop.base.cutout import Cutout
 from finloop.distance.picture import SPAN, centred, distance, steps
-from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.sprites.pictures import following, outlines, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -77,64 +71,3 @@ def test_a_quarter_turn_is_anticlockwise_as_seen():
 
 
 # --- pictures behind an edit list
-
-
-def film_of(folder: Path, turns: list[float]) -> pd.DataFrame:
-    """A film of one wedge in one place, turned by so many degrees from frame to frame."""
-    headings = np.cumsum([0.0, *turns])
-    with CutoutWriter(folder / "film.arrow") as writer:
-        for frame, heading in enumerate(headings):
-            matrix = cv2.getRotationMatrix2D((45, 30), heading, 1)
-            pixels = cv2.warpAffine(fish(40), matrix, (90, 60))
-            writer.write(Cutout(7, frame, 100, 200, pixels))
-    return pd.DataFrame(
-        {
-            "track_id": 7,
-            "frame": np.arange(len(headings)),
-            "x_px": 145.0,
-            "y_px": 230.0,
-            "heading_deg": headings,
-        }
-    )
-
-
-def sprites_of(folder: Path, table: pd.DataFrame, frames: list[int]) -> pd.DataFrame:
-    picked = table.iloc[frames].assign(
-        row=frames, sequence="straight", step=np.arange(len(frames)), mirrored=False, scale=1.0,
-        turn_deg=np.append(np.diff(table["heading_deg"]), 0.0)[frames],
-        orientations=ORIENTATIONS,
-    )  # fmt: skip
-    with CutoutWriter(folder / "sprites.arrow") as writer:
-        for frame in frames:
-            for sector in range(ORIENTATIONS):
-                matrix = cv2.getRotationMatrix2D((45, 45), 15.0 * sector, 1)
-                pixels = cv2.warpAffine(
-                    np.pad(fish(40), ((15, 15), (0, 0), (0, 0))), matrix, (90, 90)
-                )
-                writer.write(Cutout(7, frame, 100, 185, pixels))
-    return picked.reset_index(drop=True)
-
-
-def test_what_follows_a_sprite_is_turned_as_the_sprite_that_shows_it(tmp_path):
-    table = film_of(tmp_path, [20.0, 20.0, 20.0, 0.0])
-    sprites = sprites_of(tmp_path, table, [0, 1, 2])
-    with (
-        open_cutouts(tmp_path / "film.arrow") as film,
-        open_cutouts(tmp_path / "sprites.arrow") as store,
-    ):
-        after = following(sprites, table, film, 40.0, SIZE)
-        shown = pictures(sprites, store, 40.0, SIZE)
-    assert shown.shape == (3, SIZE, SIZE, 2)
-    pose = distance(after, shown)
-    assert (pose < 0.12 * np.linalg.norm(shown[0])).all()  # one wedge, whichever frame it is of
-
-
-def test_an_outline_is_ahead_and_to_the_left(tmp_path):
-    table = film_of(tmp_path, [0.0])
-    sprites = sprites_of(tmp_path, table, [0]).assign(scale=2.0)
-    with open_cutouts(tmp_path / "sprites.arrow") as store:
-        hull = outlines(sprites, store)[0]
-    assert hull[:, 0].min() == pytest.approx(-40, abs=3)
-    assert hull[:, 0].max() == pytest.approx(40, abs=3)
-    blunt = hull[hull[:, 0] > 35]
-    assert np.ptp(blunt[:, 1]) == pytest.approx(2 * 40 / 3, abs=4)

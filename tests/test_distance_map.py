@@ -31,14 +31,15 @@ from finloop.distance.map import (
     step_table,
     usual_steps,
 )
-from finloop.distance.picture import BODY, FILM, film_pictures
+from finloop.distance.picture import BODY, FILM
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
-from finloop.io.cutouts import open_cutouts
+from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.distance import picture_rows
+from finloop.reel import Reel
 
 
 def brute(pictures: np.ndarray) -> np.ndarray:
@@ -266,7 +267,7 @@ def film(folder, pose, size):
     """The feature table and all pictures of it."""
     features = load_table(folder / "data/features/features.parquet", FEATURES)
     with open_cutouts(folder / "data/extract/cutouts.arrow") as store:
-        return features, film_pictures(features, store, size, pose, np.arange(len(features)))
+        return features, Reel(features, store).frames(np.arange(len(features)), size, pose)
 
 
 @pytest.mark.usefixtures("no_drawing")
@@ -291,6 +292,8 @@ def test_the_stage_keeps_what_eq_6_says(here, pose, keep, threshold):
     assert np.abs(pairs["distance"].to_numpy() - true[wanted]).max(initial=0) < EXACT
     assert steps["step"].to_numpy()[:-1] == pytest.approx(true.diagonal(1), abs=EXACT)
     assert np.isnan(steps["step"].iloc[-1])
+    filmed = brute(film(here, FILM, 24)[1]).diagonal(1)
+    assert steps["as_filmed"].to_numpy()[:-1] == pytest.approx(filmed, abs=EXACT)
     assert (facts.pose, facts.size, facts.area_threshold) == (pose, 24, threshold)
     assert facts.step_median == pytest.approx(np.median(true.diagonal(1)), abs=EXACT)
     assert metrics["pairs"] == len(features) * (len(features) - 1) // 2
@@ -312,6 +315,9 @@ def test_ten_frames_in_one_orientation_are_enough(here):
     path = here / "data/features/features.parquet"
     features = load_table(path, FEATURES).iloc[:10].assign(orientation=np.int8(3))
     save_table(path, features, FEATURES)
+    cutouts = here / "data/extract/cutouts.arrow"
+    with open_cutouts(cutouts) as store, CutoutWriter(cutouts) as writer:
+        writer.copy(store, np.arange(10))
     pairs, steps, _, metrics = made(here, "distance.pose=film", "distance.keep=null")
     assert metrics["frames"] == len(steps) == 10
     assert metrics["pairs"] == 45

@@ -19,7 +19,7 @@ import stages.gateways
 import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import BODY, FILM, film_pictures, picture, steps
+from finloop.distance.picture import BODY, FILM, picture, steps
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
@@ -39,8 +39,8 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
 from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES, drawn
-from finloop.sprites.pictures import following, pictures
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -134,15 +134,18 @@ class World:
                 writer.write(one)
         self.folder = folder
         with self.open() as (store, film):
-            self.near = nearness(sprites, store, features, film, SIZE, pose)
+            self.near = nearness(self.reel(store, film), SIZE, pose)
             self.step = float(np.median(steps(self.film(film))[: FRAMES - 1]))
 
     def open(self):
         return Both(self.folder)
 
+    def reel(self, store, film):
+        return Reel(self.features, film, self.sprites, store)
+
     def film(self, film, pose=None):
         rows = np.arange(len(self.features))
-        return film_pictures(self.features, film, SIZE, pose or self.pose, rows)
+        return Reel(self.features, film).frames(rows, SIZE, pose or self.pose)
 
     def table(self, **asked):
         settings = replace(SETTINGS, **asked)
@@ -227,10 +230,10 @@ def test_turned_by_turn_deg_the_film_fits_the_sprite_as_drawn(name, direction, r
     assert len(ways) > 20
     with of.open() as (store, film):
         if direction == IN:  # drawn in that orientation after the sprite has turned on
-            shown = following(of.sprites, of.features, film, LENGTH, SIZE, number)
+            shown = of.reel(store, film).after_sprites(SIZE, number)
             drawn_deg = drawn_deg - of.sprites["turn_deg"].to_numpy()
         else:
-            shown = pictures(of.sprites, store, LENGTH, SIZE, number)
+            shown = of.reel(store, film).sprite_pictures(SIZE, number)
             drawn_deg = np.full(len(of.sprites), drawn_deg)
         for way in ways.iloc[:: max(1, len(ways) // 40)].itertuples():
             row = way.row + (direction == OUT)
@@ -247,7 +250,7 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
     with of.open() as (store, film):
         shown = of.film(film).reshape(len(of.features), -1).astype(float)
         for one in np.unique(number):
-            sides = sprite_pictures(of.sprites, store, of.features, film, SIZE, of.pose, int(one))
+            sides = sprite_pictures(of.reel(store, film), SIZE, of.pose, int(one))
             for side, found in zip(sides, (of.near.ahead, of.near.shown), strict=True):
                 want = cdist(side.reshape(len(side), -1), shown[number == one])
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
@@ -428,7 +431,7 @@ def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     facts = MapFacts(of.pose, SIZE, 0.1, 1.5, of.step, of.step)
     some = pd.concat([spread(of.ways(way, threshold=3.0), 4) for way in (IN, OUT)])
     with of.open() as (store, film):
-        shown = list(pairs(some, of.sprites, store, of.features, film, facts))
+        shown = list(pairs(some, of.reel(store, film), facts))
     for pair, way in zip(shown, some.itertuples(), strict=True):
         assert pair.before.shape == (SIZE, SIZE, 2)
         far = np.linalg.norm(pair.natural - pair.instead)

@@ -22,7 +22,7 @@ import stages.loops
 import stages.plots.loops
 from finloop.base.cutout import Cutout
 from finloop.distance.map import PAIRS, STEPS, MapFacts
-from finloop.distance.picture import BODY, film_pictures, steps
+from finloop.distance.picture import BODY, steps
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
@@ -52,6 +52,7 @@ from finloop.loops.position_table import (
     shown_ends,
 )
 from finloop.plots.loops import apart, sample
+from finloop.reel import Reel
 
 RATE = 20.0
 DELTA = 4
@@ -593,7 +594,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
             phase = 2 * np.pi * (one.frame + 0.3 + 5 * one.track_id) / period
             writer.write(Cutout(one.track_id, one.frame, x, y, draw(phase, rng)))
     with open_cutouts(folder / "data/extract/cutouts.arrow") as film:
-        pictures = film_pictures(table, film, 24, BODY, np.arange(n * tracks))
+        pictures = Reel(table, film).frames(np.arange(n * tracks), 24, BODY)
     far = cdist(*[pictures.reshape(n * tracks, -1)] * 2)
     step = np.where(np.diff(track) == 0, steps(pictures), np.nan)
     median, p95 = float(np.nanmedian(step)), float(np.nanquantile(step, 0.95))
@@ -601,7 +602,7 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
     pairs = pd.DataFrame({"i": i, "j": j, "distance": far[i, j]})
     distance = folder / "data/distance"
     save_table(distance / "pairs.parquet", pairs, PAIRS)
-    table = table[["track_id", "frame"]].assign(step=np.r_[step, np.nan])
+    table = table[["track_id", "frame"]].assign(step=np.r_[step, np.nan], as_filmed=np.nan)
     save_table(distance / "steps.parquet", table, STEPS)
     save_record(distance / "facts.json", MapFacts(BODY, 24, 0.1, keep, median, p95))
 

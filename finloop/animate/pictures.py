@@ -3,91 +3,53 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
-from finloop.base.cutout import Cutouts
-from finloop.distance.picture import FILM, film_pictures, picture
-from finloop.features.table import orientations_of
-
-SIZE = 64  # px of a centred picture
-_PAIRS, _LOT = 3000, 500  # natural steps that are looked at, and at once
+from finloop.distance.picture import apart, picture
+from finloop.reel import Reel
 
 Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 
-def film_steps(features: pd.DataFrame, film: Cutouts) -> Floats:
-    """Eq. 5 between successive frames of the film, at most `_PAIRS` of them spread over it."""
-    table = features[["track_id", "frame"]].to_numpy()
-    starts = np.flatnonzero((np.diff(table, axis=0) == (0, 1)).all(1))
-    starts = starts[np.linspace(0, len(starts) - 1, min(len(starts), _PAIRS)).astype(int)]
-    steps = []
-    for lot in np.array_split(starts, max(1, -(-len(starts) // _LOT))):  # few pictures at a time
-        before, after = (film_pictures(features, film, SIZE, FILM, lot + k) for k in (0, 1))
-        steps.append(np.linalg.norm((after - before).reshape(len(lot), -1), axis=1))
-    return np.concatenate(steps).astype(float)
-
-
-class Place(NamedTuple):
-    """A mass centre, px of the film."""
-
-    x_px: float
-    y_px: float
-
-
 @dataclass(frozen=True)
 class Pictures:
-    """Centred pictures of what an edit list names, at the drawn size.
+    """Centred pictures of what an edit list names, at the drawn size, `size` px."""
 
-    sprites: the table of n; headed (n, SIZE, SIZE, c): each headed right; after: what the film
-    shows after it, turned as the sprite's next one would be.
-    """
-
-    sprites: pd.DataFrame
-    store: Cutouts
-    headed: Picture
-    after: Picture
-    features: pd.DataFrame
-    film: Cutouts
+    reel: Reel
+    size: int
 
     def __call__(self, kind: str, source: int, rotation_deg: float, scale: float) -> Picture:
         """The picture of a sprite or frame, turned as asked."""
+        reel, number = self.reel, int(source)
         if kind == FRAME:
-            one, cutout = self._places[FRAME][int(source)], self.film[int(source)]
+            one, cutout = reel.places[number], reel.film[number]
         else:
-            one = self._places[SPRITE][int(source) // orientations_of(self.sprites)]
-            cutout = self.store[int(source)]
-        return picture(cutout, one, self._length_px / scale, SIZE, float(rotation_deg))
+            number, rest = divmod(number, reel.orientations)
+            one, cutout = reel.sprite_places[number], reel.sprite(number, rest + 1)
+        return picture(cutout, one, reel.length_px / scale, self.size, float(rotation_deg))
 
     @cached_property
-    def _length_px(self) -> float:
-        return float(self.features["body_length_px"].median())
+    def headed(self) -> Picture:
+        """Every sprite headed right."""
+        return self.reel.sprite_pictures(self.size)
 
     @cached_property
-    def _places(self) -> dict[str, list[Place]]:
-        tables = {FRAME: self.features, SPRITE: self.sprites}
-        return {
-            kind: [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy()]
-            for kind, table in tables.items()
-        }
-
-    def following(self, row: int) -> int | None:
-        """The frame after a frame of the same track."""
-        track = self.features["track_id"].to_numpy()
-        goes_on = row + 1 < len(track) and track[row] == track[row + 1]
-        return row + 1 if goes_on else None
+    def after(self) -> Picture:
+        """What the film shows after every sprite, turned as the sprite's next one would be."""
+        return self.reel.after_sprites(self.size)
 
 
-def apart(row: Any, pictures: Pictures) -> float:
+def fade_distance(row: Any, pictures: Pictures) -> float:
     """Eq. 5 between the two pictures of a cross-fade, a row of an edit list."""
     shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
     partner = pictures(row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale)
-    return float(np.linalg.norm(shown - partner))
+    return float(apart(shown, partner))
 
 
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
@@ -98,7 +60,7 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
     ghosts: list[int] = []
     for row in edit[edit["weight"] > 0].itertuples():
         before = bool(ghosts) and ghosts[-1] == row.Index - 1  # once gone, it does not come back
-        if before or apart(row, pictures) > most:
+        if before or fade_distance(row, pictures) > most:
             ghosts.append(row.Index)
     clean = edit.copy()
     clean.loc[ghosts, "weight"] = 0.0
@@ -113,7 +75,7 @@ def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
     before = next(shown)
     steps = []
     for after in shown:
-        steps.append(float(np.linalg.norm(after - before)))
+        steps.append(float(apart(after, before)))
         before = after
     return np.array(steps)
 
@@ -134,17 +96,15 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
 
     What the film shows after the picture on screen, turned as that is, against what is drawn.
     """
-    next_sprite, count = film_next(pictures.sprites), orientations_of(pictures.sprites)
+    next_sprite, count = film_next(pictures.reel.sprites), pictures.reel.orientations
     found, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
         turn = -float(now.heading_deg)
         if before.kind == FRAME:
-            follows = pictures.following(before.source)
-            if follows is None:
-                follows = before.source
-            elif now.kind == FRAME and now.source == follows:
+            follows = int(pictures.reel.after(before.source))
+            if now.kind == FRAME and now.source == follows != before.source:
                 continue
             expected = pictures(FRAME, follows, before.rotation_deg + turn, before.scale)
         else:
@@ -156,7 +116,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
             drawn = pictures(FRAME, now.source, now.rotation_deg + turn, now.scale)
         else:
             drawn = pictures.headed[now.source // count]
-        found.append(float(np.linalg.norm(drawn - expected)))
+        found.append(float(apart(drawn, expected)))
         ticks.append(tick)
     return np.array(found), np.array(ticks, np.intp)
 

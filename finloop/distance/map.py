@@ -41,8 +41,14 @@ STEPS = Schema(
         Column("track_id", "int32", "1"),
         Column("frame", "int32", "1"),
         Column("step", "float32", "1", nullable=True),
+        Column("as_filmed", "float32", "1", nullable=True),
     )
 )
+"""Natural steps: Eq. 5 from every row to its track's next frame, null where there is none.
+
+step: in the pose of the map; its median over the film is the unit of every seam. as_filmed: without
+turning the fish, as the eye sees it go on.
+"""
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,9 @@
-"""Distance between pictures of fish (fish paper Eq. 5): D = ‖F − F′‖₂ over centred cut-outs."""
+"""Centred pictures of fish, and how far they are from each other (fish paper Eq. 5).
 
-from typing import Protocol
+D = ‖F − F′‖₂ over all pixels and channels, 0 … 1, of centred cut-outs.
+"""
+
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -8,7 +11,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from finloop.base.cutout import Cutout, Cutouts
+from finloop.base.cutout import Cutout
 
 FILM, BODY = "film", "body"
 """Poses in which pictures are compared: as filmed, or turned to heading 0°."""
@@ -16,13 +19,16 @@ FILM, BODY = "film", "body"
 SPAN = 1.5  # body lengths across a centred picture: a fish in any direction, its bends too
 
 
-class Place(Protocol):
-    """Anything with a mass centre, in px of the film."""
+class Place(NamedTuple):
+    """A mass centre, px of the film."""
 
-    @property
-    def x_px(self) -> float: ...
-    @property
-    def y_px(self) -> float: ...
+    x_px: float
+    y_px: float
+
+
+def places(table: pd.DataFrame) -> list[Place]:
+    """The mass centre of every row of a table."""
+    return [Place(x, y) for x, y in table[["x_px", "y_px"]].to_numpy(float)]
 
 
 def centred(
@@ -55,35 +61,24 @@ def picture(
     return centred(cutout.pixels, centre, length_px, size, turn_deg)
 
 
-def film_pictures(
-    features: pd.DataFrame, film: Cutouts, size: int, pose: str, rows: NDArray[np.intp]
-) -> NDArray[np.float32]:
-    """Centred pictures (n, size, size, c) of some rows of the feature table, at least one.
-
-    A track's typical length is that of all its pictures. `pose` FILM: as filmed; BODY: headed to
-    the right.
-    """
-    length = typical_length(features).to_numpy()
-    turn = -features["heading_deg"].to_numpy(float) * (pose == BODY)
-    places = features[["x_px", "y_px"]].iloc[rows].itertuples(index=False)
-    channels = film[0].pixels.shape[2]
-    shown = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
-    for number, (row, one) in enumerate(zip(rows, places, strict=True)):
-        shown[number] = picture(film[int(row)], one, length[row], size, turn[row])
-    return shown
-
-
 def typical_length(features: pd.DataFrame) -> pd.Series:
     """The median body length [px] of the track, for every row of the feature table."""
     return features.groupby("track_id")["body_length_px"].transform("median")
 
 
+def apart(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Eq. 5 between pictures (…, size, size, c), one by one, as (…)."""
+    return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
+
+
+def steps(pictures: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Eq. 5 from each picture (n, size, size, c) to the next, as (n − 1,)."""
+    return apart(pictures[1:], pictures[:-1])
+
+
 def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Eq. 5 between pictures (n, …) and (m, …) of one size, as (n, m)."""
+    """Eq. 5 between all pictures (n, …) and (m, …) of one size, as (n, m).
+
+    Of whole films `finloop.distance.map` computes it, by matrix products.
+    """
     return cdist(a.reshape(len(a), -1), b.reshape(len(b), -1))
-
-
-def steps(pictures: NDArray[np.float32]) -> NDArray[np.float64]:
-    """Eq. 5 from each picture (n, …) to the next, as (n − 1,)."""
-    flat = pictures.reshape(len(pictures), -1)
-    return np.linalg.norm(np.diff(flat, axis=0), axis=1).astype(float)

@@ -16,15 +16,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from finloop.base.cutout import Cutouts
 from finloop.base.schema import Column, Schema
-from finloop.distance.picture import BODY, film_pictures, picture
+from finloop.distance.picture import BODY, distance
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.gateways.settings import Settings
-from finloop.sprites.pictures import following, pictures
+from finloop.reel import Reel
 
 IN, OUT = "in", "out"
 _BLOCK = 256  # rows whose pictures are held at once
+_DIGITS = 5  # of a distance
 _CYCLES = ("straight", "slide")
 
 GATEWAYS = Schema(
@@ -69,15 +69,15 @@ class Nearness:
 
 
 def nearness(
-    sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame, film: Cutouts,
-    size: int, pose: str, advance: Callable[[int], object] = lambda _: None,
-) -> Nearness:  # fmt: skip
+    reel: Reel, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
+) -> Nearness:
     """Compare all sprites with all rows, in blocks: no more than `_BLOCK` pictures are held.
 
     Pose BODY: sprites and film with the measured heading to the right. FILM: each row as filmed,
     with the sprites in its orientation as they are drawn. `advance(n)`: n more rows are done.
     """
-    row, after = _rows_of(sprites, features)
+    features, sprites = reel.features, reel.sprites
+    row, after = _rows_of(reel)
     if pose == BODY:
         orientation = np.zeros(len(features), np.int8)
         pose_deg = features["heading_deg"].to_numpy(float)
@@ -89,39 +89,31 @@ def nearness(
         shown_deg = np.zeros(len(sprites))
     ahead, shown = np.empty((2, len(sprites), len(features)))
     for number in np.unique(orientation):
-        of_ahead, of_shown = sprite_pictures(
-            sprites, store, features, film, size, pose, int(number)
-        )
+        of_ahead, of_shown = sprite_pictures(reel, size, pose, int(number))
         rows = np.flatnonzero(orientation == number)
         for block in np.split(rows, range(_BLOCK, len(rows), _BLOCK)):
-            filmed = film_pictures(features, film, size, pose, block)
-            ahead[:, block], shown[:, block] = _far(of_ahead, filmed), _far(of_shown, filmed)
+            filmed = reel.frames(block, size, pose)
+            ahead[:, block] = distance(of_ahead, filmed).round(_DIGITS)
+            shown[:, block] = distance(of_shown, filmed).round(_DIGITS)
             advance(len(block))
     return Nearness(ahead, shown, ahead_deg, shown_deg, pose_deg, orientation)
 
 
 def sprite_pictures(
-    sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame, film: Cutouts,
-    size: int, pose: str, number: int,
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:  # fmt: skip
+    reel: Reel, size: int, pose: str, number: int
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What the film shows after every sprite, and the sprites themselves: (s, size, size, c) each.
 
     In the orientation `number`; pose BODY: with the measured heading to the right.
     """
-    length = float(features["body_length_px"].median())
     if pose != BODY:
-        ahead = following(sprites, features, film, length, size, number)
-        return ahead, pictures(sprites, store, length, size, number)
-    row, after = _rows_of(sprites, features)
-    ahead = film_pictures(features, film, size, pose, after)
-    mirrored = sprites["mirrored"].to_numpy()
+        return reel.after_sprites(size, number), reel.sprite_pictures(size, number)
+    row, after = _rows_of(reel)
+    ahead = reel.frames(after, size, pose)
+    mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
-    count = orientations_of(sprites)
-    turn = -_heading(sprites, features["heading_deg"].to_numpy(float)[row])
-    shown = [
-        picture(store[at * count], one, length / one.scale, size, turn[at])
-        for at, one in enumerate(sprites.itertuples())
-    ]
+    turn = -_heading(reel.sprites, reel.features["heading_deg"].to_numpy(float)[row])
+    shown = [reel.sprite_picture(at, size, 1, one) for at, one in enumerate(turn)]
     return ahead, np.stack(shown)
 
 
@@ -131,22 +123,15 @@ def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
     return np.where(sprites["mirrored"], -off, off)
 
 
-def _rows_of(sprites: pd.DataFrame, features: pd.DataFrame) -> tuple[Ints, Ints]:
+def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
     """The row of every sprite's frame, and of the next one; at the end of a track the same."""
-    row = sprites["row"].to_numpy(np.intp)
-    return row, row + _left(features)[row].clip(max=1)
+    row = reel.sprites["row"].to_numpy(np.intp)
+    return row, reel.after(row)
 
 
 def _left(features: pd.DataFrame) -> Ints:
     """How many frames of its track come after each row."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
-
-
-def _far(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
-    """Eq. 5 (n, m) by one matrix product; in float64 and rounded, so that of equal ones it is 0."""
-    one, other = (of.reshape(len(of), -1).astype(float) for of in (a, b))
-    squares = (one**2).sum(1)[:, None] + (other**2).sum(1) - 2 * one @ other.T
-    return np.sqrt(squares.clip(min=0)).round(5)
 
 
 def gateways(

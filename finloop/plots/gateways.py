@@ -9,10 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.cutout import Cutouts
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import film_pictures
 from finloop.gateways.find import IN, OUT, sprite_pictures
+from finloop.reel import Reel
 
 Picture = NDArray[np.uint8]
 Stack = NDArray[np.float32]
@@ -45,22 +44,19 @@ def spread(gateways: pd.DataFrame, count: int) -> pd.DataFrame:
     return order.iloc[numbers.round().astype(int)]
 
 
-def pairs(
-    gateways: pd.DataFrame, sprites: pd.DataFrame, store: Cutouts, features: pd.DataFrame,
-    film: Cutouts, facts: MapFacts,
-) -> Iterator[Pair]:  # fmt: skip
+def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]:
     """The pictures of gateways, in the pose in which they were compared."""
 
     @lru_cache(1)  # in the pose BODY there is but one
     def of_sprites(number: int) -> tuple[Stack, Stack]:
-        return sprite_pictures(sprites, store, features, film, TILE, facts.pose, number)
+        return sprite_pictures(reel, TILE, facts.pose, number)
 
     for way in gateways.itertuples():
-        sprite, row = sprites.iloc[way.sprite], features.iloc[way.row]
+        sprite, row = reel.sprites.iloc[way.sprite], reel.features.iloc[way.row]
         ahead, shown = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
         inward = way.direction == IN
         rows = np.array([way.row, way.row + (not inward)])
-        here, after = film_pictures(features, film, TILE, facts.pose, rows)
+        here, after = reel.frames(rows, TILE, facts.pose)
         names = [
             f"{sprite['sequence']} {sprite['step']} ({sprite['track_id']}:{sprite['frame']})",
             f"film {row['track_id']:.0f}:{row['frame']:.0f}",

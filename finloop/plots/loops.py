@@ -13,11 +13,10 @@ from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
-from finloop.base.cutout import Cutouts
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import film_pictures
 from finloop.loops.graph import LoopGraph, goes_on, in_component
 from finloop.loops.position_table import LETTERS
+from finloop.reel import Reel
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _QUADRANTS = ("#F0E442", "#56B4E9", "#CC79A7", "#009E73")
@@ -193,15 +192,13 @@ class Example(NamedTuple):
     words: str
 
 
-def examples(
-    loops: pd.DataFrame, features: pd.DataFrame, film: Cutouts, facts: MapFacts
-) -> Iterator[Example]:
+def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
     """Pictures of some loops: the frame before a, a itself, and b instead."""
-    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
     for one in loops.itertuples():
         before = one.a - 1 if one.a and track[one.a - 1] == track[one.a] else one.a
         rows = np.array([before, one.a, one.b])
-        last, natural, instead = film_pictures(features, film, SIZE_PX, facts.pose, rows)
+        last, natural, instead = reel.frames(rows, SIZE_PX, facts.pose)
         places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, one.b))
         words = (
             f"track:frame {places}: seam {one.distance / facts.step_median:.2f} steps, "

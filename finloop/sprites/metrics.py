@@ -3,11 +3,12 @@
 import numpy as np
 import pandas as pd
 
+from finloop.distance.picture import apart, steps
 from finloop.features.metrics import table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import orientations_of
 from finloop.sprites.orient import Choice
-from finloop.sprites.pick import SIDES, STILL, Look, closure, cycle_heading, steps
+from finloop.sprites.pick import SIDES, STILL, Look, closure, cycle_heading
 
 TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
 
@@ -77,8 +78,9 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
     result = {f"{word}_tail_swing_body_lengths": float(np.ptp(tail))}
     if pictures is not None:
         median = max(float(np.median(steps(pictures))), 1e-9)
-        jump = float(np.linalg.norm(pictures[n - 1] - pictures[0]))
-        result[f"{word}_closure_last_to_first"] = jump / median
+        result[f"{word}_closure_last_to_first"] = (
+            float(apart(pictures[n - 1], pictures[0])) / median
+        )
         result[f"{word}_closure_after_last_to_first"] = closure(pictures)
     return result
 

@@ -16,7 +16,7 @@ from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.sprites import pick
 from finloop.sprites.pick import SIDES, WORDS, Stretch, smooth
 from finloop.sprites.settings import Settings
-from finloop.sprites.turn import Placed, aligned, turned
+from finloop.sprites.turn import Placed, turned
 
 BACK_DEG = 8.0  # half a sector of 24
 
@@ -52,30 +52,6 @@ class Choice:
 
     stretch: Stretch
     mirrored: bool = False
-
-
-@dataclass(frozen=True)
-class Gallery:
-    """The cut-outs of a table of swimmers, as pictures to compare (`sprites.pick.Look`)."""
-
-    table: pd.DataFrame
-    cutouts: Cutouts
-
-    def __call__(
-        self, rows: NDArray[np.intp], heading_deg: NDArray[np.floating]
-    ) -> NDArray[np.float32]:
-        of = self.table.iloc[rows]
-        return np.stack(
-            [
-                aligned(
-                    placed(self.cutouts[row]), x, y, heading,
-                    pick.PICTURE / (pick.ROOM * length), pick.PICTURE,
-                )
-                for row, x, y, length, heading in zip(
-                    rows.tolist(), of["x_px"], of["y_px"], of["length_px"], heading_deg, strict=True
-                )
-            ]
-        )  # fmt: skip
 
 
 def placed(cutout: Cutout) -> Placed:

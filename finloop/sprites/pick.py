@@ -22,6 +22,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 
+from finloop.distance.picture import apart, steps
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 
 SIDES = {"left": LEFT, "right": RIGHT}
@@ -58,7 +59,6 @@ PICTURED, A_TRACK = 120, 4  # candidates of a sequence looked at as pictures, of
 STRANGER = 0.5  # what taking a sequence from another track costs, however alike
 ON_SCREEN = 2.0  # weight of the straight cycle's faults: it is seen more than the others
 PICTURE = 64  # px, side of the pictures that are compared
-ROOM = 1.25  # body lengths that the side of such a picture spans
 
 
 @dataclass(frozen=True)
@@ -417,16 +417,12 @@ def cycle_heading(table: pd.DataFrame, start: int, n: int) -> NDArray[np.float64
     return heading[:-1].mean() + slope * (np.arange(n + 1) - (n - 1) / 2)
 
 
-def steps(pictures: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Picture distance (n − 1,) of successive pictures (n, …)."""
-    flat = pictures.reshape(len(pictures), -1)
-    return np.linalg.norm(np.diff(flat, axis=0), axis=1)
-
-
 def closure(pictures: NDArray[np.floating]) -> float:
-    """Distance of the frame after a loop's last to its first, over the loop's median step."""
-    median = float(np.median(steps(pictures)))
-    return float(np.linalg.norm(pictures[-1] - pictures[0])) / max(median, 1e-9)
+    """How far the last picture is from the first, over the median step between these pictures.
+
+    They are a loop's frames and the one after them.
+    """
+    return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
 
 
 def sharpness(pictures: NDArray[np.floating]) -> NDArray[np.float64]:

@@ -103,20 +103,3 @@ def trimmed(pixels: NDArray[np.uint8]) -> tuple[int, int, NDArray[np.uint8]]:
         return 0, 0, pixels[:1, :1]
     top, left = int(rows[0]), int(columns[0])
     return left, top, np.ascontiguousarray(pixels[top : rows[-1] + 1, left : columns[-1] + 1])
-
-
-def aligned(
-    source: Placed, x_px: float, y_px: float, heading_deg: float, scale: float, size: int
-) -> NDArray[np.float32]:
-    """The fish headed right, its mass centre amid (size, size, channels), for comparing.
-
-    `scale`: px of the result per px of the film. Channels are 0-1, premultiplied.
-    """
-    back = rotation(heading_deg) / scale
-    middle = (size - 1) / 2
-    place = np.array([x_px - source.x0_px, y_px - source.y0_px])
-    matrix = np.column_stack([back, place - back @ [middle, middle]])
-    return cv2.warpAffine(
-        source.pixels.astype(np.float32) / 255, matrix, (size, size),
-        flags=cv2.INTER_LINEAR | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
-    )  # fmt: skip

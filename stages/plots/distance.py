@@ -5,7 +5,6 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.distance.map import MapFacts, about_mean, alike, full, kinds
-from finloop.distance.picture import film_pictures
 from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import open_cutouts
@@ -13,6 +12,7 @@ from finloop.io.picture import save_figure
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.plots.distance import figure9, picture_rows
+from finloop.reel import Reel
 from stages.settings import load
 
 
@@ -23,7 +23,7 @@ def main() -> None:
     features = load_table(Path("data/features/features.parquet"), FEATURES)
     rows = picture_rows(features, p.picture_frames)
     with open_cutouts(Path("data/extract/cutouts.arrow")) as film:
-        distance = full(about_mean(film_pictures(features, film, facts.size, facts.pose, rows)))
+        distance = full(about_mean(Reel(features, film).frames(rows, facts.size, facts.pose)))
     features = features.iloc[rows]
     compared = alike(
         kinds(features, facts.pose), features["motion_area_rel"].to_numpy(), p.area_threshold

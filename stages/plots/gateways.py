@@ -12,6 +12,7 @@ from finloop.io.picture import save_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.plots.gateways import contact_sheet, pairs, spread
+from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
 
 DATA = Path("data")
@@ -30,11 +31,11 @@ def main() -> None:
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as film,
     ):
-        sheet = {}
+        reel, sheet = Reel(features, film, sprites, store), {}
         for direction in (IN, OUT):
             of = kept if direction in set(kept["direction"]) else nearest
             some = spread(of[of["direction"] == direction], PAIRS)
-            sheet[direction] = list(pairs(some, sprites, store, features, film, facts))
+            sheet[direction] = list(pairs(some, reel, facts))
     save_picture(Path("reports/gateways/contact_sheet.png"), contact_sheet(sheet))
 
 

@@ -24,6 +24,7 @@ from finloop.plots.loops import (
     over_time,
     table_picture,
 )
+from finloop.reel import Reel
 from stages.settings import load
 
 DATA, REPORT = Path("data"), Path("reports/loops")
@@ -53,7 +54,7 @@ def main() -> None:
     gap = round(p.least_s * rate_hz)
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         best, worst = (
-            list(examples(some.iloc[apart(some, gap, BEST)], features, film, facts))
+            list(examples(some.iloc[apart(some, gap, BEST)], Reel(features, film), facts))
             for some in (loops, loops[::-1])
         )
     save_figure(REPORT / "best_and_worst.png", best_and_worst(best, worst))

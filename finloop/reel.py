@@ -1,0 +1,191 @@
+"""The film's pictures by row: cut-outs, centred pictures in any pose, sprites, what follows what.
+
+A row is a fish in a frame: one number for the row of the table of tracks, of the feature table and
+of the store of cut-outs, in the order (track_id, frame). A sprite is a number and an orientation,
+1 … orientations.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from finloop.base.cutout import Cutout, Cutouts
+from finloop.distance.picture import BODY, Place, picture, places, steps, typical_length
+from finloop.errors import FinloopError
+from finloop.features.table import direction_deg, orientations_of
+
+Floats = NDArray[np.float64]
+Pictures = NDArray[np.float32]
+Rows = NDArray[np.intp]
+
+_KEY = ["track_id", "frame"]
+_LOT = 500  # pictures at a time
+
+
+def sprite_row(sprite: int, orientation: int, orientations: int) -> int:
+    """The row of the sprites' store at which a sprite lies in an orientation."""
+    return sprite * orientations + orientation - 1
+
+
+@dataclass(frozen=True)
+class Reel:
+    """A film and, where they have been made, its sprites.
+
+    features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
+    cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations.
+
+    Raises
+    ------
+    FinloopError
+        If tables and stores are not of one film.
+    """
+
+    features: pd.DataFrame
+    film: Cutouts
+    sprites: pd.DataFrame = field(default_factory=pd.DataFrame)
+    store: Cutouts | None = None
+
+    def __post_init__(self) -> None:
+        keys = self.features[_KEY].to_numpy()
+        problems = []
+        if not np.array_equal(keys, self.film.index[_KEY].to_numpy()):
+            problems.append(f"{len(self.film)} cut-outs are not those of the {len(keys)} rows")
+        if len(self.sprites):
+            rows = self.sprites["row"].to_numpy()
+            true = keys[rows] if rows.max() < len(keys) else keys[:0]
+            if not np.array_equal(self.sprites[_KEY].to_numpy(), true):
+                problems.append(f"{len(self.sprites)} sprites are of other frames than they say")
+        if self.store is not None:
+            count = len(self.sprites) * self.orientations
+            if len(self.store) != count:
+                problems.append(f"{len(self.store)} pictures of sprites, but {count} sprites")
+        if problems:
+            raise FinloopError(
+                "; ".join(problems),
+                "features, cut-outs and sprites of one film",
+                "make them again: `dvc repro`",
+            )
+
+    def __len__(self) -> int:
+        return len(self.features)
+
+    @property
+    def orientations(self) -> int:
+        """In how many orientations every sprite is stored."""
+        return orientations_of(self.sprites)
+
+    # --- rows
+
+    @cached_property
+    def length_px(self) -> float:
+        """The length at which every fish is drawn: the film's median."""
+        return float(self.features["body_length_px"].median())
+
+    @cached_property
+    def lengths_px(self) -> NDArray[np.floating]:
+        """The typical length (n,) of each row's track."""
+        return typical_length(self.features).to_numpy()
+
+    @cached_property
+    def places(self) -> list[Place]:
+        """The mass centre of every row."""
+        return places(self.features)
+
+    @cached_property
+    def goes_on(self) -> NDArray[np.bool_]:
+        """Whether the next row (n,) is the next frame of the same track."""
+        follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
+        return np.append(follows, False)
+
+    def after(self, row: ArrayLike) -> Rows:
+        """The next frame of the same track; where there is none, the row itself."""
+        rows = np.asarray(row, np.intp)
+        return rows + self.goes_on[rows]
+
+    # --- pictures
+
+    def frame(self, row: int, size: int, length_px: float, turn_deg: float) -> Pictures:
+        """A row's picture (size, size, c), turned anticlockwise as seen.
+
+        The fish, `length_px` long as filmed, comes out as long as all others.
+        """
+        return picture(self.film[int(row)], self.places[row], length_px, size, turn_deg)
+
+    def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
+        """Pictures (k, size, size, c) of some rows, at least one.
+
+        A track's typical length is that of all its rows. `pose` FILM: as filmed; BODY: headed to
+        the right.
+        """
+        heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
+        return self.headed(rows, heading, size)
+
+    def headed(self, rows: Rows, heading_deg: NDArray[np.floating], size: int) -> Pictures:
+        """Pictures (k, size, size, c) of some rows, of which these headings are turned right."""
+        channels = self.film[0].pixels.shape[2]
+        made = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
+        for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
+            made[number] = self.frame(row, size, self.lengths_px[row], -heading)
+        return made
+
+    def steps(self, size: int, pose: str) -> Floats:
+        """Eq. 5 from every row (n,) to the next frame of its track; NaN where there is none."""
+        step = np.full(len(self), np.nan)
+        for start in range(0, len(self) - 1, _LOT):
+            lot = self.frames(np.arange(start, min(start + _LOT + 1, len(self))), size, pose)
+            step[start : start + len(lot) - 1] = steps(lot)
+        step[~self.goes_on] = np.nan
+        return step
+
+    # --- sprites
+
+    def sprite(self, number: int, orientation: int = 1) -> Cutout:
+        """A sprite's picture in an orientation, as stored."""
+        if self.store is None:
+            raise ValueError("this reel has no sprites")
+        return self.store[sprite_row(int(number), int(orientation), self.orientations)]
+
+    @cached_property
+    def sprite_places(self) -> list[Place]:
+        """The mass centre of every sprite."""
+        return places(self.sprites)
+
+    @cached_property
+    def sprite_lengths_px(self) -> NDArray[np.floating]:
+        """The length (s,) as filmed of each sprite's fish."""
+        return self.length_px / self.sprites["scale"].to_numpy()
+
+    def sprite_picture(
+        self, number: int, size: int, orientation: int = 1, turn_deg: float = 0.0
+    ) -> Pictures:
+        """A sprite (size, size, c) in an orientation, and turned on from there."""
+        return picture(
+            self.sprite(number, orientation),
+            self.sprite_places[number],
+            self.sprite_lengths_px[number],
+            size,
+            turn_deg,
+        )
+
+    def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
+        """Every sprite (s, size, size, c) in an orientation."""
+        count = len(self.sprites)
+        return np.stack([self.sprite_picture(n, size, orientation) for n in range(count)])
+
+    def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
+        """What the film shows after every sprite, turned as the sprite's next one would be.
+
+        At the end of a track, where there is nothing, the frame itself.
+        """
+        ahead = float(direction_deg(orientation, self.orientations))
+        made = []
+        for sprite, length in zip(self.sprites.itertuples(), self.sprite_lengths_px, strict=True):
+            row, side = int(sprite.row), -1 if sprite.mirrored else 1
+            turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
+            # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
+            shown = self.frame(int(self.after(row)), size, length, turn + side * ahead)
+            made.append(shown[::side])
+        return np.stack(made)

@@ -1,0 +1,115 @@
+"""Reel: one row number for tables and pictures; a sprite is a number and an orientation."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop.base.cutout import Cutout
+from finloop.distance.picture import BODY, FILM, apart, distance
+from finloop.errors import FinloopError
+from finloop.reel import Reel, sprite_row
+
+ORIENTATIONS, SIZE = 4, 24
+
+
+class Held(list):
+    """Cut-outs in memory, as a store."""
+
+    @property
+    def index(self):
+        return pd.DataFrame([one[:2] for one in self], columns=["track_id", "frame"])
+
+
+def smear(number):
+    """A picture (12, 12, 2) that is like no other, nothing at its border."""
+    rng = np.random.default_rng(number)
+    alpha = np.pad(rng.integers(50, 256, (8, 8)), 2)
+    return np.dstack([alpha // 2, alpha]).astype(np.uint8)
+
+
+def reel():
+    """Two tracks, of which one lacks a frame; three sprites."""
+    features = pd.DataFrame(
+        {
+            "track_id": [3, 3, 3, 8, 8],
+            "frame": [5, 6, 8, 0, 1],
+            "x_px": 20.5,
+            "y_px": 30.5,
+            "heading_deg": [0.0, 30.0, 60.0, -90.0, 170.0],
+            "body_length_px": [8.0, 8.0, 8.0, 12.0, 12.0],
+        }
+    )
+    film = Held(
+        Cutout(one.track_id, one.frame, 15, 25, smear(one.Index)) for one in features.itertuples()
+    )
+    rows = [1, 4, 0]
+    sprites = features.iloc[rows].reset_index(drop=True)
+    sprites = sprites.assign(
+        row=rows, mirrored=[False, False, True], scale=1.0, turn_deg=7.0, orientations=ORIENTATIONS
+    )
+    store = Held(Cutout(0, 0, 15, 25, smear(100 + n)) for n in range(3 * ORIENTATIONS))
+    return Reel(features, film, sprites, store)
+
+
+def test_every_sprite_and_orientation_has_its_own_row_of_the_store():
+    rows = [sprite_row(s, o, ORIENTATIONS) for s in range(3) for o in range(1, ORIENTATIONS + 1)]
+    assert rows == list(range(3 * ORIENTATIONS))
+    one = reel()
+    assert np.array_equal(one.sprite(2, 3).pixels, smear(100 + 2 * ORIENTATIONS + 2))
+
+
+def test_the_next_frame_is_of_the_same_track_without_a_gap():
+    one = reel()
+    assert one.goes_on.tolist() == [True, False, False, True, False]
+    assert one.after(np.arange(5)).tolist() == [1, 1, 2, 4, 4]
+    assert int(one.after(3)) == 4
+
+
+@pytest.mark.parametrize("pose", [FILM, BODY])
+@pytest.mark.parametrize("lot", [1, 2, 100])
+def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):
+    monkeypatch.setattr("finloop.reel._LOT", lot)
+    one = reel()
+    shown = one.frames(np.arange(5), SIZE, pose)
+    wanted = np.append(distance(shown, shown).diagonal(1), np.nan)
+    wanted[~one.goes_on] = np.nan
+    np.testing.assert_allclose(one.steps(SIZE, pose), wanted, rtol=1e-5)
+
+
+def test_eq_5_of_a_picture_and_itself_is_0_and_grows_with_the_difference():
+    one = reel().frames(np.array([0, 1]), SIZE, FILM)
+    assert apart(one, one).tolist() == [0, 0]
+    assert apart(one[0], one[1]) == apart(one[1], one[0]) > 0
+    assert apart(one[0], one[0] + 0.5) == pytest.approx(0.5 * np.sqrt(one[0].size))
+
+
+def test_a_row_s_picture_does_not_depend_on_what_else_is_asked():
+    one = reel()
+    whole = one.frames(np.arange(5), SIZE, BODY)
+    some = np.array([4, 0, 4])
+    assert np.array_equal(one.frames(some, SIZE, BODY), whole[some])
+    level = one.headed(some, np.zeros(3), SIZE)
+    assert np.array_equal(level, one.frames(some, SIZE, FILM))
+
+
+def test_what_comes_after_a_sprite_is_the_film_s_next_frame_turned_on():
+    one = reel()
+    after = one.after_sprites(SIZE)
+    own = one.frame(1, SIZE, one.length_px, -30.0)  # nothing follows: itself, headed right
+    assert np.array_equal(after[0], own)
+    ahead = one.frame(1, SIZE, one.length_px, 7.0)[::-1]  # mirrored
+    assert np.array_equal(after[2], ahead)
+
+
+@pytest.mark.parametrize("change", ["cut-outs", "sprites", "pictures of sprites"])
+def test_what_is_not_of_one_film_is_refused(change):
+    one = reel()
+    film, sprites, store = one.film, one.sprites, one.store
+    if change == "cut-outs":
+        film = Held(reversed(film))
+    elif change == "sprites":
+        sprites = sprites.assign(row=[1, 4, 99])
+    else:
+        store = Held(store[1:])
+    with pytest.raises(FinloopError, match=change):
+        Reel(one.features, film, sprites, store)
