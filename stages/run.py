@@ -41,7 +41,6 @@ from typing import NoReturn
 
 from finloop.base.digits import significant
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
 from finloop.process import die_with_parent
 
 THREAD_VARIABLES = (
@@ -204,6 +203,8 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     None and NaN say that a number does not exist for this clip (no truth, no fish long enough);
     JSON has no NaN, and 0 would be a lie.
     """
+    from finloop.io.atomic import whole_file  # not at the top: needs the right Python
+
     kept: dict[str, float | int] = {}
     for name, value in sorted(numbers.items()):
         if isinstance(value, Integral):
