@@ -18,7 +18,7 @@ from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired, timed
 from finloop.curve.dynamics import solve
 from finloop.curve.filters import CUBIC
-from finloop.curve.problem import How, Material, Problem
+from finloop.curve.problem import Material, Options, Problem
 from finloop.curve.stiffness import off_diagonal, stiffness, stiffness_phi
 from finloop.curve.wavelet import back, forward
 
@@ -140,21 +140,21 @@ def main() -> None:
     print("off-diagonal energy of K [%] per level:")
     print(shares.round(1).to_string(index_names=False))
     few = {material: Problem(*bent(256), material, TIMES) for material in (MATERIAL, MASSLESS)}
-    for method, material, how in (
-        ("modal", MATERIAL, How()),
-        ("runge-kutta", MATERIAL, How()),
-        ("runge-kutta", MATERIAL, How(rtol=1e-10, integrator="DOP853")),
-        ("decoupled", MATERIAL, How()),
-        ("modal", MASSLESS, How()),
-        ("implicit-euler", MASSLESS, How()),
-        ("implicit-euler", MASSLESS, How(inverse="schulz")),
-        ("explicit-euler", MASSLESS, How()),
-        ("explicit-euler", MASSLESS, How(inverse="schulz")),
-        ("decoupled", MASSLESS, How()),
+    for method, material, options in (
+        ("modal", MATERIAL, Options()),
+        ("runge-kutta", MATERIAL, Options()),
+        ("runge-kutta", MATERIAL, Options(rtol=1e-10, integrator="DOP853")),
+        ("decoupled", MATERIAL, Options()),
+        ("modal", MASSLESS, Options()),
+        ("implicit-euler", MASSLESS, Options()),
+        ("implicit-euler", MASSLESS, Options(inverse="schulz")),
+        ("explicit-euler", MASSLESS, Options()),
+        ("explicit-euler", MASSLESS, Options(inverse="schulz")),
+        ("decoupled", MASSLESS, Options()),
     ):
-        seconds, motion = timed(lambda m=material, w=method, h=how: solve(few[m], w, h))
-        way = how.integrator if method == "runge-kutta" else ""
-        way = how.inverse if method.endswith("euler") else way
+        seconds, motion = timed(lambda m=material, w=method, h=options: solve(few[m], w, h))
+        way = options.integrator if method == "runge-kutta" else ""
+        way = options.inverse if method.endswith("euler") else way
         print(
             f"{method} {way}, density {material.density:g}: error {motion.error:.1e}, "
             f"{1e3 * seconds:.1f} ms, {motion.facts}"

@@ -12,7 +12,7 @@ from finloop.curve.contour import Curve, area, resampled
 from finloop.curve.dynamics import energy, solve
 from finloop.curve.filters import CUBIC
 from finloop.curve.glyph import glyph
-from finloop.curve.problem import How, Material, Problem
+from finloop.curve.problem import Material, Options, Problem
 from finloop.curve.stiffness import connection, off_diagonal, stiffness
 from finloop.curve.wavelet import truncated
 from finloop.io.animation import ENDINGS, save_animation
@@ -65,15 +65,19 @@ def hoop(p: Settings) -> dict[str, float]:
     exact = solve(problem)
     levels = 3
     numbers = {
-        f"hoop_error_{method.replace('-', '_')}": solve(problem, method, How(levels=levels)).error
+        f"hoop_error_{method.replace('-', '_')}": solve(
+            problem, method, Options(levels=levels)
+        ).error
         for method in ("runge-kutta", "decoupled")
     }
     massless = Problem(
         rest, bent, Material(0.0, 1.0, 1.0, 0.02), np.linspace(0, 1, 61), wavelet=p.wavelet
     )
     for method in ("explicit-euler", "implicit-euler"):
-        how = How(levels=levels, substeps=40)
-        numbers[f"massless_error_{method.replace('-', '_')}"] = solve(massless, method, how).error
+        options = Options(levels=levels, substeps=40)
+        numbers[f"massless_error_{method.replace('-', '_')}"] = solve(
+            massless, method, options
+        ).error
     total = energy(problem, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
     shown = np.arange(0, 72, 4)

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from finloop.curve.integrate import METHOD
 from finloop.curve.oscillator import Numbers, Oscillators, driven, moved
 from finloop.curve.problem import (
-    Found,
-    How,
     Material,
     Motion,
+    Options,
     Problem,
+    Solution,
     checked,
     force_at,
     velocity_at_start,
@@ -32,7 +32,7 @@ from finloop.curve.wavelet import back, forward
 Array = NDArray[np.float64]
 
 
-def solve(problem: Problem, method: str = "modal", how: How | None = None) -> Motion:
+def solve(problem: Problem, method: str = "modal", options: Options | None = None) -> Motion:
     """The motion of `problem`.
 
     "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
@@ -43,12 +43,12 @@ def solve(problem: Problem, method: str = "modal", how: How | None = None) -> Mo
     FinloopError
         If the problem or the method's settings make no sense; the message says which and why.
     """
-    how = how or How()
+    options = options or Options()
     problem = checked(problem, method)
-    exact = modal(problem, how)
+    exact = modal(problem, options)
     if method == "modal":
         return Motion(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
-    found = {"decoupled": decoupled, **METHOD}[method](problem, how)
+    found = {"decoupled": decoupled, **METHOD}[method](problem, options)
     off = np.abs(found.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
@@ -73,11 +73,11 @@ class Basis(NamedTuple):
     k: Array
 
 
-def modal(problem: Problem, how: How) -> Found:
+def modal(problem: Problem, options: Options) -> Solution:
     """Exact: K of the φ basis is circulant, so Fourier's modes do not know of each other.
 
     A force of place and time couples them again; then `driven` goes on until it is sure of
-    `how.tolerance`.
+    `options.tolerance`.
     """
     n = len(problem.rest)
     basis = Basis(
@@ -85,21 +85,21 @@ def modal(problem: Problem, how: How) -> Found:
         lambda modes: np.fft.irfft(modes, n, axis=-2),
         eigenvalues(problem.wavelet, n, problem.material.elastic),
     )
-    return _in(basis, problem, how)
+    return _in(basis, problem, options)
 
 
-def decoupled(problem: Problem, how: How) -> Found:
+def decoupled(problem: Problem, options: Options) -> Solution:
     """Eq. 3.16: the wavelet basis, off-diagonals of K dropped; that error is not small."""
-    n, levels = len(problem.rest), how.levels
+    n, levels = len(problem.rest), options.levels
     basis = Basis(
         lambda points: forward(points, problem.wavelet, levels),
         lambda coefficients: back(np.asarray(coefficients, float), problem.wavelet, levels),
         stiffness(problem.wavelet, n, levels, problem.material.elastic).diagonal(),
     )
-    return _in(basis, problem, how)
+    return _in(basis, problem, options)
 
 
-def _in(basis: Basis, problem: Problem, how: How) -> Found:
+def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
     of = oscillators(problem.material, basis.k)
     u, v = basis.to(problem.displacement), basis.to(velocity_at_start(problem))
     estimate = 0.0
@@ -108,13 +108,13 @@ def _in(basis: Basis, problem: Problem, how: How) -> Found:
         def push(time: float, places: Numbers) -> Numbers:
             return basis.to(force_at(problem, time, basis.points(places)))
 
-        places, speeds, estimate = driven(of, u, v, problem.times, push, how.tolerance)
+        places, speeds, estimate = driven(of, u, v, problem.times, push, options.tolerance)
     else:
         none = problem.force is None
         q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
         places, speeds = moved(of, u, v, problem.times - problem.times[0], q)
     facts = {f"{name}_roots": float(count) for name, count in of.cases().items()}
-    return Found(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
+    return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
 
 
 # --- what the laws speak of

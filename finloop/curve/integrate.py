@@ -13,7 +13,7 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
-from finloop.curve.problem import Found, How, Problem, force_at, velocity_at_start
+from finloop.curve.problem import Options, Problem, Solution, force_at, velocity_at_start
 from finloop.curve.stiffness import damping, mass, stiffness
 from finloop.curve.wavelet import back, forward
 from finloop.errors import FinloopError
@@ -24,30 +24,30 @@ ITERATIONS = 100
 Array = NDArray[np.float64]
 
 
-def matrices(problem: Problem, how: How) -> tuple[csr_array, csr_array]:
+def matrices(problem: Problem, options: Options) -> tuple[csr_array, csr_array]:
     """C and K (n, n) in the wavelet basis."""
     n, material = len(problem.rest), problem.material
-    k = stiffness(problem.wavelet, n, how.levels, material.elastic)
+    k = stiffness(problem.wavelet, n, options.levels, material.elastic)
     m = mass(n, material.density or 1.0)
     return damping(m, k, material.mass_damping, material.stiffness_damping), k
 
 
-def _push(problem: Problem, how: How) -> Callable[[float, Array], Array]:
+def _push(problem: Problem, options: Options) -> Callable[[float, Array], Array]:
     """Q in the wavelet basis, from time and coefficients (n, d)."""
     if not callable(problem.force):
         constant = forward(
-            force_at(problem, 0.0, problem.displacement), problem.wavelet, how.levels
+            force_at(problem, 0.0, problem.displacement), problem.wavelet, options.levels
         )
         return lambda time, q: constant
 
     def push(time: float, q: Array) -> Array:
-        points = back(q, problem.wavelet, how.levels)
-        return forward(force_at(problem, time, points), problem.wavelet, how.levels)
+        points = back(q, problem.wavelet, options.levels)
+        return forward(force_at(problem, time, points), problem.wavelet, options.levels)
 
     return push
 
 
-def runge_kutta(problem: Problem, how: How) -> Found:
+def runge_kutta(problem: Problem, options: Options) -> Solution:
     """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
 
     Raises
@@ -55,11 +55,11 @@ def runge_kutta(problem: Problem, how: How) -> Found:
     FinloopError
         If the formula gives up.
     """
-    c, k = matrices(problem, how)
-    push, shape = _push(problem, how), problem.displacement.shape
+    c, k = matrices(problem, options)
+    push, shape = _push(problem, options), problem.displacement.shape
     density = problem.material.density
     velocity = velocity_at_start(problem)
-    start = forward(np.stack([problem.displacement, velocity]), problem.wavelet, how.levels)
+    start = forward(np.stack([problem.displacement, velocity]), problem.wavelet, options.levels)
 
     def slope(time: float, state: Array) -> Array:
         q, rate = state.reshape(2, *shape)
@@ -75,23 +75,23 @@ def runge_kutta(problem: Problem, how: How) -> Found:
             slope,
             (begin, end),
             state,
-            how.integrator,
-            rtol=how.rtol,
-            atol=how.rtol * scale,
+            options.integrator,
+            rtol=options.rtol,
+            atol=options.rtol * scale,
             first_step=None if step is None else min(step, end - begin),
         )
         if not found.success:
             raise FinloopError(
-                f"{how.integrator} gave up: {found.message}",
+                f"{options.integrator} gave up: {found.message}",
                 "an equation that it can follow",
-                "take the method modal, or a larger how.rtol",
+                "take the method modal, or a larger options.rtol",
             )
         state, step = found.y[:, -1], float(np.diff(found.t).max())
         evaluations += found.nfev
         kept.append(state)
     states = np.stack(kept).reshape(-1, 2, *shape)
-    q, rate = (back(states[:, i], problem.wavelet, how.levels) for i in (0, 1))
-    return Found(q, rate, {"evaluations": float(evaluations)})
+    q, rate = (back(states[:, i], problem.wavelet, options.levels) for i in (0, 1))
+    return Solution(q, rate, {"evaluations": float(evaluations)})
 
 
 def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
@@ -116,54 +116,58 @@ def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
     raise FinloopError(
         f"Schulz iteration left a residual of {residual:.2g} after {ITERATIONS} steps",
         f"{tolerance:g}: a matrix far from singular",
-        "raise mass_damping, or take how.inverse sparse",
+        "raise mass_damping, or take options.inverse sparse",
     )
 
 
-def _inverse(matrix: csr_array, how: How) -> tuple[Callable[[Array], Array], dict[str, float]]:
-    """What multiplies by the matrix' inverse, and what it took."""
-    if how.inverse == "schulz":
+def _inverse(
+    matrix: csr_array, options: Options
+) -> tuple[Callable[[Array], Array], dict[str, float]]:
+    """A function that multiplies by the inverse of the matrix, and counts of its making."""
+    if options.inverse == "schulz":
         x, iterations, residual = schulz(matrix.toarray())
         facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
         return lambda right: x @ right, facts
-    if how.inverse == "sparse":
+    if options.inverse == "sparse":
         factors = splu(csc_array(matrix))
         return lambda right: factors.solve(np.ascontiguousarray(right)), {
             "factors_nonzero": float(factors.nnz)
         }
-    raise FinloopError(f"how.inverse {how.inverse!r}", "sparse or schulz", "choose one of the two")
+    raise FinloopError(
+        f"options.inverse {options.inverse!r}", "sparse or schulz", "choose one of the two"
+    )
 
 
-def _even_step(problem: Problem, how: How) -> float:
+def _even_step(problem: Problem, options: Options) -> float:
     """Δt of Euler's steps."""
     gaps = np.diff(problem.times)
-    if how.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
+    if options.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
         raise FinloopError(
-            f"{len(problem.times)} times, not evenly apart, or {how.substeps} substeps",
+            f"{len(problem.times)} times, not evenly apart, or {options.substeps} substeps",
             "two or more even times and at least 1 substep for Euler's steps",
             "take even times, or the method modal",
         )
-    return float(gaps.mean()) / how.substeps
+    return float(gaps.mean()) / options.substeps
 
 
 def _marched(
-    problem: Problem, how: How, step: float, advance: Callable[[float, Array, Array], Array]
+    problem: Problem, options: Options, step: float, advance: Callable[[float, Array, Array], Array]
 ) -> Array:
     """Coefficients (t, n, d) from `advance` of time, q and Q."""
-    push = _push(problem, how)
-    q = forward(problem.displacement, problem.wavelet, how.levels)
+    push = _push(problem, options)
+    q = forward(problem.displacement, problem.wavelet, options.levels)
     kept = [q]
     for index in range(1, len(problem.times)):
-        for number in range(how.substeps):
+        for number in range(options.substeps):
             time = problem.times[index - 1] + number * step
             q = advance(time, q, push(time, q))
         kept.append(q)
     return np.stack(kept)
 
 
-def _euler(problem: Problem, how: How, implicit: bool) -> Found:
-    step = _even_step(problem, how)
-    c, k = matrices(problem, how)
+def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
+    step = _even_step(problem, options)
+    c, k = matrices(problem, options)
     if not implicit:
         stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
         material = problem.material
@@ -172,31 +176,31 @@ def _euler(problem: Problem, how: How, implicit: bool) -> Found:
             raise FinloopError(
                 f"explicit Euler with steps of {step:.3g}",
                 f"steps of {2 / fastest:.3g} at most: longer ones may grow without end",
-                f"set how.substeps to {int(np.ceil(how.substeps * step * fastest / 2))} or more, "
-                "or take implicit-euler",
+                f"set options.substeps to {int(np.ceil(options.substeps * step * fastest / 2))} or "
+                "more, or take implicit-euler",
             )
-    solve, facts = _inverse(csr_array(c + step * k) if implicit else c, how)
-    exact_solve = solve if not implicit else _inverse(c, How(inverse="sparse"))[0]
+    solve, facts = _inverse(csr_array(c + step * k) if implicit else c, options)
+    exact_solve = solve if not implicit else _inverse(c, Options(inverse="sparse"))[0]
 
     def advance(time: float, q: Array, force: Array) -> Array:
         if implicit:
             return solve(c @ q + step * force)
         return q + step * solve(force - k @ q)
 
-    coefficients = _marched(problem, how, step, advance)
-    push = _push(problem, how)
+    coefficients = _marched(problem, options, step, advance)
+    push = _push(problem, options)
     rates = np.stack(
         [
             exact_solve(push(time, q) - k @ q)
             for time, q in zip(problem.times, coefficients, strict=True)
         ]
     )
-    steps = how.substeps * (len(problem.times) - 1)
-    u, v = (back(values, problem.wavelet, how.levels) for values in (coefficients, rates))
-    return Found(u, v, {"steps": float(steps), **facts})
+    steps = options.substeps * (len(problem.times) - 1)
+    u, v = (back(values, problem.wavelet, options.levels) for values in (coefficients, rates))
+    return Solution(u, v, {"steps": float(steps), **facts})
 
 
-def explicit_euler(problem: Problem, how: How) -> Found:
+def explicit_euler(problem: Problem, options: Options) -> Solution:
     """§3.3: q(t + Δt) = q + Δt C⁻¹(Q − K q); ρ = 0.
 
     Raises
@@ -204,10 +208,10 @@ def explicit_euler(problem: Problem, how: How) -> Found:
     FinloopError
         If Δt is too long for it to stay finite, or the times are not even.
     """
-    return _euler(problem, how, implicit=False)
+    return _euler(problem, options, implicit=False)
 
 
-def implicit_euler(problem: Problem, how: How) -> Found:
+def implicit_euler(problem: Problem, options: Options) -> Solution:
     """q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q); ρ = 0. Stable at any Δt; Q is that of t.
 
     Raises
@@ -215,10 +219,10 @@ def implicit_euler(problem: Problem, how: How) -> Found:
     FinloopError
         If the times are not even.
     """
-    return _euler(problem, how, implicit=True)
+    return _euler(problem, options, implicit=True)
 
 
-METHOD: dict[str, Callable[[Problem, How], Found]] = {
+METHOD: dict[str, Callable[[Problem, Options], Solution]] = {
     "runge-kutta": runge_kutta,
     "explicit-euler": explicit_euler,
     "implicit-euler": implicit_euler,

@@ -1,10 +1,10 @@
-"""What moves a curve, and what comes of it (curve paper §3.1): the words of `curve.dynamics`.
+"""The problem that `curve.dynamics` solves, its settings and its solution (curve paper §3.1).
 
 Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *density*, e₀ *elastic*,
 s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -24,7 +24,7 @@ Field = Callable[[float, Array], Array]
 class Material:
     """ρ, e₀, and s₁, s₂ of C = s₁M + s₂K (Eq. 3.5).
 
-    With ρ = 0 (§3.3) M of C is I: of ρI nothing would be left, and K alone cannot be inverted.
+    With ρ = 0 (§3.3) the M of C is I instead of ρI = 0: K alone cannot be inverted.
     """
 
     density: float = 1.0
@@ -35,7 +35,10 @@ class Material:
 
 @dataclass(frozen=True)
 class Problem:
-    """A curve let go at times[0], n a power of two; `force` (n, d), (d,), a Field or none."""
+    """A curve of n points, a power of two, released at times[0].
+
+    `force` is (n, d), (d,) for the same one at every point, a Field, or None.
+    """
 
     rest: Array
     displacement: Array
@@ -47,12 +50,12 @@ class Problem:
 
 
 @dataclass(frozen=True)
-class How:
-    """What the methods that are not exact need.
+class Options:
+    """Settings of the methods.
 
-    `levels` of the wavelet basis (all but modal); `rtol` and `integrator` (scipy's) of
-    runge-kutta; `substeps` of Euler from one time to the next, and how it inverts C, by "sparse"
-    factors or by "schulz"; `tolerance` of modal for a force of place and time.
+    `levels`: of the wavelet basis (all methods but modal). `rtol`, `integrator` (scipy's):
+    runge-kutta. `substeps` between two times, and `inverse` of C by "sparse" factors or by
+    "schulz": Euler. `tolerance`: modal with a force that depends on place and time.
     """
 
     levels: int = 3
@@ -67,9 +70,9 @@ class How:
 class Motion:
     """Displacements and velocities (t, n, d), and how far they are from the exact ones.
 
-    `error`: the farthest displacement from the exact one, in the farthest exact displacement. Of
-    the method modal it is its own estimate, 0 where it is a closed form. `facts`: steps, residuals,
-    what else a method counts.
+    `error`: largest deviation from the exact displacement, as a share of the largest exact
+    displacement; for modal its own estimate, 0 for a closed form. `facts`: steps, residuals and
+    other counts of a method.
     """
 
     times: Array
@@ -79,34 +82,34 @@ class Motion:
     facts: dict[str, float] = field(default_factory=dict)
 
 
-class Found(NamedTuple):
-    """Of a method: displacements, velocities (t, n, d), what it counted."""
+class Solution(NamedTuple):
+    """Displacements and velocities (t, n, d) by a method, and its counts."""
 
     displacement: Array
     velocity: Array
     facts: dict[str, float]
 
 
-def checked(problem: Problem, method: str) -> Problem:
-    """The problem with arrays in place of what may be left out; refuses what makes no sense."""
-    material, times = problem.material, np.asarray(problem.times, np.float64)
-    u = np.asarray(problem.displacement, np.float64)
-    v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
-    rest = np.asarray(problem.rest, np.float64)
-    force = problem.force
-    if force is not None and not callable(force):
-        force = np.asarray(force, np.float64)
+def _refusals(
+    method: str,
+    material: Material,
+    shapes: tuple[Array, Array, Array],
+    times: Array,
+    force: Array | Field | None,
+) -> Iterator[tuple[bool, str, str]]:
+    """Conditions that no problem may meet, each with what came and what is wanted instead."""
+    rest, u, v = shapes
     numbers = np.array(list(vars(material).values()), np.float64)
-    given = [rest, u, v, times, numbers, *([force] if isinstance(force, np.ndarray) else [])]
+    values = [rest, u, v, times, numbers, *([force] if isinstance(force, np.ndarray) else [])]
     massless = material.density == 0
-    refusals = (
+    yield from (
         (
             method not in METHODS,
             f"the method {method!r}",
             f"one of {', '.join(METHODS)}",
         ),
         (
-            not all(np.isfinite(values).all() for values in given),
+            not all(np.isfinite(array).all() for array in values),
             "numbers that are not finite in a curve, a material, the times or a force",
             "finite numbers",
         ),
@@ -146,6 +149,18 @@ def checked(problem: Problem, method: str) -> Problem:
             "density 0: these methods are of C q̇ + K q = Q (§3.3)",
         ),
     )
+
+
+def checked(problem: Problem, method: str) -> Problem:
+    """The problem with every field an array; FinloopError if it makes no sense."""
+    material, times = problem.material, np.asarray(problem.times, np.float64)
+    u = np.asarray(problem.displacement, np.float64)
+    v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
+    rest = np.asarray(problem.rest, np.float64)
+    force = problem.force
+    if force is not None and not callable(force):
+        force = np.asarray(force, np.float64)
+    refusals = _refusals(method, material, (rest, u, v), times, force)
     for wrong, came, wanted in refusals:
         if wrong:
             raise FinloopError(came, wanted, "change it in the problem, or take another method")

@@ -1,12 +1,13 @@
-"""Whether two edges meet, exactly (Shewchuk 1997).
+"""An exact test whether two edges meet (Shewchuk 1997).
 
 *Adaptive precision floating-point arithmetic and fast robust geometric predicates*: an orientation
-is computed in floats, and where rounding could change its sign, again without rounding. Products
-must neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70 are safe.
+is computed in floats, and again without rounding if rounding could change its sign. Products must
+neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70 are safe.
 """
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 _SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 _SPLIT = 134217729.0  # 2^27 + 1
@@ -14,7 +15,7 @@ _SPLIT = 134217729.0  # 2^27 + 1
 
 @njit(cache=True)
 def _two_product(a: float, b: float) -> tuple[float, float]:
-    """A·b as a float and what rounding took from it (Dekker)."""
+    """a·b as a float, and its rounding error (Dekker)."""
     product = a * b
     wide = _SPLIT * a
     a_high = wide - (wide - a)
@@ -64,21 +65,21 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 
 @njit(cache=True)
-def meet(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> bool:
-    """Whether the segments ab and cd, whose boxes overlap, share a point."""
+def meet(points: NDArray, a: int, b: int, c: int, d: int) -> bool:
+    """Whether the segments ab and cd of points (n, 2), whose boxes overlap, share a point."""
+    ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
+    cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]
     abc = _orientation(ax, ay, bx, by, cx, cy)
     abd = _orientation(ax, ay, bx, by, dx, dy)
     if abc * abd > 0:
         return False
-    # all four on one line: both lie along it, so overlapping boxes are overlapping segments
+    # If all four lie on one line, overlapping boxes are overlapping segments.
     return _orientation(cx, cy, dx, dy, ax, ay) * _orientation(cx, cy, dx, dy, bx, by) <= 0
 
 
 @njit(cache=True)
 def turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
-    """Whether the edges pq and qr, both of some length, overlap in more than q."""
+    """Whether the edges pq and qr, both longer than 0, overlap in more than q."""
     if _orientation(px, py, qx, qy, rx, ry) != 0:
         return False
     return ((px > qx) == (rx > qx) and px != qx) or ((py > qy) == (ry > qy) and py != qy)

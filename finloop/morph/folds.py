@@ -1,14 +1,16 @@
-"""Does a polygon meet itself, at one moment or at any moment of a motion?
+"""Whether a polygon meets itself, in one pose or at any moment of a motion.
 
-At one moment (`folds`, `is_simple`) the answer is exact, see morph_exact.
+In one pose (`folds`, `is_simple`) the answer is exact, see `morph.exact`.
 
 During a motion (`stays_simple`) the vertices go straight from one pose to the next. A simple
-polygon stays simple until a vertex comes to lie on an edge that it is no end of. Whether one does
-is a question about two quadratics in time; they are bounded by their Bernstein coefficients, with
-room for rounding, so that yes is a proof and no may only mean "too near to tell".
+polygon stays simple until a vertex touches an edge of which it is no end. Two quadratics in time
+say whether one does. They are bounded by their Bernstein coefficients, with a margin for rounding:
+"simple" is a proof, and "not simple" may only mean "too near to tell".
 
-Edges are gathered in blocks of consecutive ones, and only blocks whose boxes overlap are looked at.
+Edges are grouped in blocks of consecutive ones, and only blocks whose boxes overlap are compared.
 """
+
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -22,8 +24,20 @@ _ROUNDING = 64 * 2.0**-52  # of a Bernstein coefficient, halved DEPTH times: twi
 DEPTH = 14  # halvings of the time between two poses before giving up
 
 
+class Motion(NamedTuple):
+    """Bernstein coefficients of a cross and of a dot product, and the margin for rounding."""
+
+    cross_0: float
+    cross_1: float
+    cross_2: float
+    dot_0: float
+    dot_1: float
+    dot_2: float
+    margin: float
+
+
 def folds(stack: NDArray[np.floating], closed: bool = True) -> NDArray[np.int64]:
-    """How many pairs of edges meet in each polygon; 0 = strictly simple. Exact.
+    """The number of pairs of edges that meet in each polygon, exact; 0 = strictly simple.
 
     Pairs that share a vertex count where they overlap in more than it; an edge without length
     counts as one more.
@@ -57,7 +71,7 @@ def is_simple(points: NDArray[np.floating], closed: bool = True) -> bool:
 def stays_simple(path: NDArray[np.floating], closed: bool = True) -> bool:
     """Whether a polygon that moves straight from pose to pose (k, n, 2) is simple all the way.
 
-    True is proved for every moment, not for the poses alone; see the head of this file.
+    True is a proof for every moment, not for the poses alone; see the head of this file.
     """
     path = _stack(path, closed)
     if count_folds(path[0], closed, True):
@@ -108,13 +122,13 @@ def _gathered(boxes: NDArray) -> NDArray:
 
 @njit(cache=True)
 def _overlap(a: NDArray, i: int, b: NDArray, j: int) -> bool:
-    # & rather than `and`: four branches that nobody can predict take ten times as long
+    # & rather than `and`: four unpredictable branches take ten times as long
     return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
 
 
 @njit(cache=True)
 def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
-    """As `folds` of one polygon of floats, or up to the first; nothing is checked."""
+    """`folds` of one polygon of floats, or 1 at its first fold; nothing is checked."""
     n = len(points)
     edges = n if closed else n - 1
     count = 0
@@ -142,16 +156,7 @@ def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
                     if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
-                    if meet(
-                        points[i, 0],
-                        points[i, 1],
-                        points[i_next, 0],
-                        points[i_next, 1],
-                        points[j, 0],
-                        points[j, 1],
-                        points[j_next, 0],
-                        points[j_next, 1],
-                    ):
+                    if meet(points, i, i_next, j, j_next):
                         count += 1
                         if first_only:
                             return count
@@ -159,22 +164,28 @@ def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
 
 
 @njit(cache=True)
-def _bernstein(
-    ax: float, ay: float, bx: float, by: float, cx: float, cy: float, dx: float, dy: float
-) -> tuple[float, float, float, float, float, float, float]:
-    """Of u × w and u · w, u going from a to b and w from c to d; and room for their rounding."""
+def _bernstein(before: NDArray, after: NDArray, v: int, i: int, j: int) -> Motion:
+    """Bernstein coefficients of u × w and u · w, with the margin for their rounding.
+
+    u and w go from vertex v to vertices i and j, from the pose `before` to the pose `after`.
+    """
+    ax, ay = before[i, 0] - before[v, 0], before[i, 1] - before[v, 1]
+    bx, by = after[i, 0] - after[v, 0], after[i, 1] - after[v, 1]
+    cx, cy = before[j, 0] - before[v, 0], before[j, 1] - before[v, 1]
+    dx, dy = after[j, 0] - after[v, 0], after[j, 1] - after[v, 1]
     cross_0, cross_2 = ax * cy - ay * cx, bx * dy - by * dx
     cross_1 = ((ax * dy - ay * dx) + (bx * cy - by * cx)) / 2
     dot_0, dot_2 = ax * cx + ay * cy, bx * dx + by * dy
     dot_1 = ((ax * dx + ay * dy) + (bx * cx + by * cy)) / 2
     u = max(abs(ax), abs(ay), abs(bx), abs(by))
     w = max(abs(cx), abs(cy), abs(dx), abs(dy))
-    return cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w
+    return Motion(cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w)
 
 
 @njit(cache=True)
-def _passes(c0: float, c1: float, c2: float, d0: float, d1: float, d2: float, room: float) -> bool:
+def _passes(motion: Motion) -> bool:
     """Whether at every moment the cross product is not 0 or the dot product is positive."""
+    c0, c1, c2, d0, d1, d2, room = motion
     waiting = np.empty((DEPTH + 2, 7))
     waiting[0] = (c0, c1, c2, d0, d1, d2, 0.0)
     left = 1
@@ -197,7 +208,7 @@ def _passes(c0: float, c1: float, c2: float, d0: float, d1: float, d2: float, ro
 
 @njit(cache=True)
 def no_contact(path: NDArray, closed: bool) -> bool:
-    """As `stays_simple`, of poses (k, n, 2) whose first is simple; nothing is checked."""
+    """`stays_simple` of poses (k, n, 2) whose first is simple; nothing is checked."""
     poses, n = len(path), path.shape[1]
     edges = n if closed else n - 1
     points = np.empty((n, 4))  # boxes that the moving vertices and edges stay in
@@ -227,18 +238,10 @@ def no_contact(path: NDArray, closed: bool) -> bool:
                         j = i + 1 if i + 1 < n else 0
                         if v == j:
                             continue
-                        c0, c1, c2, d0, d1, d2, room = _bernstein(
-                            a[i, 0] - a[v, 0],
-                            a[i, 1] - a[v, 1],
-                            b[i, 0] - b[v, 0],
-                            b[i, 1] - b[v, 1],
-                            a[j, 0] - a[v, 0],
-                            a[j, 1] - a[v, 1],
-                            b[j, 0] - b[v, 0],
-                            b[j, 1] - b[v, 1],
-                        )
-                        if min(c0, c1, c2) > room or max(c0, c1, c2) < -room:
+                        motion = _bernstein(a, b, v, i, j)
+                        cross = motion.cross_0, motion.cross_1, motion.cross_2
+                        if min(cross) > motion.margin or max(cross) < -motion.margin:
                             continue
-                        if not _passes(c0, c1, c2, d0, d1, d2, room):
+                        if not _passes(motion):
                             return False
     return True

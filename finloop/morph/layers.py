@@ -1,7 +1,7 @@
 """Morphs of drawings in layers (curve paper §4.1, Figs. 4, 5): a face is outline, eyes, mouth.
 
-Contours belong together by their ids. Every frame is put on a grid of decimals first and checked
-for folds then, so that what a file shows is what was counted.
+Contours of the same id form a pair. Coordinates are rounded before folds are counted, so the counts
+hold for the coordinates that files have.
 """
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from finloop.morph.simple import simple
 
 METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # of the larger side of the drawing: the grid is 1e-5 of it or finer
-REACH = 1000  # sides of the picture: no contour may lie farther off
+REACH = 1000  # sides of the picture: the farthest that a contour may reach
 MOST_FRAMES, MOST_POINTS = 10_000, 16_384
 
 Points = NDArray[np.float64]
@@ -28,7 +28,7 @@ Ints = NDArray[np.int64]
 
 
 class Physics(NamedTuple):
-    """Of the physical morph, all layers: e₀, c, ρ; by default it swings a little and settles."""
+    """e₀, c and ρ of the physical morph; by default it swings a little and settles."""
 
     elastic: float = 1.0
     damping: float = 8.0
@@ -44,7 +44,7 @@ def morph(
     level: int | None = None,
     physics: Physics = Physics(),  # noqa: B008  (immutable)
 ) -> Morph:
-    """Frames from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
+    """The morph from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
 
     Parameters
     ----------
@@ -53,49 +53,35 @@ def morph(
     method
         One of METHODS; `simple` keeps every contour free of folds.
     frames
-        At least 2: both ends count.
+        At least 2, both ends included.
     points
         Of every contour, at least 8; a power of two where wavelets are used.
     level
-        Of the linear morph: scales left out, None for none.
+        Of the linear morph: number of scales left out; None = none.
     physics
         Of the physical morph.
 
     Raises
     ------
     FinloopError
-        If the drawings do not belong together, a number is out of range, or a method refuses a
-        contour; the message names it.
+        If the drawings do not belong together, a number is out of range, or the method cannot
+        morph a contour; the message names it.
     """
     _check_numbers(method, frames, points)
     check_pairs(a, b)
     b = fitted(b, a.width, a.height)
     side = max(a.width, a.height)
-    stacks = dict[str, Points]()
-    for name, curve in a.curves.items():
-        try:
-            stack = _between(curve, b.curves[name], method, frames, points, level, physics)
-        except FinloopError as error:
-            raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
-        if not (np.abs(stack) <= REACH * side).all():
-            raise FinloopError(
-                f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
-                f"at most {REACH} times its size",
-                "move it into the picture, or set the viewBox around the contours",
-            )
-        stacks[name] = stack
+    stacks = {
+        name: _contour(name, curve, b.curves[name], side, (method, frames, points, level, physics))
+        for name, curve in a.curves.items()
+    }
     closed = {name: curve.closed for name, curve in a.curves.items()}
-    for digits in DIGITS:
-        decimals = digits - ceil(log10(side))
-        layers = {name: np.round(stack, decimals) + 0.0 for name, stack in stacks.items()}  # no −0
-        folded = {name: folds(stack, closed[name]) for name, stack in layers.items()}
-        if method != "simple" or not any(count.any() for count in folded.values()):
-            break  # parts that are nearer to each other than the grid need a finer one
+    decimals, layers, counts = _rounded(stacks, closed, side, method == "simple")
     return Morph(
         tau=np.linspace(0, 1, frames),
         layers=layers,
         closed=closed,
-        folds=folded,
+        folds=counts,
         continuous={name: stays_simple(stack, closed[name]) for name, stack in layers.items()},
         styles=b.styles | a.styles,
         width=a.width,
@@ -104,24 +90,52 @@ def morph(
     )
 
 
-def _between(
+def _rounded(
+    stacks: dict[str, Points], closed: dict[str, bool], side: float, simple_only: bool
+) -> tuple[int, dict[str, Points], dict[str, Ints]]:
+    """Decimals, rounded layers and their folds, on the coarsest grid of DIGITS.
+
+    `simple_only`: on the coarsest grid without folds, if there is one; parts that are nearer to
+    each other than the grid need a finer one.
+    """
+    for digits in DIGITS:
+        decimals = digits - ceil(log10(side))
+        layers = {name: np.round(stack, decimals) + 0.0 for name, stack in stacks.items()}  # no −0
+        counts = {name: folds(stack, closed[name]) for name, stack in layers.items()}
+        if not simple_only or not any(count.any() for count in counts.values()):
+            break
+    return decimals, layers, counts
+
+
+def _contour(
+    name: str,
     a: Curve,
     b: Curve,
-    method: str,
-    frames: int,
-    points: int,
-    level: int | None,
-    physics: Physics,
+    side: float,
+    options: tuple[str, int, int, int | None, Physics],
 ) -> Points:
-    if method == "linear":
-        return linear(a, b, frames, points, level)
-    if method == "physical":
-        return physical(a, b, frames, points, *physics)
-    return simple(a, b, frames, points)
+    """Frames (frames, points, 2) of one pair of contours; errors name it. Options as of `morph`."""
+    method, frames, points, level, physics = options
+    try:
+        if method == "linear":
+            stack = linear(a, b, frames, points, level)
+        elif method == "physical":
+            stack = physical(a, b, frames, points, *physics)
+        else:
+            stack = simple(a, b, frames, points)
+    except FinloopError as error:
+        raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
+    if not (np.abs(stack) <= REACH * side).all():
+        raise FinloopError(
+            f"contour {name!r} reaches {np.abs(stack).max():g} in a picture {side:g} large",
+            f"at most {REACH} times its size",
+            "move it into the picture, or set the viewBox around the contours",
+        )
+    return stack
 
 
 def there_and_back(morph: Morph) -> Morph:
-    """The morph followed by its reverse, which ends one frame before the first: it repeats well."""
+    """The morph followed by its reverse, without the frames at both ends twice."""
 
     def both(values: NDArray) -> NDArray:
         return np.concatenate([values, values[-2:0:-1]])
@@ -163,7 +177,7 @@ def _check_numbers(method: str, frames: int, points: int) -> None:
 
 
 def check_pairs(a: Drawing, b: Drawing) -> None:
-    """Refuse drawings whose contours do not belong together, all that is wrong in one message."""
+    """Refuse drawings whose contours form no pairs; one message names all that is wrong."""
     wrong = [
         f"{', '.join(map(repr, lone[:5]))}{' …' * (len(lone) > 5)} only in the {which}"
         for which, lone in (
