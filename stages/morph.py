@@ -114,7 +114,7 @@ def main() -> None:
     """Make data/morph/, reports/morph/."""
     p: Settings = load("morph")
     numbers = curves(p) | hoop(p)
-    save_csv(REPORT / "connection.csv", tables(), decimals=9, exact=True)
+    save_csv(REPORT / "connection.csv", tables(), decimals=10, exact=True)
     drawings = load_svg(Path(p.a)), load_svg(Path(p.b))
     own = Physics(p.elastic, p.damping, p.mass)
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
