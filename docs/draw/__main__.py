@@ -1,7 +1,6 @@
 """Draw every picture: `python -m docs.draw`; from a run kept in a folder: `… docs.draw FOLDER`."""
 
 import argparse
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -12,9 +11,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
-import yaml
 
-from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.pipeline import ROOT
 from docs.draw.browser import chromium, live_tank, report
 from docs.draw.film import (
     RATE_HZ,
@@ -29,28 +27,16 @@ from docs.draw.film import (
 )
 from docs.draw.flow import save_flow
 from docs.draw.guides import draw_guides
+from docs.draw.pipeline import run
 
 PICTURES = ROOT / "docs/pictures"
-CARP = ["clip=carp", "clip.width_px=800", "clip.height_px=560", "animate.trials=1"]
+CARP = ["clip=carp", "animate.trials=1"]
 HERO_PX, PANEL_PX, TANK_PX, REPORT_PX = 720, 320, 640, 800  # widths
 FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # of the film, of its outlines, after the last goal
 WINDOW, PANEL_S = (360, 270), 8.0  # that follows the fish; seconds of it
 TANK_S = 7.0, 18.0  # of the film of the 3-D tank
 OUTLINE = (120, 255, 220)
 SENT = [(0.25, 0.3), (0.75, 0.3), (0.55, 0.75)]  # the fish of the live tank
-
-
-def run_pipeline(folder: Path) -> None:
-    """Every stage on the drawn carp."""
-    for name in ("data/drawings", "data/gaits"):
-        shutil.copytree(ROOT / name, folder / name)
-    (folder / "benchmarks").mkdir()
-    shutil.copy2(ROOT / "benchmarks/table2.csv", folder / "benchmarks")
-    prepare(folder, CARP)
-    for word in yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]:
-        if word != "params":
-            print(f"docs: stage {word}", file=sys.stderr)
-            stage(folder, word)
 
 
 def outlined(folder: Path, start_s: float, end_s: float) -> Iterator[Picture]:
@@ -112,8 +98,7 @@ def draw_panels(folder: Path) -> None:
     first = film[film["track_id"] == film["track_id"].iloc[0]]
     save_film(PICTURES / "film.webp", panel(folder / "data/clip/clip.mp4", first))
     for mode in ("nn", "hybrid"):  # the second is the one that the other pictures show
-        prepare(folder, [*CARP, f"render.mode={mode}"])
-        stage(folder, "render")
+        run(folder, [*CARP, f"render.mode={mode}"], ["render"])
         moving = panel(folder / f"data/render/{mode}.mp4", edit_list(folder, mode))
         save_film(PICTURES / f"{'network' if mode == 'nn' else mode}.webp", moving)
 
@@ -152,8 +137,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         if folder is None:
             folder = Path(scratch) / "carp"
-            folder.mkdir()
-            run_pipeline(folder)
+            run(folder, CARP)
         draw_all(folder.resolve())
         draw_guides(folder, Path(scratch), PICTURES)
     size = sum(path.stat().st_size for path in PICTURES.iterdir())

@@ -1,7 +1,6 @@
 """Pages as a browser shows them: the report and the live tank."""
 
 import io
-import os
 import shutil
 import subprocess
 import sys
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from benchmarks.pipeline import ROOT
 from docs.draw.film import Picture
+from docs.draw.pipeline import ENV
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 WIDTH_PX, HEIGHT_PX = 1280, 800  # of the window
@@ -74,8 +73,7 @@ def live_tank(folder: Path, shares: list[tuple[float, float]]) -> Picture:
     """The live tank a while after each fish was sent to a place, in shares of the tank."""
     command = [sys.executable, "-m", "stages.play", "--no-open", "--port", "0"]
     command += ["--fish", str(len(shares))]
-    env = os.environ | {"PYTHONPATH": str(ROOT)}
-    tank = subprocess.Popen(command, cwd=folder, env=env, stderr=subprocess.PIPE, text=True)
+    tank = subprocess.Popen(command, cwd=folder, env=ENV, stderr=subprocess.PIPE, text=True)
     try:
         assert tank.stderr is not None
         said = tank.stderr.readline() + tank.stderr.readline()  # that it reads; its address

@@ -40,10 +40,15 @@ def _outputs(stage: dict[str, Any]) -> list[str]:
 def flow(dvc_yaml: str) -> nx.DiGraph:
     """Stages, an edge from each to those that wait for it; edges that follow from others left out.
 
-    The stage `params`, which only checks the values, is left out.
+    The stage `params`, which only checks the values, is left out, and so are the stages
+    `plots-<word>`, which only draw.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
-    stages.pop("params", None)
+    stages = {
+        name: stage
+        for name, stage in stages.items()
+        if name != "params" and not name.startswith("plots-")
+    }
     graph = nx.DiGraph()
     graph.add_nodes_from(stages)
     homes = {out: name for name, stage in stages.items() for out in _outputs(stage)}

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from benchmarks.pipeline import STAGES, prepare, stage
 from docs.draw.film import Picture, save_still, sized
+from docs.draw.pipeline import run
 
 WIDE = 960  # px
 NAMES = 42  # px of a sheet of detections, where the colours are named
@@ -57,13 +57,9 @@ def draw_guides(folder: Path, scratch: Path, pictures: Path) -> None:
     sequences = np.vstack([strip(export / f"{word}.webp") for word in SEQUENCES])
     save_still(pictures / "export.webp", sequences)
     three = scratch / "three"
-    three.mkdir()
-    prepare(three, THREE)
-    for word in STAGES:
-        stage(three, word)
+    run(three, THREE, ("clip", "extract", "plots-extract", "features", "plots-features"))
     sheet = load(three / "reports/features/contact_sheet.png")
     save_still(pictures / "doubtful.webp", sized(sheet[: sheet.shape[0] // 4], WIDE))
     save_still(pictures / "detections.webp", lower(load(three / "reports/extract/detections.png")))
-    prepare(three, [*THREE, *TOO_STRICT])
-    stage(three, "extract")
+    run(three, [*THREE, *TOO_STRICT], ("extract", "plots-extract"))
     save_still(pictures / "refused.webp", lower(load(three / "reports/extract/detections.png")))

@@ -1,0 +1,37 @@
+"""The pipeline in a scratch folder, its stages as dvc.yaml names them."""
+
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+import yaml
+
+from benchmarks.pipeline import ROOT, prepare
+
+ENV = os.environ | {"PYTHONPATH": str(ROOT)}  # the program is not installed
+BESIDE = ("data/drawings", "data/gaits", "benchmarks/table2.csv")  # what the stages read in git
+
+
+def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:
+    """Run the stages `words`, or all, in `folder` with overridden values, in dvc.yaml's order."""
+    for name in BESIDE:
+        there = folder / name
+        there.parent.mkdir(parents=True, exist_ok=True)
+        if (ROOT / name).is_dir():
+            shutil.copytree(ROOT / name, there, dirs_exist_ok=True)
+        else:
+            shutil.copy2(ROOT / name, there)
+    prepare(folder, values)
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    for word, stage in stages.items():
+        if word in words or not words:
+            print(f"docs: stage {word}", file=sys.stderr)
+            module = stage["cmd"].split()[-1]
+            done = subprocess.run(
+                [sys.executable, "-m", module], cwd=folder, env=ENV, capture_output=True, text=True
+            )
+            if done.returncode:
+                raise SystemExit(f"docs: {module} failed:\n{done.stderr}")
