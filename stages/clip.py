@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from finloop.clip import Tally, circle_arena, psnr_db, rectangle_arena
+from finloop.clip.arena import circle_arena, rectangle_arena
+from finloop.clip.quality import Tally, psnr_db
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import CarpFilm, film
 from finloop.drawn.truth import TRUTH

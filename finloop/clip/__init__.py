@@ -3,7 +3,12 @@
 Reading film of any kind is `io.footage`; writing the clip is `io.movie`.
 """
 
-from finloop.clip.arena import circle_arena, rectangle_arena
-from finloop.clip.quality import Tally, psnr_db
+import lazy_loader
 
-__all__ = ["Tally", "circle_arena", "psnr_db", "rectangle_arena"]
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "arena": ["circle_arena", "rectangle_arena"],
+        "quality": ["Tally", "psnr_db"],
+    },
+)

@@ -3,3 +3,14 @@
 Background and noise (`background`), silhouettes (`segment`), the backbone (`skeleton`, `backbone`),
 tracks (`tracks`); `film` puts them together: `survey`, `detect`, `tracks`.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "background": ["Scene", "median_background"],
+        "film": ["Detector", "Typical", "detect", "survey"],
+        "table": ["tracks_schema"],
+    },
+)

@@ -1,0 +1,16 @@
+"""Morphs between drawings: linear, physical, and one that never folds (curve paper §4.1).
+
+Corresponding points (`match`), the methods (`linear`, `simple`), folds counted and excluded
+(`folds`, `exact`, `flow`), whole drawings (`layers`). `tool` is the command line.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "folds": ["is_simple", "stays_simple"],
+        "layers": ["Morph", "Physics", "morph", "there_and_back"],
+        "match": ["matched"],
+    },
+)

@@ -1,0 +1,16 @@
+"""One page of all results, and experiments side by side (no section of the papers).
+
+The page (`page`), its pictures (`figures`) and tables (`tables`), the comparison of experiments
+(`compare`).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "compare": ["comparison", "pareto"],
+        "page": ["Page", "Section", "html"],
+        "tables": ["Table", "measures"],
+    },
+)

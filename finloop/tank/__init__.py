@@ -1,0 +1,18 @@
+"""The tank in three dimensions (no section of the papers): the fish as a lofted body, water, light.
+
+The body (`body`, `skin`), an edit list as bodies (`swim`, `fish`), floor and water (`light`), the
+camera (`camera`), the drawing (`scene`), and the same as a glTF file (`gltf`).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "camera": ["Room", "Views", "views"],
+        "fish": ["Fish"],
+        "gltf": ["tank_glb"],
+        "scene": ["Scene"],
+        "swim": ["film_bodies", "poses"],
+    },
+)
