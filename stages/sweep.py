@@ -1,0 +1,175 @@
+"""Run a sweep: `python -m stages.sweep learning_rate [key=value …]`, or `make sweep experiment=…`.
+
+Every run is a `dvc exp run` on the present commit, from what params.yaml says now. The runs are
+made in copies of the workspace that share its cache, one copy a processor: the workspace stays as
+it is, and a stage that was run before with the same parameters is not run again. An experiment that
+is there already, with the same code and parameters, is taken as it is.
+"""
+
+from stages.run import THREADS, progress, run  # isort: skip  (before numpy)
+
+import argparse
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from finloop.errors import FinloopError
+from stages.compare import compare, experiments, git, head, table
+from stages.compose import composed, experiment
+from stages.settings import LOCAL, PARAMS, overrides, read
+
+# The command `dvc`, in a process that does not outlive this one.
+DVC = """
+import sys
+from dvc.cli import main
+from finloop.process import die_with_parent
+die_with_parent()
+sys.exit(main())
+"""
+RESULTS = (PARAMS.name, "dvc.lock", "reports")  # what git has and a run changes
+LAST_LINES = 12  # of the output of a failed run
+
+
+def copy(root: Path, folder: Path, cache: str) -> None:
+    """Clone the repository `root`, with uncommitted changes, into `folder`; the cache is shared."""
+    git("clone", "--quiet", "--shared", str(root), str(folder), at=root)
+    listed = git("ls-files", "-z", "--modified", "--others", "--exclude-standard", at=root)
+    ignored = [LOCAL.as_posix()] if (root / LOCAL).is_file() else []
+    for name in (*filter(None, listed.split("\0")), *ignored):
+        if (root / name).is_file():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(root / name, folder / name)
+        else:
+            (folder / name).unlink(missing_ok=True)
+    # Times too: numba takes its compiled code only for a source as old as it was.
+    shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
+    settings = f"[cache]\n    dir = {cache}\n"
+    (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")
+
+
+def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
+    """Whether a DVC command succeeds in a folder, and what it prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", DVC, *arguments],
+        cwd=at,
+        text=True,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        check=False,
+    )
+    return not done.returncode, done.stdout
+
+
+def is_same(commit: str, params: str) -> bool:
+    """Whether an experiment was made from these parameters by the present code."""
+    others = [f":(exclude){name}" for name in RESULTS]
+    changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *others], check=False)
+    return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
+
+
+def keep(name: str, folder: Path) -> None:
+    """Bring the experiment of a copy into this repository, over one of the same name."""
+    refs = git("for-each-ref", "--format=%(refname)", "refs/exps", at=folder).split()
+    (ref,) = [ref for ref in refs if ref.rpartition("/")[2] == name]
+    git("fetch", "--quiet", "--no-write-fetch-head", str(folder), f"+{ref}:{ref}")
+
+
+def attempt(name: str, changes: list[str], until: str, folder: Path) -> str:
+    """Make one run in a copy and keep it; the end of its output if it failed."""
+    values = [word for change in changes for word in ("-S", change)]
+    succeeds, text = dvc("exp", "run", "--name", name, *values, until, at=folder)
+    if succeeds:
+        keep(name, folder)
+        return ""
+    return "\n    ".join(text.splitlines()[-LAST_LINES:])
+
+
+def sweep(runs: dict[str, list[str]], until: str, jobs: int) -> dict[str, str]:
+    """Make the runs, given by their overrides; why those failed that did, by name."""
+    root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
+    there = experiments()
+    for name, changes in runs.items():
+        try:
+            params = composed(changes)
+        except FinloopError as error:
+            failures[name] = str(error)
+            continue
+        if not (name in there and is_same(there[name], params)):
+            todo.append(name)
+    if not todo:
+        return failures
+    _, cache = dvc("cache", "dir", at=root)
+    (root / ".dvc/tmp").mkdir(exist_ok=True)
+    with (
+        TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
+        progress("sweep", len(todo), "runs") as advance,
+    ):
+        folders = [Path(apart) / str(number) for number in range(min(jobs, len(todo)))]
+        for folder in folders:
+            copy(root, folder, cache.strip())
+
+        def make_next(folder: Path) -> bool:
+            name = todo.pop(0)
+            if why := attempt(name, runs[name], until, folder):
+                failures[name] = why
+            advance()
+            return not why
+
+        # The first alone, so that no stage that all need is made twice.
+        while todo and not make_next(folders[0]):
+            pass
+        in_parallel(make_next, folders, todo)
+    return failures
+
+
+def in_parallel(make_next: Callable[[Path], bool], folders: list[Path], todo: list[str]) -> None:
+    """Make what is left to do, in every folder one after the other."""
+
+    def make_all(folder: Path) -> None:
+        with suppress(IndexError):  # nothing is left
+            while True:
+                make_next(folder)
+
+    with ThreadPoolExecutor(len(folders)) as threads:
+        try:
+            list(threads.map(make_all, folders))
+        finally:
+            todo.clear()  # an interrupted sweep begins no more
+
+
+def main() -> None:
+    """Run it; print the table and write the page."""
+    parser = argparse.ArgumentParser(prog="make sweep experiment=", description=__doc__)
+    parser.add_argument("experiment", help="a name in conf/experiment/")
+    parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
+    parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
+    given = parser.parse_args()
+    plan = experiment(given.experiment)
+    every = [f"+experiment={given.experiment}", *overrides(read()), *given.overrides]
+    runs = {name: every + changes for name, changes in plan.runs(given.experiment).items()}
+    head()  # a commit is there for the experiments to stand on
+    failures = sweep(runs, plan.until, max(1, given.jobs))
+    made = [name for name in runs if name not in failures]
+    if made:
+        wide = {} if sys.stdout.isatty() else {"COLUMNS": "200"}
+        subprocess.run(table(plan.params, plan.measures), env=os.environ | wide, check=False)
+        print(f"\n{compare(made, list(plan.measures), plan.title, plan.why)} compares them.")
+    if failures:
+        for name, why in failures.items():
+            print(f"\n{name} failed:\n    {why}", file=sys.stderr)
+        raise FinloopError(
+            f"{len(failures)} of {len(runs)} runs failed: {', '.join(failures)}",
+            "values that the film allows",
+            f"see above; conf/experiment/{given.experiment}.yaml holds the values",
+        )
+
+
+if __name__ == "__main__":
+    run(main)
