@@ -10,11 +10,12 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 import numpy as np
 import pandas as pd
 import torch
-import yaml
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired
-from finloop.bpn.train import Learning, forward, new_weights, train
+from finloop.bpn.settings import Settings
+from finloop.bpn.train import forward, new_weights, train
+from finloop.settings import settings
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
 PEER_EPOCHS = 10  # autograd is slow; both sides of its pair run this many
@@ -27,12 +28,12 @@ def rows(count: int) -> tuple[np.ndarray, np.ndarray]:
     return inputs, np.column_stack([inputs[:, 0], inputs[:, 1].round()])
 
 
-def ours(how: Learning) -> None:
+def ours(how: Settings) -> None:
     """What the stage does for one split: learning, with the errors after each epoch."""
     train(*rows(ROWS), rows(HELD_OUT), how, 0.2, np.random.default_rng(0))
 
 
-def products(how: Learning) -> None:
+def products(how: Settings) -> None:
     """The five products of every step, into memory that is there already; nothing else."""
     rng, batch, units = np.random.default_rng(0), how.batch_size, how.hidden + 1
     x, h, d = (rng.random((batch, width)) for width in (5, units, 2))
@@ -47,7 +48,7 @@ def products(how: Learning) -> None:
         np.matmul(x_t, dh, out=first_slope)
 
 
-def autograd(how: Learning) -> None:
+def autograd(how: Settings) -> None:
     """The same network and rule by torch.autograd and torch.optim.SGD."""
     rng = np.random.default_rng(0)
     weights = new_weights(how.hidden, rng).requires_grad_()
@@ -65,14 +66,7 @@ def autograd(how: Learning) -> None:
 
 def main() -> None:
     """Measure, print, write."""
-    p = yaml.safe_load((ROOT / "conf/bpn/default.yaml").read_text(encoding="utf-8"))
-
-    def how(epochs: int) -> Learning:
-        return Learning(
-            p["hidden"], p["learning_rate"], p["momentum"], epochs, p["batch_size"], "cpu"
-        )
-
-    whole, part = how(200), how(PEER_EPOCHS)
+    whole, part = (settings("bpn", epochs=epochs, device="cpu") for epochs in (200, PEER_EPOCHS))
     mine, bare, ratio, _ = paired(lambda: ours(whole), lambda: products(whole))
     short, usual, peer, _ = paired(lambda: ours(part), lambda: autograd(part))
     results = [
@@ -81,7 +75,7 @@ def main() -> None:
         (f"{PEER_EPOCHS} epochs, 4480 rows / autograd and SGD of torch", short, usual, peer),
     ]
     table = pd.DataFrame(results, columns=["what", "ours_s", "theirs_s", "ratio"]).round(4)
-    print(f"{p['batch_size']} rows a step, {200 * ROWS // p['batch_size'] / mine:.0f} steps/s")
+    print(f"{whole.batch_size} rows a step, {200 * ROWS // whole.batch_size / mine:.0f} steps/s")
     print(table.to_string(index=False))
     table.to_csv(ROOT / "benchmarks/bpn.csv", index=False)
 

@@ -24,7 +24,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.drawn.carp.film import CarpFilm, film
+from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
 from finloop.extract.film import Detector, Settings, detect, rows, survey, tracks
 from finloop.extract.segment import silhouettes
@@ -36,18 +36,11 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.io.wheel import cache_folder, zebrafish_clips
 from finloop.parallel import warm_up
+from finloop.settings import settings
 from stages.extract import WORKERS_NEED, batches, cutouts, sample
 from stages.run import THREADS
 
 PAIRS = 5
-
-
-def settings(scratch: Path) -> tuple[Settings, FeatureSettings]:
-    """The defaults of conf/, as the stages get them."""
-    import yaml
-
-    values = yaml.safe_load((scratch / "params.yaml").read_text(encoding="utf-8"))
-    return Settings(**values["extract"]), FeatureSettings(**values["features"])
 
 
 def timed(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -105,7 +98,9 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
 
 def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
     """Masks and difference images of the drawn carp, default size."""
-    frames = [frame for frame, _ in film(CarpFilm(frames=count, colour=False))]
+    frames = [
+        frame for frame, _ in film(settings("clip", source="carp", frames=count, colour=False))
+    ]
     arena = np.full(frames[0].shape, 255, np.uint8)
     scene, _ = survey(frames[:: max(1, count // 41)], arena, how)
     return [
@@ -150,7 +145,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
-        how, then = settings(scratch)
+        how, then = settings("extract"), settings("features")
         stage(scratch, "clip")
         clip, source = scratch / "data/clip", zebrafish_clips("A", cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):

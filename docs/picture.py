@@ -12,15 +12,18 @@ import numpy as np
 
 from benchmarks.pipeline import ROOT, STAGES, prepare, stage
 from finloop.base.schema import lists_to_array
-from finloop.drawn.carp.film import CarpFilm, film
+from finloop.drawn.carp.film import film
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.table import load_table
 from finloop.plots.features import Specimen, contact_sheet
+from finloop.settings import settings
 
-CARP = CarpFilm(frames=150, fish=4, width_px=1080, height_px=420, seed=11, fins=0.4)
+CARP = settings(
+    "clip", source="carp", frames=150, fish=4, width_px=1080, height_px=420, seed=11, fins=0.4
+)
 FRAME = 120
 SHOWN = [(0, 120), (1, 120), (2, 120), (3, 120), (1, 60)]  # track, frame
 

@@ -11,7 +11,7 @@ from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import Mask, Rows, motion_rows, split_by_blocks, split_by_tracks
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
-from finloop.bpn.train import Learning, train
+from finloop.bpn.train import train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import save_bytes
@@ -44,13 +44,12 @@ def main() -> None:
     with suppress(FinloopError):  # one track, or too short
         sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p, rate_hz))
 
-    how = Learning(p.hidden, p.learning_rate, p.momentum, p.epochs, p.batch_size, p.device)
     learnt = []
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
         for known, held in sides:
             seen, unseen = ((rows.inputs[side], rows.outputs[side]) for side in (known, held))
             rng = np.random.default_rng((p.seed, 1))
-            learnt.append(train(*seen, unseen, how, delta / rate_hz, rng, advance))
+            learnt.append(train(*seen, unseen, p, delta / rate_hz, rng, advance))
 
     metrics, *other = (
         assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)

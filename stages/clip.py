@@ -5,7 +5,7 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import pandas as pd
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally, psnr_db
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
-from finloop.drawn.carp.film import CarpFilm, film
+from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_folder
@@ -54,8 +54,7 @@ class Reel:
 
 def carp_reel(p: Carp) -> Reel:
     """The film of the drawn carp."""
-    carp = CarpFilm(**{field.name: getattr(p, field.name) for field in fields(CarpFilm)})
-    if not carp.fits():
+    if not fits(p):
         raise FinloopError(
             came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
             f"{p.width_px}×{p.height_px} px",
@@ -67,7 +66,7 @@ def carp_reel(p: Carp) -> Reel:
     truth: list[dict[str, Any]] = []
 
     def take() -> Iterator[tuple[float, np.ndarray]]:
-        for number, (frame, rows) in enumerate(film(carp)):
+        for number, (frame, rows) in enumerate(film(p)):
             truth.extend(rows)
             yield float(number / rate), frame
 

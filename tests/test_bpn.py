@@ -42,7 +42,7 @@ from finloop.bpn.model import (
     type_class,
 )
 from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
-from finloop.bpn.train import ALWAYS_ON, Learning, forward, layers, new_weights, stepper, train
+from finloop.bpn.train import ALWAYS_ON, forward, layers, new_weights, stepper, train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
 from finloop.io.picture import load_picture, save_figure
@@ -50,11 +50,10 @@ from finloop.io.record import load_record, save_json
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, save_facts
 from finloop.plots.bpn import figure15, held_out_figure
+from finloop.settings import settings
 
 DELTA = 5
-HOW = Learning(
-    hidden=20, learning_rate=0.5, momentum=0.5, epochs=40, batch_size=8, device="cpu"
-)  # fmt: skip
+HOW = settings("bpn", learning_rate=0.5, epochs=40)
 
 
 def rng(seed=0):

@@ -9,11 +9,11 @@ from scipy.spatial.distance import cdist
 
 from finloop.drawn.carp.draw import blurred, draw
 from finloop.drawn.carp.film import (
-    CarpFilm,
     bend_of,
     curvature_of,
     empty_tank,
     film,
+    fits,
     heading_of,
     light,
     looks,
@@ -25,8 +25,11 @@ from finloop.drawn.carp.midline import POINTS, midline
 from finloop.drawn.carp.skin import Look, half_width, look
 from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
+from finloop.settings import settings
 
-SMALL = CarpFilm(frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3)
+SMALL = settings(
+    "clip", source="carp", frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3
+)
 POSES = [  # amplitude, bend (radians), axis (radians), beat
     (0.0, 0.0, 0.0, 0.0),
     (1.0, 0.0, 0.7, 0.3),
@@ -49,7 +52,7 @@ def long_films():
     """Six films' motion at the default size and length, with their midlines."""
     films = []
     for seed in range(6):
-        params = CarpFilm(seed=seed)
+        params = settings("clip", source="carp", seed=seed)
         poses = motion(params)
         lines = np.array([midline_px(params, poses, k, 0) for k in range(params.frames)])
         films.append((params, poses, lines))
@@ -250,10 +253,17 @@ def test_it_swims_without_jumps_and_stays_in_the_tank(long_films):
 
 @pytest.mark.parametrize("seed", range(5))
 def test_it_stays_in_a_small_tank(seed):
-    params = CarpFilm(
-        frames=1000, fish=2, width_px=190, height_px=300, body_length_px=60.0, seed=seed
+    params = settings(
+        "clip",
+        source="carp",
+        frames=1000,
+        fish=2,
+        width_px=190,
+        height_px=300,
+        body_length_px=60.0,
+        seed=seed,
     )
-    assert params.fits()
+    assert fits(params)
     poses = motion(params)
     lines = np.array([[midline_px(params, poses, k, i) for i in (0, 1)] for k in range(1000)])
     assert lines.min() > 2 + 0.02 * 60
@@ -324,14 +334,14 @@ def test_it_speeds_up_and_glides(long_films):
 
 @pytest.mark.parametrize("fins", [0.0, 0.3, 1.0])
 def test_fins_are_open_the_asked_share_of_the_time(fins):
-    poses = motion(CarpFilm(frames=4000, fins=fins, seed=5))
+    poses = motion(settings("clip", source="carp", frames=4000, fins=fins, seed=5))
     assert (poses.fins[100:] > 0.5).mean() == pytest.approx(fins, abs=0.08)
 
 
 @pytest.mark.parametrize("fish", [3, 8])
 def test_several_fish_never_touch(fish):
-    params = CarpFilm(frames=600, fish=fish, seed=2)
-    assert params.fits()
+    params = settings("clip", source="carp", frames=600, fish=fish, seed=2)
+    assert fits(params)
     poses, skins = motion(params), looks(params)
     clear = np.inf
     for number in range(params.frames):
@@ -352,9 +362,9 @@ def test_several_fish_never_touch(fish):
 
 
 def test_a_tank_that_is_too_small_is_known():
-    assert CarpFilm().fits()
+    assert fits(settings("clip", source="carp"))
     assert not replace(SMALL, body_length_px=150.0).fits()
-    assert not CarpFilm(fish=60).fits()
+    assert not fits(settings("clip", source="carp", fish=60))
 
 
 # -- the film -----------------------------------------------------------------------------------
@@ -414,7 +424,7 @@ def test_noise_is_as_strong_as_asked(noise, colour):
 
 
 def test_light_drifts_slowly_and_as_far_as_asked():
-    params = CarpFilm(light_drift=0.1)
+    params = settings("clip", source="carp", light_drift=0.1)
     lamp = light(params)
     assert 0.05 < np.abs(lamp - 1).max() <= 0.1
     assert np.abs(np.diff(lamp)).max() < 0.002

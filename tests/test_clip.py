@@ -53,7 +53,7 @@ from finloop.io.footage.coding import (
 from finloop.io.footage.timing import frame_rate_of
 from finloop.io.table import load_table
 from finloop.io.video import load_facts, load_mask, read_frames
-from finloop.settings import check, variants
+from finloop.settings import check, settings, variants
 from stages import clip as stage
 
 ROOT = Path(__file__).parents[1]
@@ -921,7 +921,15 @@ def test_drawn_carp_with_truth(run_stage):
     truth = load_table(stage.CLIP / "truth.parquet", TRUTH)
     assert (facts.source, facts.frames, facts.colour) == ("carp", 6, False)
     assert metrics["frames"] == len(truth) == 6
-    film = carp.CarpFilm(frames=6, width_px=320, height_px=240, body_length_px=60.0, colour=False)
+    film = settings(
+        "clip",
+        source="carp",
+        frames=6,
+        width_px=320,
+        height_px=240,
+        body_length_px=60.0,
+        colour=False,
+    )
     drawn = list(carp.film(film))
     back = list(read_frames(stage.CLIP / "clip.mp4"))
     np.testing.assert_array_equal(back, [frame for frame, _ in drawn])
@@ -1004,7 +1012,7 @@ def test_a_full_disk_leaves_the_last_clip(run_stage, avi, monkeypatch):
 def test_conf_and_carp_have_the_same_defaults():
     given, problems = parameters("carp")
     assert not problems
-    film = carp.CarpFilm()
+    film = settings("clip", source="carp")
     assert {f.name: getattr(given, f.name) for f in fields(film)} == {
         f.name: getattr(film, f.name) for f in fields(film)
     }

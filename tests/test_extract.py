@@ -25,7 +25,7 @@ import stages.extract
 import stages.features
 import stages.plots.extract
 from finloop.base.cutout import Cutout
-from finloop.drawn.carp.film import CarpFilm, film
+from finloop.drawn.carp.film import film
 from finloop.errors import FinloopError
 from finloop.extract import film as extract
 from finloop.extract.background import (
@@ -62,6 +62,7 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
 from finloop.plots.extract import detections_picture
+from finloop.settings import settings
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
@@ -561,7 +562,9 @@ def test_no_fish_is_said_as_it_is():
 
 FEATURES = yaml.safe_load((ROOT / "conf/features/default.yaml").read_text())
 FEATURES = FeatureSettings(**{k: value for k, value in FEATURES.items() if k != "defaults"})
-SHOT = CarpFilm(frames=90, width_px=420, height_px=320, body_length_px=90.0, colour=False)
+SHOT = settings(
+    "clip", source="carp", frames=90, width_px=420, height_px=320, body_length_px=90.0, colour=False
+)
 FILMS = {
     "one fish": SHOT,
     "another": replace(SHOT, seed=2),

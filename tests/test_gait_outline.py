@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from finloop.curve.contour import Curve, area
-from finloop.drawn.carp.film import CarpFilm, motion
+from finloop.drawn.carp.film import motion
 from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.errors import FinloopError
@@ -23,6 +23,7 @@ from finloop.gait.outline import (
     tail,
 )
 from finloop.gait.period import Period
+from finloop.settings import settings
 
 RATE = 50.0
 LENGTH = 90.0  # px
@@ -127,7 +128,7 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
 @pytest.mark.parametrize("seed", [3, 9, 11])
 def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> None:
     """Cruises, glides, bursts and turns, as its script has them; outlines from its true midline."""
-    carp = motion(CarpFilm(frames=200, seed=seed))
+    carp = motion(settings("clip", source="carp", frames=200, seed=seed))
     lines = np.stack(
         [
             midline(

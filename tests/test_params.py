@@ -165,7 +165,8 @@ def test_a_parameter_stands_in_two_places(word, option):
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_parameter_has_its_unit_or_values_and_a_sentence(word, option):
     kind = GROUPS[word][option]
-    entries = inspect.getdoc(kind).partition("Attributes\n----------\n")[2]
+    docs = [inspect.cleandoc(one.__doc__) for one in kind.__mro__ if is_dataclass(one)]
+    entries = "\n".join(doc.partition("Attributes\n----------\n")[2] for doc in docs)
     listed = re.findall(r"^([a-z_0-9, ]+) : \S.*\n    [A-Za-zΔ0-9].*\.", entries, re.MULTILINE)
     told = [name for names in listed for name in names.split(", ")]
     told += re.findall(r"^([a-z_0-9]+) : \S.*\n(?:    .*\n)*    .*\.$", entries, re.MULTILINE)

@@ -11,7 +11,6 @@ rule, a larger one the same steps gathered.
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
@@ -29,6 +28,7 @@ from finloop.bpn.model import (
     input_range,
     to_scale,
 )
+from finloop.bpn.settings import Settings
 from finloop.errors import FinloopError
 
 # The bias of the outputs is the weight of one more hidden unit, which is always on: sigmoid(40) is
@@ -36,18 +36,6 @@ from finloop.errors import FinloopError
 ALWAYS_ON = 40.0
 RUN_AWAY = 1e6  # of a weight: its sigmoid has long been a mere switch
 _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
-
-
-@dataclass(frozen=True)
-class Learning:
-    """See conf/bpn/default.yaml."""
-
-    hidden: int
-    learning_rate: float
-    momentum: float
-    epochs: int
-    batch_size: int
-    device: str
 
 
 def new_weights(hidden: int, rng: np.random.Generator) -> Tensor:
@@ -111,7 +99,7 @@ def train(
     inputs: Numbers,
     outputs: Numbers,
     held_out: tuple[Numbers, Numbers],
-    learning: Learning,
+    settings: Settings,
     delta_s: float,
     rng: np.random.Generator,
     advance: Callable[[], object] = lambda: None,
@@ -124,7 +112,7 @@ def train(
         In the units of INPUTS, OUTPUTS.
     held_out
         Inputs and outputs that are only looked at, for the curve.
-    learning
+    settings
         How to learn.
     delta_s
         The time from inputs to outputs.
@@ -137,7 +125,7 @@ def train(
     -------
     The model, and the errors after each epoch (Fig. 15), epoch 0 being the untaught network.
     """
-    device = _device(learning.device)
+    device = _device(settings.device)
     low, high = input_range(inputs)
 
     def tensors(inputs: Numbers, outputs: Numbers) -> tuple[Tensor, Tensor]:
@@ -148,16 +136,16 @@ def train(
 
     x, t = tensors(inputs, outputs)
     watched = {"train": (x, t), "held_out": tensors(*held_out)}
-    size = min(learning.batch_size, len(x))
+    size = min(settings.batch_size, len(x))
     whole = len(x) // size * size
     with _one_thread(), torch.inference_mode():
-        weights = new_weights(learning.hidden, rng).to(device)
+        weights = new_weights(settings.hidden, rng).to(device)
         velocity = torch.zeros_like(weights)
-        how = learning.learning_rate, learning.momentum
+        how = settings.learning_rate, settings.momentum
         step = stepper(weights, velocity, size, *how)
         rest = stepper(weights, velocity, max(1, len(x) - whole), *how)
         curve = [_errors(weights, watched)]
-        for _ in range(learning.epochs):
+        for _ in range(settings.epochs):
             order = torch.from_numpy(rng.permutation(len(x))).to(device)
             shuffled, targets = x[order], t[order]
             batches = shuffled[:whole].view(-1, size, _IN)
@@ -175,8 +163,8 @@ def train(
         first, second = (layer.cpu().numpy().copy() for layer in layers(weights))
     if not max(np.abs(first).max(), np.abs(second).max()) < RUN_AWAY:
         raise FinloopError(
-            f"the weights grew without bound (learning rate {learning.learning_rate:g}, momentum "
-            f"{learning.momentum:g}, {size} rows a batch)",
+            f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
+            f"{settings.momentum:g}, {size} rows a batch)",
             "steps so small that they find a way down",
             "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller bpn.momentum",
         )

@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from finloop.settings import Count, Crf, NotNegative, Positive, Seed
+from finloop.drawn.carp.settings import CarpFilm
+from finloop.settings import Crf, NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -28,52 +29,18 @@ class Zebrafish:
 
 
 @dataclass(frozen=True)
-class Carp:
+class Carp(CarpFilm):
     """Drawn carp from above, with exact ground truth, from a seed.
 
     Attributes
     ----------
     source : carp
         Names this variant.
-    frames : frames, >= 2
-        Duration of the film.
-    fish : fish, >= 1
-        How many swim.
-    width_px, height_px : pixels, 32-8192
-        Size of the film.
-    body_length_px : pixels, >= 12
-        Length of a carp.
-    frame_rate_hz : frames per second, 1-1000
-        Of the film.
-    noise : grey levels, >= 0
-        Deviation of the grey level.
-    light_drift : relative, 0-1
-        Largest change of the light.
-    fins : share of the time, 0-1
-        How long the pectoral fins are open.
-    shadow : share of the light, 0-1
-        What the shadow takes.
-    seed : >= 0
-        For motion, skin, floor and noise.
-    colour : true or false
-        Colours, or grey.
     crf : 0 = lossless, 51 = worst
         Above 0, so that the drawing has gone through a codec as film has.
     """
 
     source: Literal["carp"]
-    frames: Annotated[int, Field(ge=2)]
-    fish: Count
-    width_px: Annotated[int, Field(ge=32, le=8192)]
-    height_px: Annotated[int, Field(ge=32, le=8192)]
-    body_length_px: Annotated[float, Field(ge=12)]
-    frame_rate_hz: Annotated[float, Field(ge=1, le=1000)]
-    noise: NotNegative
-    light_drift: Annotated[float, Field(ge=0, lt=1)]
-    fins: Annotated[float, Field(ge=0, le=1)]
-    shadow: Annotated[float, Field(ge=0, lt=1)]
-    seed: Seed
-    colour: bool
     crf: Crf
 
 

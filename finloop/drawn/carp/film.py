@@ -5,7 +5,6 @@ is anticlockwise as seen on screen.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import cv2
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blurred, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
 from finloop.drawn.carp.motion import Motion, crowded, room_of, simulate
+from finloop.drawn.carp.settings import CarpFilm
 from finloop.drawn.carp.skin import Look, floor, look
 
 Float = NDArray[np.float64]
@@ -27,26 +27,10 @@ _GREY = np.array([0.299, 0.587, 0.114], np.float32)  # BT.601
 NOISE_PAD = 160  # the noise bank is that much larger than a frame, to start anywhere within it
 
 
-@dataclass(frozen=True)
-class CarpFilm:
-    """A film of drawn carp; the caller checks the ranges, except for `fits`."""
-
-    frames: int = 1500
-    fish: int = 1
-    width_px: int = 960
-    height_px: int = 720
-    body_length_px: float = 110.0
-    frame_rate_hz: float = 25.0
-    noise: float = 2.5  # deviation of the grey level
-    light_drift: float = 0.03  # of the light, at most, relative
-    fins: float = 0.25  # share of the time with open pectoral fins
-    shadow: float = 0.15  # share of the light that the shadow takes away
-    seed: int = 1
-    colour: bool = True
-
-    def fits(self) -> bool:
-        """Whether the tank is large enough for so many fish of this size to swim freely."""
-        return not crowded(self.fish, room_of(self.width_px, self.height_px, self.body_length_px))
+def fits(params: CarpFilm) -> bool:
+    """Whether the tank is large enough for so many fish of this size to swim freely."""
+    room = room_of(params.width_px, params.height_px, params.body_length_px)
+    return not crowded(params.fish, room)
 
 
 def _streams(params: CarpFilm) -> list[np.random.Generator]:
