@@ -1,8 +1,8 @@
-"""The one exception that a user is meant to read."""
+"""The exception whose message is for the user."""
 
 
 class FinloopError(Exception):
-    """Something a person can put right: what came, what was wanted, what to do.
+    """An error that the user can correct: what came, what was wanted, what to do.
 
     Stages print it as a single message and exit with status 1; anything else is a bug.
     """

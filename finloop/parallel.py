@@ -1,4 +1,4 @@
-"""Work on every core, results in order, memory bounded: what `ProcessPoolExecutor.map` lacks."""
+"""Work on every core with results in order and bounded memory."""
 
 import contextlib
 import multiprocessing
@@ -24,7 +24,7 @@ _FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
 
 
 def warm_up(modules: Sequence[str]) -> None:
-    """Begin to import `modules` for the workers to come, beside whatever this process does next."""
+    """Start importing `modules` for future workers, while this process goes on."""
     if _FORKSERVER:
         multiprocessing.get_context("forkserver").set_forkserver_preload(list(modules))
         forkserver.ensure_running()
@@ -33,9 +33,8 @@ def warm_up(modules: Sequence[str]) -> None:
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Iterator[B]:
     """`work(item)` for every item, in the items' order, on `workers` processes.
 
-    At most `workers` + 1 results wait at any time, however long `items`. With one worker, or one
-    item, everything happens in this process. An exception in `work` comes out here. `work`, items
-    and results are pickled.
+    At most `workers` + 1 results are kept at a time. With one worker, or one item, the work is done
+    in this process. Exceptions of `work` are raised here. `work`, items and results are pickled.
 
     Raises FinloopError where a worker is killed.
     """

@@ -1,4 +1,4 @@
-"""How a process ends."""
+"""Processes that end with their parent."""
 
 import ctypes
 import signal

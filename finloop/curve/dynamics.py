@@ -1,11 +1,11 @@
 """Deformation of a curve by its stiffness (curve paper §3.1, §3.3): M q̈ + C q̇ + K q = Q (Eq. 3.3).
 
-`solve` is the one way in. In the φ basis K is circulant: an FFT decouples it exactly, which is the
-method "modal"; what it finds measures every other method. The parameter of a curve runs from 0 to
+`solve` is the entry. In the φ basis K is circulant, and an FFT decouples it exactly: the method
+"modal", by which every other method is judged. The parameter of a curve runs from 0 to
 1, so with e₀ = ρ = 1 mode m swings m times in a unit of time, at any n.
 
-An open curve moves as one half of `curve.wavelet.mirrored`: K keeps the mirror image one, and its
-ends are free.
+An open curve moves as one half of `curve.wavelet.mirrored`, whose symmetry K preserves; its ends
+are free.
 """
 
 from collections.abc import Callable
@@ -74,9 +74,9 @@ class Basis(NamedTuple):
 
 
 def modal(problem: Problem, options: Options) -> Solution:
-    """Exact: K of the φ basis is circulant, so Fourier's modes do not know of each other.
+    """Exact: K of the φ basis is circulant, so the Fourier modes are independent.
 
-    A force of place and time couples them again; then `driven` goes on until it is sure of
+    A force that depends on place and time couples them; then `driven` refines its steps down to
     `options.tolerance`.
     """
     n = len(problem.rest)

@@ -1,4 +1,4 @@
-"""Oscillators that do not know of each other: ρ a″ + c a′ + k a = Q (curve paper Eq. 3.16).
+"""Independent oscillators: ρ a″ + c a′ + k a = Q (curve paper Eq. 3.16).
 
 Glossary: *a* (m, d) their places, *v* their speeds, d directions; c, k (m,); γ = c / 2ρ and
 r = −γ ± √(γ² − k / ρ) the roots of ρr² + c r + k = 0. (The paper prints r̈, ṙ, e₀ and f₀.)

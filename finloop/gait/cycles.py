@@ -1,4 +1,4 @@
-"""From contours and their period to the cycle of a gait: which frame is at which phase.
+"""From contours and their period to the cycle of a gait: the phase of every frame.
 
 Phase 0 is key 1 (curve paper, Fig. 9): of an animal from the side its right fore and left hind
 limbs are foremost then, the others hindmost; of a fish its tail is farthest to the left.
@@ -40,8 +40,8 @@ def film_of_regions(
 ) -> tuple[Film, Period, Limbs]:
     """The steady frames of an animal from the side, its limbs in the frame of the body, px.
 
-    `first` is the first frame's number. Found twice: the course of the body can only be smoothed
-    over a cycle when that is known.
+    `first` is the number of the first frame. The period is computed twice, because the course of
+    the body is smoothed over a cycle.
 
     Raises
     ------
@@ -70,9 +70,9 @@ def _beat(found: Limbs, frame_rate_hz: float) -> Period:
 
 
 def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
-    """What is greatest at key 1 (frames,): right fore and left hind limbs ahead, others behind.
+    """A signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
 
-    Of other ids, right ones ahead.
+    The other limbs are behind. Of ids that are neither fore nor hind the right ones are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
     for name, of in points.items():
@@ -83,7 +83,7 @@ def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
 
 
 def _filled(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Columns with NaN filled by straight lines: one limb that is missing stops no other."""
+    """The signal with NaN filled by linear interpolation, column by column."""
     if np.isfinite(signal).all():
         return signal
     at = np.arange(len(signal))

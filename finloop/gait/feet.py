@@ -1,8 +1,8 @@
-"""When exactly a walking animal is at key 1: where its feet turn round (curve paper §4.2, Fig. 9).
+"""The exact phase of key 1 in a walk: where the feet turn round (curve paper §4.2, Fig. 9).
 
-The period of a walk is known well, but its fundamental does not tell where the feet turn: a planted
-foot goes straight back, a lifted one is eased. In a gait of four subcycles the way of every foot is
-four parabolas, joined at the keys, so the keys are where four parabolas fit all feet best.
+The fundamental of a walk gives its period well, but not the phase at which the feet turn: a foot on
+the ground moves evenly, a lifted one does not. In a gait of four subcycles the motion of every foot
+is four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ STEPS = 61
 
 
 def feet(limbs: Mapping[str, Array]) -> Array:
-    """How far ahead the feet of limbs (frames, n, 2) are, (frames, limbs); rows may hold NaN."""
+    """Forward position of the feet (frames, limbs) of limbs (frames, n, 2); rows may hold NaN."""
     return np.stack([_foot(points) for points in limbs.values()], axis=1)
 
 
@@ -30,10 +30,9 @@ def _foot(points: Array) -> Array:
 
 
 def align_phase(phase: Array, ahead: Array, split: float) -> Array:
-    """The phase (frames,), set right so that `ahead` (frames, k) turns at the keys.
+    """The phase (frames,), shifted and stretched so that `ahead` (frames, k) turns at the keys.
 
-    Moved by at most about REACH and stretched a little: least squares over both. Rows with NaN are
-    not used.
+    Least squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
     """
     seen = np.isfinite(ahead).all(axis=1)
     if seen.sum() < 12:  # eight numbers a foot are fitted
@@ -60,7 +59,7 @@ def align_phase(phase: Array, ahead: Array, split: float) -> Array:
 
 
 def _off(phase: Array, way: Array, split: float) -> float:
-    """Squares that four parabolas, joined at the keys, leave of (frames, k)."""
+    """Squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
     ends = np.array([0, split, 0.5, 0.5 + split, 1])
     phase = np.mod(phase, 1.0)
     which = np.searchsorted(ends[1:-1], phase, side="right")

@@ -1,13 +1,13 @@
-"""Feet that keep to the ground: between key frames drawn by hand they slide and sink a little.
+"""Feet stay on the ground: between key frames drawn by hand they slide and sink a little.
 
 While a foot is on the ground the body passes over it at one speed, so seen from the body it goes
 straight back at that speed, the same for every foot. A limb whose foot does not is sheared: not at
 its top, where it hangs on the body, and fully in its foot, which so keeps its shape.
 
-How a foot moves is not how points of its contour move: those run along it a little when parts of
-the limb become longer or shorter. So the motion of a rigid foot is taken that goes best with the
-points' motion across the contour, and of that the motion where the foot touches the ground: a foot
-that rolls over its toes does not slide.
+The points of a contour slide along it a little when parts of the limb become longer or shorter, so
+their motion is not that of the foot. Instead a rigid motion is fitted to the points' motion across
+the contour. Its value at the point of contact counts: a foot that rolls over its toes does not
+slide.
 
 Contours of one cycle (f, n, 2), frame k at phase k / f, x right, y down.
 """
@@ -30,7 +30,7 @@ Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Support = Mapping[str, tuple[tuple[float, float], ...]]
 Paths = dict[str, list[tuple[Ints, Points]]]
-"""By id, for each support its frames and how far the foot has gone in them."""
+"""By id, for each support its frames and the distance that the foot has moved at each of them."""
 
 
 class Ground(NamedTuple):
@@ -65,10 +65,10 @@ def ground(limbs: Mapping[str, Points], support: Support) -> Ground:
 
 
 def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Points]:
-    """The limbs, sheared so that feet on the ground go with it at one height, and none is below.
+    """The limbs, sheared so that supporting feet move with the ground, and no foot is below it.
 
-    In the swing the correction passes over, smoothly, from that of one support to that of the
-    next. Ids that `support` does not name stay as they are.
+    During the swing the correction changes smoothly from that of one support to that of the next.
+    Ids that `support` does not name are unchanged.
 
     Raises
     ------
@@ -84,9 +84,9 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
 
 
 def path(stack: Points) -> Points:
-    """How far the foot of a limb (f, n, 2) has gone in x since the first frame, (f,).
+    """Distance (f,) in x that the foot of a limb (f, n, 2) has moved since the first frame.
 
-    Open limbs count as closed: their ends do not run along them, so no wrong is done.
+    Open limbs are treated as closed; that does not change the result.
     """
     return np.concatenate([[0.0], np.cumsum([_step(*pair) for pair in pairwise(stack)])])
 
@@ -143,7 +143,7 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
 
 
 def _passed_over(shift: Points) -> Points:
-    """Shifts (f, 2) of a cycle with those that are not given eased in between."""
+    """Shifts (f, 2) of a cycle; missing ones (NaN) are interpolated smoothly."""
     frames, given = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
     for here, there in zip(given, np.append(given[1:], given[0] + frames), strict=True):

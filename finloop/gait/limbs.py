@@ -2,9 +2,9 @@
 
 Regions are masks or traced contours by id in each frame. Here they become contours of n points of
 equal arc length in the body frame, point i of one frame belonging to point i of every other.
-The paper does not say which point goes to which: all frames are laid on one mean shape of the limb,
-turned and moved, and begin where they fit it best; as that shape is the same for the whole film,
-nothing drifts.
+The paper does not say which points correspond. Here every frame is turned and moved onto one mean
+shape of the limb, and its contour begins where it fits that shape best. The mean shape is the same
+for the whole film, so nothing drifts.
 """
 
 import difflib
@@ -25,10 +25,10 @@ Array = NDArray[np.float64]
 
 BODY = "body"
 SMOOTH_PX = 1.0
-LEAST_PX = 12  # a smaller region is a slip
+LEAST_PX = 12  # a smaller region counts as empty
 LEAST_SHARE = 0.5  # of the frames in which a limb must be seen
 FINE = 16  # samples between two points in the search for the start
-HIDDEN = 0.75  # of its median area: a smaller region is thought to be partly hidden
+HIDDEN = 0.75  # of its median area: a smaller region is probably hidden in part
 ROUNDS = 4  # mean shape and starts, in turn
 
 MISSING, EMPTY, BORDER = "not there", "empty", "touches the border of the picture"
@@ -171,7 +171,7 @@ def corresponding(seen: Sequence[Region], n: int) -> Array:
 
 
 def smoothed(track: Array, window: float | None) -> Array:
-    """A track (frames, k) without what sways once every `window` frames; None = one straight line.
+    """A track (frames, k) without its motion of period `window` frames; None = a straight line.
 
     The mean over a window about each frame. Within half a window of the ends, where there is none,
     the means beside them go on in a straight line; a track shorter than two windows is taken as one
@@ -213,7 +213,7 @@ def centroid(curve: Curve) -> Array:
 
 
 def _filled(track: Array) -> Array:
-    """A track, its NaN by linear interpolation: a limb that is missing pulls nothing."""
+    """A track with NaN filled by linear interpolation."""
     at = np.arange(len(track))
     there = ~np.isnan(track[:, 0])
     return np.column_stack([np.interp(at, at[there], values[there]) for values in track.T])

@@ -1,9 +1,9 @@
 """Outlines of a swimming fish in the frame of its body, and its tail beat (for curve paper §4.2).
 
-The body frame goes along with the fish: x ahead, y to its right (down on the screen when the fish
-heads for screen right), in body lengths. It follows the *course*, place and direction smoothed over
-a beat; so the way is dropped, but the yaw of the head, the wave of the body and what else repeats
-with the beat stay. The axis y = 0 is the one a mirrored key frame is mirrored in.
+The body frame moves with the fish: x ahead, y to its right (down on the screen when the fish heads
+for screen right), in body lengths. It follows the *course*, place and direction smoothed over a
+beat. So travel is removed, but the yaw of the head, the wave of the body and all else that repeats
+with the beat remain. Key frames are mirrored in the axis y = 0.
 """
 
 import re
@@ -24,7 +24,7 @@ Float = NDArray[np.float64]
 
 POINTS = 128
 STRAIGHT = 0.03
-"""Body lengths: what is bent more than this without its beat (see `bent`) turns."""
+"""Body lengths: a fish whose outline without the beat is bent more than this (`bent`) turns."""
 
 TAIL = 1 / 16  # of the contour on either side of the tail end: whose sideways motion is the beat
 
@@ -34,7 +34,7 @@ class Swim:
     """One track: contours (frames, n, 2) in the body frame, body lengths, and their beat.
 
     Point 0 is the snout, n / 2 the tail end; clockwise as seen. Phase 0 is where the tail is
-    farthest to the left. Without a beat each frame has its own pose taken out.
+    farthest to the left. If there is no beat, the pose of every single frame is removed.
     """
 
     points: Float
@@ -45,7 +45,7 @@ class Swim:
 def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Float, Float]:
     """Outlines (frames, m, 2) and backbones (frames, k, 2), head first, of one track, px.
 
-    The same frames of the table of tracks and of the feature table, which knows the head.
+    Both tables must hold the same frames; the feature table says which end is the head.
     """
     outline = np.stack([lists_to_array(track[f"outline_{c}_px"]) for c in "xy"], -1)
     backbone = np.stack([lists_to_array(track[f"backbone_{c}_px"]) for c in "xy"], -1)
@@ -87,8 +87,7 @@ def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = P
 def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
     """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
 
-    What lies between two stretches of them is left out by whole cycles, so the phase counts the
-    cycles that are shown; each stretch begins a cycle of its own.
+    Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.
 
     Raises
     ------
@@ -157,33 +156,33 @@ def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
 
 
 def in_body_frame(points: Float, centre: Float, angle: Float) -> Float:
-    """Contours (frames, n, 2) as seen from `centre` (frames, 2), `angle` (frames,) turned to +x."""
+    """Contours (frames, n, 2) relative to `centre` (frames, 2), `angle` (frames,) turned to +x."""
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return (points - centre[:, None]) @ turn
 
 
 def sideways(points: Float) -> Float:
-    """Midlines (frames, n / 2 + 1) of contours from the snout: how far to the right they are.
+    """Sideways position (frames, n / 2 + 1) of the midline, + to the right, from snout to tail.
 
-    The mean of the two points as far from the snout on either side: what a tail beat moves, and
-    fins that spread on both sides do not.
+    It is the mean of the two points equally far from the snout on either side. A tail beat moves
+    it; fins that spread on both sides do not.
     """
     y = points[..., 1]
     return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
 
 
 def bent(points: Float) -> Float:
-    """How far (frames,) contours of a body frame, from the snout, are from their mirror image.
+    """Asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
 
-    Half the RMS distance of points that belong together: 0 of a fish that is straight.
+    It is half the RMS distance of corresponding points of the contour and its mirror image.
     """
     image = points[:, -np.arange(points.shape[1])] * [1, -1]
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
 def tail(points: Float) -> Float:
-    """Sideways place (frames,) of the tail end of contours in a body frame; + is to the right."""
+    """Sideways position (frames,) of the tail end in the body frame; + is to the right."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))
     return points[:, n // 2 - reach : n // 2 + reach + 1, 1].mean(axis=1)

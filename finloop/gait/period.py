@@ -3,10 +3,11 @@
 The paper's gait cycle is cut out of the film by hand. Here: principal modes of all coordinates; at
 every frame and for every frequency a sinusoid and a straight line fitted to a window of two cycles
 (harmonic least squares); the smoothest path of best frequencies through the frames (Viterbi); the
-phase of the modes along it, together. How sure that is: each cycle is foretold from all others.
+phase that the modes have in common along it. The confidence: how well each cycle is predicted from
+all others.
 
-Glossary: *ridge* the path of frequencies over the frames; *share* how much of what happens in a
-window its sinusoid explains, 0-1.
+Glossary: *ridge* the path of frequencies over the frames; *share* the part of the variance in a
+window that its sinusoid explains, 0-1.
 """
 
 from dataclasses import dataclass, replace
@@ -21,7 +22,7 @@ Float = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 CONFIDENT = 0.5
-"""From this confidence on a motion is taken for periodic."""
+"""From this confidence on a motion counts as periodic."""
 
 _MODES = 6  # principal modes looked at, at most
 _VARIANCE = 0.98  # of the motion, that they hold together
@@ -34,14 +35,14 @@ _SMOOTHED = 0.75  # cycles before and after a frame that its course is taken fro
 
 @dataclass(frozen=True)
 class Period:
-    """What repeats, how fast and how surely.
+    """Frequency and phase of a repeating motion, and the confidence in it.
 
     Attributes
     ----------
     frequency_hz : cycles a second over the steady frames; NaN if there is none
     phase : (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
     steady : (frames,) bool, where the motion repeats and the phase means something
-    confidence : 0-1, variance of the steady cycles that the others foretell, 0 if there are few
+    confidence : 0-1, share of the variance of a steady cycle that the others predict; 0 if few
     cycles : how many are steady
     why : why the motion is not periodic; empty if it is
     """
@@ -61,7 +62,7 @@ def period(
     slowest_hz: float = 0.0,
     fastest_hz: float = np.inf,
 ) -> Period:
-    """The period of any set of coordinates (frames, k); rows with NaN are frames not seen.
+    """The period of any set of coordinates (frames, k); rows with NaN are missing frames.
 
     Parameters
     ----------
@@ -105,7 +106,7 @@ def period(
 
 
 def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
-    """The period of a motion (frames, k) of known phase (frames,): how steady and how sure it is.
+    """The period of a motion (frames, k) of known phase (frames,), with its confidence.
 
     Steady are the frames of `good` (frames,) in a row for a cycle or longer.
     """
@@ -114,7 +115,7 @@ def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Per
     cycles = float(np.diff(phase)[inner].sum())
     if cycles < _LEAST_CYCLES:
         return _none(len(phase), f"{cycles:.1f} cycles are steady, {_LEAST_CYCLES:g} are needed")
-    confidence = _foretold(signal - course(signal, phase), phase, steady)
+    confidence = _predicted_share(signal - course(signal, phase), phase, steady)
     why = "" if confidence >= CONFIDENT else "no cycle is much like another"
     frequency = cycles / np.count_nonzero(inner) * frame_rate_hz
     return Period(float(frequency), phase, steady, confidence, cycles, why)
@@ -203,11 +204,11 @@ def _long_runs(good: Mask, phase: Float) -> Mask:
 
 
 def course(values: Float, phase: Float) -> Float:
-    """Values (frames, k) smoothed over a beat: what is left of them without it.
+    """Values (frames, k) with the beat removed.
 
-    At every frame a straight line beside a wave of the beat, by least squares over a cycle and a
-    half about it (at both ends the first and last of these); the line's value is kept. So a steady
-    turn or drift stays whole and the beat goes wholly.
+    At every frame a straight line plus a sinusoid of the beat is fitted over the cycle and a half
+    about it (at both ends over the first or last such window), and the line's value is kept. So a
+    steady turn or drift remains, and the beat is removed completely.
     """
     out = np.empty_like(values)
     span = 2 * _SMOOTHED
@@ -226,8 +227,8 @@ def _harmonics(phase: Float, count: int) -> Float:
     return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])
 
 
-def _foretold(modes: Float, phase: Float, steady: Mask) -> float:
-    """Share of the modes' variance in each steady cycle that the other cycles foretell."""
+def _predicted_share(modes: Float, phase: Float, steady: Mask) -> float:
+    """Share of the modes' variance in each steady cycle that the other cycles predict."""
     y, at = modes[steady], phase[steady]
     terms = _harmonics(at, _HARMONICS)
     cycle = np.floor(at - at[0]).astype(int)

@@ -4,8 +4,8 @@ For every frequency a sinusoid and a straight line are fitted to a window of two
 frame (harmonic least squares); the best path of frequencies through the frames is found (Viterbi),
 and the phase of all modes along it.
 
-Glossary: *share* how much of what happens in a window its sinusoid explains, 0-1; *ridge* the path
-of frequencies over the frames.
+Glossary: *share* the part of the variance in a window that its sinusoid explains, 0-1; *ridge* the
+path of frequencies over the frames.
 """
 
 import numpy as np
@@ -121,6 +121,6 @@ def phase_along(modes: Float, share: Float, path: NDArray[np.intp], grid: Float)
         turned[here] = amplitude[here] * turn[:, None]
     pattern = np.linalg.svd(turned, full_matrices=False)[2][0]
     angle = np.angle(turned @ pattern.conj()) / (2 * np.pi)
-    # Unwrapped about what the frequencies foretell, so that no step is taken the wrong way round.
-    foretold = np.concatenate([[0.0], np.cumsum((frequency[1:] + frequency[:-1]) / 2)])
-    return foretold + np.unwrap(angle - foretold, period=1.0)
+    # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.
+    predicted = np.concatenate([[0.0], np.cumsum((frequency[1:] + frequency[:-1]) / 2)])
+    return predicted + np.unwrap(angle - predicted, period=1.0)

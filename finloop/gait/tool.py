@@ -1,7 +1,7 @@
-"""A drawing that goes, as a plain tool: two key poses and the name of a gait give a cycle.
+"""The command line of `gait`: two key poses and the name of a gait give a moving drawing.
 
-`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours belong together by
-their ids. What comes out is told by the ending: .svg, .webp, .mp4, .json, .lottie.json.
+`python -m finloop.gait key1.svg key2.svg --gait dog_walk -o out.svg`. Contours of
+the same id form a pair. The ending says the format: .svg, .webp, .mp4, .json, .lottie.json.
 """
 
 import argparse
@@ -10,7 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from finloop.base.tool import ended
+from finloop.base.tool import run_tool
 from finloop.errors import FinloopError
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
@@ -25,25 +25,25 @@ RATE = Fraction(30)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Read two key poses and a gait, write the cycle, say how it stands; the exit status."""
-    asked = _parser().parse_args(arguments)
-    return ended(asked.output, lambda: _written(asked))
+    """Read two key poses and a gait, write the cycle, print its summary; the exit status."""
+    options = _parser().parse_args(arguments)
+    return run_tool(options.output, lambda: _write(options))
 
 
-def _written(asked: argparse.Namespace) -> str:
-    """Write the cycle; how it stands, in words."""
-    writer(asked.output)  # a wrong ending is told before the work
-    gait = load_gait(found(asked.gait, SHIPPED))
-    frames, rate = timing(gait.frequency_hz, asked.frames, asked.rate)
-    if asked.cycles < 1 or asked.cycles * frames > MOST_FRAMES:
+def _write(options: argparse.Namespace) -> str:
+    """Write the cycle and return its summary."""
+    writer(options.output)  # a wrong ending is an error before the work
+    gait = load_gait(found(options.gait, SHIPPED))
+    frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
+    if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
         raise FinloopError(
-            f"{asked.cycles} cycles of {frames} frames",
+            f"{options.cycles} cycles of {frames} frames",
             f"at least 1 cycle, at most {MOST_FRAMES} frames in all",
             "stay between; SVG and Lottie repeat by themselves",
         )
-    poses = load_svg(asked.key1), load_svg(asked.key2)
-    done = transfer(*poses, gait, frames, asked.points, asked.control)
-    save_animation(asked.output, repeat(done.morph, asked.cycles), rate, asked.size)
+    poses = load_svg(options.key1), load_svg(options.key2)
+    done = transfer(*poses, gait, frames, options.points, options.control)
+    save_animation(options.output, repeat(done.morph, options.cycles), rate, options.size)
     return summary(done, gait, float(frames / rate))
 
 

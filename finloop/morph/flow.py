@@ -1,8 +1,8 @@
-"""Simple curves made plainer without ever meeting themselves: the ways out of a tangle.
+"""Simplifying a simple curve without folds: three methods (for curve paper §4.1).
 
 Each way begins at a polygon of n vertices and ends at a plain one, a pose at a time, vertex i
 staying vertex i; between successive poses the vertices go straight, and every such step has been
-proved free of contact (morph_folds.stays_simple) before it is taken.
+proved free of contact (`morph.folds.stays_simple`) before it is taken.
 
 - `shortened`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve off
   before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The

@@ -1,9 +1,9 @@
-"""Which point of one curve goes to which of another: start point and direction (curve paper §4.1).
+"""Corresponding points of two curves: start point and direction (curve paper §4.1).
 
 Both curves have n points of equal arc length. Of all ways to number the second anew (closed: n
 start points, open: one; in both directions, unless both are closed and simple) the one is taken
-whose points lie nearest to the first's, Σ ‖a_i − b_i‖², both centred on their mean: where the
-curves stand does not matter.
+whose points lie nearest to the first's, Σ ‖a_i − b_i‖², both centred on their mean: the position of
+the curves does not matter.
 """
 
 import numpy as np

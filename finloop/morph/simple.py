@@ -1,13 +1,13 @@
-"""A morph between two simple curves that is simple all the way (the curve paper's §4.1 claim).
+"""A morph between two simple curves whose frames are all simple (the curve paper's §4.1 claim).
 
-The straight way from a to b is taken where it is simple. Else both ends are made plainer pose by
-pose (morph_flow) until the straight way from one of a's poses to one of b's is free: of all such
-ways a → a_i → b_j → b the shortest free one is taken. There is always one, as the last poses can
-be joined: two polygons about their centres by turning and stretching, two lines by turning.
+The linear morph from a to b is taken if it is simple. Else both curves are simplified step by step
+(`morph.flow`) into poses a_i and b_j, and the shortest path a → a_i → b_j → b without folds is
+taken. There is always one, because the last poses can be joined: two polygons by turning and
+stretching about their centres, two lines by turning.
 
-Then time is smoothed, so that nothing moves with a jerk, as far as the motion stays simple, and
-closed frames are enlarged or reduced so that their area is between those of the ends: that makes no
-folds. Every frame is tested once more, exactly.
+Then the motion is smoothed in time as far as it stays simple, and closed frames are scaled so that
+their areas lie between those of the ends, which makes no folds. At last every frame is tested
+exactly.
 """
 
 from dataclasses import dataclass
@@ -32,7 +32,7 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight way between tw
 
 @dataclass(frozen=True)
 class SimpleMorph:
-    """Frames and what is known of them.
+    """Frames of a morph, and what is proved of them.
 
     Attributes
     ----------
@@ -63,7 +63,7 @@ def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
 
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
-    """As `simple`, with the way that was taken."""
+    """As `simple`, with the path that was taken."""
     one, other = matched(a, b, points)
     closed = a.closed
     for name, ends in (("first", one), ("second", other)):

@@ -1,4 +1,4 @@
-"""A morph between two drawings as a plain tool: `python -m finloop.morph a.svg b.svg -o out.svg`.
+"""The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
 Contours belong together by their ids. What comes out is told by the ending: .svg, .webp, .mp4,
 .json, .lottie.json.
@@ -9,26 +9,26 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import ended
+from finloop.base.tool import run_tool
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Physics, morph, there_and_back
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Read two drawings, write the morph, say what was counted; the exit status."""
-    asked = _parser().parse_args(arguments)
-    return ended(asked.output, lambda: _written(asked))
+    """Read two drawings, write the morph, print its summary; the exit status."""
+    options = _parser().parse_args(arguments)
+    return run_tool(options.output, lambda: _write(options))
 
 
-def _written(asked: argparse.Namespace) -> str:
-    """Write the morph; what was counted, in words."""
-    writer(asked.output)  # a wrong ending is told before the work
-    drawings = load_svg(asked.a), load_svg(asked.b)
-    physics = Physics(asked.elastic, asked.damping, asked.mass)
-    done = morph(*drawings, asked.method, asked.frames, asked.points, asked.level, physics)
-    shown = there_and_back(done) if asked.back else done
-    save_animation(asked.output, shown, asked.fps, asked.size)
+def _write(options: argparse.Namespace) -> str:
+    """Write the morph and return its summary."""
+    writer(options.output)  # a wrong ending is an error before the work
+    drawings = load_svg(options.a), load_svg(options.b)
+    physics = Physics(options.elastic, options.damping, options.mass)
+    done = morph(*drawings, options.method, options.frames, options.points, options.level, physics)
+    shown = there_and_back(done) if options.back else done
+    save_animation(options.output, shown, options.fps, options.size)
     return summary(done)
 
 

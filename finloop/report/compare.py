@@ -1,4 +1,4 @@
-"""Experiments side by side: what differs, which are best, one page that loads nothing."""
+"""Experiments side by side on one self-contained page: what differs, and which are best."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from finloop.report.tables import Table, number
 
 
 class Objective(NamedTuple):
-    """What an experiment is wanted for: `<stage>.<number>`, in words, and if more is better."""
+    """A goal of experiments: the metric `<stage>.<number>`, its words, whether more is better."""
 
     key: str
     words: str
@@ -27,7 +27,7 @@ OBJECTIVES = (
     Objective("animate.hybrid_trials_goals_reached_pct", "goals reached (%)", more=True),
     Objective("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
 )
-"""Smooth, steerable, varied: a long exact repeat is the lack of variety."""
+"""Smooth, steerable, varied: a long exact repeat is a lack of variety."""
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
 _LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "white",
@@ -51,10 +51,10 @@ class Comparison:
 
 
 def pareto(wanted: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Rows (n, k) that no other row beats, less being better in every column; NaN never is.
+    """The Pareto front of rows (n, k), as a mask; less is better in every column.
 
-    One row beats another that is nowhere less and somewhere more. Equal rows do not beat each
-    other.
+    A row is dominated by one that is nowhere greater and somewhere less. Equal rows do not dominate
+    each other; a row with NaN is never on the front.
     """
     known = np.logical_not(np.isnan(wanted).any(axis=1))
     a, b = wanted[:, None], wanted[None, :]  # (n, 1, k), (1, n, k)
@@ -65,7 +65,7 @@ def pareto(wanted: NDArray[np.float64]) -> NDArray[np.bool_]:
 def comparison(
     parameters: pd.DataFrame, numbers: pd.DataFrame, measures: Sequence[str]
 ) -> Comparison:
-    """Side by side what was measured; both tables have a row an experiment and columns `a.b`."""
+    """The comparison of experiments; both tables have a row for each and columns `a.b`."""
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
     objectives = [
         one for one in OBJECTIVES if one.key in numbers and numbers[one.key].notna().any()
@@ -93,10 +93,10 @@ def words(key: str) -> str:
     return named.get(key, key.partition(".")[2].replace("_", " "))
 
 
-def parallel(found: Comparison) -> go.Figure:
+def parallel(table: Comparison) -> go.Figure:
     """A line an experiment across an axis for each parameter and measure; the best are coloured."""
     axes = []
-    for name, column in [*found.parameters.items(), *found.measures.items()]:
+    for name, column in [*table.parameters.items(), *table.measures.items()]:
         numeric = pd.to_numeric(column, errors="coerce")
         axis: dict[str, Any] = {"label": words(str(name))}
         if numeric.isna().all():  # words: a tick for each
@@ -107,7 +107,7 @@ def parallel(found: Comparison) -> go.Figure:
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
         axes.append(axis | {"values": [None if pd.isna(one) else float(one) for one in numeric]})
-    line = {"color": found.best.astype(int).tolist(), "colorscale": [[0, _OTHER], [1, _BEST]],
+    line = {"color": table.best.astype(int).tolist(), "colorscale": [[0, _OTHER], [1, _BEST]],
             "cmin": 0, "cmax": 1}  # fmt: skip
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
     return figure.update_layout(
@@ -115,16 +115,16 @@ def parallel(found: Comparison) -> go.Figure:
     )
 
 
-def scatter(found: Comparison, x: Objective, y: Objective) -> go.Figure:
+def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
     """Two objectives against each other, an experiment a point, the best of all coloured."""
     figure = go.Figure()
     for mask, name, colour, symbol in (
-        (~found.best, "others", _OTHER, "circle"),
-        (found.best, "best: none is better in all", _BEST, "diamond"),
+        (~table.best, "others", _OTHER, "circle"),
+        (table.best, "best: none is better in all", _BEST, "diamond"),
     ):
         if not mask.any():
             continue
-        rows, names = found.measures[mask], found.measures.index[mask]
+        rows, names = table.measures[mask], table.measures.index[mask]
         figure.add_scatter(
             x=rows[x.key].tolist(), y=rows[y.key].tolist(), text=[str(one) for one in names],
             mode="markers", name=name,
@@ -145,33 +145,33 @@ def _side(one: Objective, less: str, more: str) -> str:
     return more if one.more else less
 
 
-def as_table(found: Comparison) -> Table:
+def as_table(table: Comparison) -> Table:
     """All of it in a table."""
-    columns = ["experiment", *found.parameters, *map(words, found.measures), "best"]
+    columns = ["experiment", *table.parameters, *map(words, table.measures), "best"]
     rows = [
         [
             str(name),
-            *map(str, found.parameters.loc[name]),
-            *(number(value, 4) for value in found.measures.loc[name]),
+            *map(str, table.parameters.loc[name]),
+            *(number(value, 4) for value in table.measures.loc[name]),
             "best" if best else "",
         ]
-        for name, best in zip(found.parameters.index, found.best, strict=True)
+        for name, best in zip(table.parameters.index, table.best, strict=True)
     ]
     return Table("Experiments, and which of them none other beats", columns, rows)
 
 
-def html(found: Comparison, title: str, why: str) -> str:
+def html(table: Comparison, title: str, why: str) -> str:
     """The page; its code for charts is in it."""
-    charts = [("Parameters and measures, a line an experiment", parallel(found))]
+    charts = [("Parameters and measures, a line an experiment", parallel(table))]
     charts += [
-        (f"{one.words.capitalize()} against {smooth.words}", scatter(found, smooth, one))
-        for smooth in found.objectives[:1]
-        for one in found.objectives[1:]
+        (f"{one.words.capitalize()} against {smooth.words}", scatter(table, smooth, one))
+        for smooth in table.objectives[:1]
+        for one in table.objectives[1:]
     ]
     values = {
         "title": title,
         "why": why,
-        "table": as_table(found),
+        "table": as_table(table),
         "charts": [(name, figure.to_json()) for name, figure in charts],
         "plotly": get_plotlyjs(),
     }

@@ -1,4 +1,4 @@
-"""One page of everything that was found, in one file: it loads nothing from anywhere.
+"""The page of all results, in one self-contained file.
 
 The page's text stands in `report.html.j2`; pictures travel in it as WebP, the film as MP4.
 """
@@ -51,7 +51,7 @@ class Page:
     facts: str  # of the film, one sentence
     film: str  # data URI of the MP4
     poster: Shown
-    film_text: str  # what is to be seen, for who cannot
+    film_text: str  # the alternative text
     headline: Sequence[tuple[str, str]]
     measures: Table
     sections: Sequence[Section]
@@ -64,7 +64,7 @@ class Page:
 
 
 def data_uri(kind: str, content: bytes) -> str:
-    """Content as an address that holds it."""
+    """A data URI of the content."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 

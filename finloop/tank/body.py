@@ -1,8 +1,8 @@
 """The body of a fish, lofted from its backbone and half widths: a closed surface of rings.
 
-The film, taken from above, shows how wide the body is; how high it is the film does not show. The
-height is a plausible one: that of a slender fish, with a dorsal, an anal and a forked tail fin, as
-a share of the greatest width, the same for every tick.
+A film from above shows the width of the body, not its height. The height is a plausible one: that
+of a slender fish, with a dorsal, an anal and a forked tail fin, as a share of the greatest width,
+the same for every tick.
 
 Points of the surface are a grid (RINGS, AROUND) from head to tail and once around, from below over
 the left, above and the right to below again; its first and last column are the same line, so that
@@ -37,7 +37,7 @@ _NEAR = 0.2  # own half widths are kept this near to the animal's typical ones (
 
 @dataclass(frozen=True)
 class Loft:
-    """How a grid of points hangs on a backbone of p points.
+    """A grid of points attached to a backbone of p points.
 
     place, along (RINGS · AROUND, p): a point's place and direction on the backbone; s, angle
     (RINGS, AROUND): where along it (0 head, 1 tail) and where around (rad, 0 = back, left > 0);

@@ -1,4 +1,4 @@
-"""Where the camera is: presets, an orbit, one that follows the fish, and a tour of these.
+"""Cameras of the tank: presets, an orbit, one that follows the fish, and a tour of these.
 
 Coordinates of the tank: px, x right, y up (−y of the film), z above the floor.
 """
@@ -14,7 +14,7 @@ Floats = NDArray[np.floating]
 TOP, SIDE, CORNER, FOLLOW, ORBIT, TOUR = "top", "side", "corner", "follow", "orbit", "tour"
 PRESETS = (TOP, SIDE, CORNER, FOLLOW)
 CAMERAS = (*PRESETS, ORBIT, TOUR)
-VIEW_DEG = 32.0  # height of what the camera sees
+VIEW_DEG = 32.0  # vertical field of view
 _TURN_S = 40.0  # an orbit
 _FILLS = 0.94  # how much of the picture the tank fills at most
 _LAZY_S = 0.8  # the camera that follows smooths the way of the fish by this much
@@ -23,7 +23,7 @@ _BLEND_S = 2.0
 
 
 class Views(NamedTuple):
-    """A camera at every tick: place and what it looks at, (ticks, 3) px.
+    """A camera at every tick: its place and the point it looks at, (ticks, 3) px.
 
     `height_px` is half of what is seen where the view is parallel, None where it is perspective.
     """
@@ -49,7 +49,7 @@ class Room(NamedTuple):
 
 
 def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """The camera at every tick of a way.
+    """The camera at every tick.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float
 
 
 def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
-    """From outside, as near as the whole tank can be seen from that height in any direction."""
+    """From outside, as near as possible with the whole tank in the picture."""
     azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
     ahead = -np.stack(
         [
@@ -125,7 +125,7 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 
 
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """One scene after the other, over and over, gliding from each to the next."""
+    """A cycle of scenes, each passing smoothly into the next."""
     time = np.arange(len(head)) / rate_hz
     made = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
     ends = np.cumsum([length for _, length in _SCENES])
