@@ -380,6 +380,9 @@ def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(repo: Copy):
     page = repo.text("reports/compare.html")
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
     assert not list((repo.root / ".dvc/tmp").glob("sweep-*"))
+    again = repo.run("python", "-m", "stages.sweep", "quick", fails=True)
+    assert "sweep: " in text and "sweep: " not in again  # both experiments are there already
+    assert "quick-0.4" in again and "quick-7.0 failed" in again
 
 
 def test_a_pull_request_shows_what_the_numbers_were_and_are(repo: Copy, tmp_path: Path):
