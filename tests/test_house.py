@@ -17,7 +17,6 @@ EXCEPTIONS: set[str] = {
     "finloop/animate/search.py::leg",
     "finloop/animate/search.py::look",
     "finloop/bpn/train.py::train",
-    "finloop/export/tracks.py::poses",
     "finloop/live/server.py::app",
     "finloop/render/painter.py",
     "finloop/render/painter.py::_lay",
