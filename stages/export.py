@@ -21,7 +21,6 @@ from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
-from finloop.io.gallery import open_gallery
 from finloop.io.movie import Movie
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.record import load_record
@@ -30,6 +29,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.painter import Box, Gallery, Placed, placed
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.pick import SIDES, WORDS
+from stages.gallery import open_gallery
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")

@@ -19,7 +19,6 @@ from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
 from finloop.animate.pictures import fade_distance
 from finloop.animate.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.io.gallery import PLACE, shelves
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
@@ -27,6 +26,7 @@ from finloop.live.message import MOST_FISH
 from finloop.live.server import HOST, Server, bound
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
+from finloop.render.gallery import PLACE, shelves
 from finloop.render.painter import Gallery, Painter
 from stages.animate import ALIKE, DATA, bring
 from stages.settings import load

@@ -13,7 +13,6 @@ from finloop.animate.edit_list import EDIT, FRAME, SPRITE, Goal
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
-from finloop.io.gallery import open_gallery
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record, load_records
@@ -23,6 +22,7 @@ from finloop.render.marks import Marks
 from finloop.render.painter import Gallery, Painter, Steps, film_steps, placed, step_numbers
 from finloop.render.settings import Settings
 from finloop.sprites.orient import SPRITES
+from stages.gallery import open_gallery
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")

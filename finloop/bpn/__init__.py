@@ -18,6 +18,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "split_by_tracks",
         ],
         "onnx": ["onnx_bytes"],
-        "train": ["Learning", "train"],
+        "train": ["train"],
     },
 )

@@ -7,7 +7,6 @@ from pathlib import Path
 from finloop.animate.edit_list import EDIT, SPRITE, Goal
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.edit_list import load_edit
-from finloop.io.gallery import open_gallery
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
@@ -15,6 +14,7 @@ from finloop.plots.render import contact_sheet, ticks_drawn, tiles, trajectory
 from finloop.render.painter import Painter, placed
 from finloop.render.settings import Settings
 from finloop.sprites.orient import SPRITES
+from stages.gallery import open_gallery
 from stages.settings import load
 
 EXTRACT, SPRITES_FOLDER = Path("data/extract"), Path("data/sprites")
