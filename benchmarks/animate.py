@@ -49,7 +49,7 @@ def main() -> None:
 
     rows = []
     for name, fish in players.items():
-        goals = random_goals(fish.mode.tank, fish.mode.touch_px, 20, np.random.default_rng(0))
+        goals = random_goals(fish.waters.tank, fish.waters.touch_px, 20, np.random.default_rng(0))
 
         def play(fish: Player = fish, goals: list[Goal] = goals) -> None:
             fish.play(goals, TICKS, np.random.default_rng(1))

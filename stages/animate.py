@@ -12,14 +12,15 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import measures
-from finloop.animate.arena import place_goals
-from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, NETWORK
+from finloop.animate.arena import place_goals, tank
+from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, Goal
+from finloop.animate.film import film
 from finloop.animate.motion import learn
 from finloop.animate.pictures import Pictures, drawn_steps, seams, without_ghosts
 from finloop.animate.players import frame_hulls, players, reach
-from finloop.animate.search import film
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
+from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
 from finloop.base.schema import lists_to_array
 from finloop.bpn.model import motion_model
@@ -41,19 +42,21 @@ from finloop.sprites.pictures import outlines
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
-TRIAL_GOALS = 3
-ALIKE = 1.5  # natural steps; pictures no farther apart may be drawn on one another
 OUTLINE = ("outline_x_px", "outline_y_px")
+
+Swum = tuple[np.ndarray, np.ndarray]
+"""Speed and turn rate of everything that swam."""
 
 
 @dataclass(frozen=True)
 class Brought:
-    """The fish that swims, one a mode, and the film's natural steps.
+    """A player a mode, and the film's natural steps.
 
     step: their median, the unit of every seam; steps, as_filmed (n,): Eq. 5 between successive
     frames, in the pose of the distance map and without turning them.
     """
 
+    waters: Waters
     players: dict[str, Player]
     pictures: Pictures
     step: float
@@ -72,15 +75,17 @@ def bring(p: Settings) -> Iterator[Brought]:
     points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
     outline = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE)
     map_facts = load_record(DATA / "distance" / "facts.json", MapFacts, "distance")
-    found = load_table(DATA / "loops/loops.parquet", LOOPS_TABLE)
+    loops = load_table(DATA / "loops/loops.parquet", LOOPS_TABLE)
     gates = load_table(DATA / "gateways/gateways.parquet", GATEWAYS)
     arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
-    rate, delta = facts.frame_rate_hz, delta_frames(model.delta_s, facts.frame_rate_hz)
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
     ):
+        motion = learn(
+            features, facts.frame_rate_hz, delta_frames(model.delta_s, facts.frame_rate_hz), p
+        )
         reel = Reel(features, frames, sprites, store)
         pictures = Pictures(reel, map_facts.size)
         hulls = frame_hulls(
@@ -88,21 +93,19 @@ def bring(p: Settings) -> Iterator[Brought]:
             features,
             (reel.length_px / reel.lengths_px).astype(float),
         )
-        sprite_hulls = outlines(reel)
-        reach_px, barred = reach(sprite_hulls, hulls)
-        graph = loop_graph(found, features["track_id"].to_numpy())
-        way = film(features, graph, map_facts.step_median, map_facts.pose, rate, delta, barred)
-        order = arrange(sprites, distance(pictures.after, pictures.headed), rate)
+        cast = Cast(sprites, outlines(reel), hulls)
+        reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
+        graph = loop_graph(loops, features["track_id"].to_numpy())
+        way = film(features, graph, motion, map_facts.pose, map_facts.step_median, barred)
         head = np.hypot(
             features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
         ).median()
-        made = players(
-            Cast(sprites, order, way, sprite_hulls, hulls), learn(features, rate, delta), model,
-            gates, arena, reach_px, float(head), p.goal_radius, p.stay_s, p.fade_s,
-            map_facts.step_median,
-        )  # fmt: skip
+        order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
+        touch_px = p.goal_radius * motion.body_length_px
+        waters = Waters(tank(arena, reach_px), way, order, motion, touch_px, float(head), p)
         yield Brought(
-            made,
+            waters,
+            players(waters, cast, model, gates, map_facts.step_median),
             pictures,
             map_facts.step_median,
             steps["step"].to_numpy(float),
@@ -111,57 +114,63 @@ def bring(p: Settings) -> Iterator[Brought]:
         )
 
 
-def trials(
-    p: Settings, fish: Player, film_motion: tuple[np.ndarray, np.ndarray]
-) -> dict[str, float]:
+def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
     """The measures of further animations, to random goals, on average."""
-    mode = fish.mode
-    ticks, goal_reach = round(p.seconds * mode.motion.rate_hz), mode.touch_px + mode.head_px
-    found = []
+    waters = player.waters
+    ticks, goal_reach = waters.ticks(p.seconds), waters.touch_px + waters.head_px
+    numbers = []
     with progress("animate", p.trials, "trials") as advance:
         for seed in range(p.trials):
             rng = np.random.default_rng([p.seed, seed])
-            asked = random_goals(mode.tank, goal_reach, TRIAL_GOALS, rng)
-            found.append(measures.of_plan(fish.play(asked, ticks, rng), asked, fish, film_motion))
+            goals = random_goals(waters.tank, goal_reach, p.trial_goals, rng)
+            edit = player.play(goals, ticks, rng)
+            numbers.append(measures.of_plan(edit, goals, player, film_motion))
             advance()
-    return pd.DataFrame(found).mean().add_prefix("trials_").to_dict()
+    return pd.DataFrame(numbers).mean().add_prefix("trials_").to_dict()
+
+
+def animation(
+    folder: Path, mode: str, goals: list[Goal], brought: Brought, film_motion: Swum
+) -> tuple[dict[str, float], pd.DataFrame]:
+    """Make the edit list of a mode: its measures, and itself."""
+    player, waters, pictures = brought.players[mode], brought.waters, brought.pictures
+    p, ticks = waters.settings, waters.ticks(waters.settings.seconds)
+    swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
+    edit = without_ghosts(edit_list(swum, ticks, player), pictures, p.fade_steps * brought.step)
+    save_table(folder / f"{mode}.parquet", edit, EDIT)
+    save_table(folder / f"{mode}_considered.parquet", swum.considered(ticks), CONSIDERED)
+    joins, jumps = seams(edit, pictures)
+    rate = waters.motion.rate_hz
+    return {
+        **measures.of_plan(edit, goals, player, film_motion),
+        **measures.of_steps(drawn_steps(edit, pictures), brought.as_filmed),
+        **measures.of_seams(joins, brought.steps),
+        **measures.of_states(edit),
+        **measures.of_rhythm(edit, jumps, rate),
+        "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
+        **trials(p, player, film_motion),
+    }, edit
 
 
 def main() -> None:
     """Make data/animate/, reports/animate/."""
     p: Settings = load("animate")
     numbers: dict[str, dict[str, float]] = {}
-    shown = {}
+    moved = {}
     with bring(p) as brought, whole_folder(OUT) as folder:
-        network = brought.players[NETWORK].mode
+        waters = brought.waters
+        touch_px = waters.touch_px + waters.head_px
         goals = [
-            goal._replace(radius_px=network.touch_px)
-            for goal in place_goals(
-                p.goals, p.goals_in, network.tank, network.touch_px + network.head_px
-            )
+            goal._replace(radius_px=waters.touch_px)
+            for goal in place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         ]
         save_records(folder / "goals.json", goals)
-        motion, ticks = network.motion, round(p.seconds * network.motion.rate_hz)
-        swum = measures.motion_of_film(brought.features, motion)
-        for name, fish in brought.players.items():
-            found = swim(fish.mode, goals, ticks, np.random.default_rng(p.seed))
-            edit = edit_list(found, ticks, fish)
-            edit = without_ghosts(edit, brought.pictures, ALIKE * brought.step)
-            save_table(folder / f"{name}.parquet", edit, EDIT)
-            save_table(folder / f"{name}_considered.parquet", found.considered(ticks), CONSIDERED)
-            joins, jumps = seams(edit, brought.pictures)
-            numbers[name] = {
-                **measures.of_plan(edit, goals, fish, swum),
-                **measures.of_steps(drawn_steps(edit, brought.pictures), brought.as_filmed),
-                **measures.of_seams(joins, brought.steps),
-                **measures.of_states(edit),
-                **measures.of_rhythm(edit, jumps, motion.rate_hz),
-                "longest_exact_repeat_s": measures.longest_repeat(edit) / motion.rate_hz,
-                **trials(p, fish, swum),
-            }
-            shown[name] = measures.motion_of_edit(edit, fish)
-        film_numbers = measures.of_film(brought.features, swum, brought.as_filmed, motion)
-        moves = measures.kinematics({measures.FILM_MOTION: swum} | shown)
+        swum = measures.motion_of_film(brought.features, waters.motion)
+        for mode, player in brought.players.items():
+            numbers[mode], edit = animation(folder, mode, goals, brought, swum)
+            moved[mode] = measures.motion_of_edit(edit, player)
+        film_numbers = measures.of_film(brought.features, swum, brought.as_filmed, waters.motion)
+        moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
     if LOOPS not in numbers:
         print(
@@ -175,8 +184,8 @@ def main() -> None:
         REPORT / "metrics.json",
         {
             f"{mode}_{name}": value
-            for mode, found in numbers.items()
-            for name, value in found.items()
+            for mode, measured in numbers.items()
+            for name, value in measured.items()
         }
         | {f"film_{name}": value for name, value in film_numbers.items()},
     )

@@ -28,7 +28,7 @@ from finloop.live.tank import LiveTank
 from finloop.live.view import View
 from finloop.render.gallery import PLACE, shelves
 from finloop.render.painter import Gallery, Painter
-from stages.animate import ALIKE, DATA, bring
+from stages.animate import DATA, bring
 from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
@@ -44,7 +44,7 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
     painter = Painter(load_picture(DATA / "extract/background.png"))
     with bring(p) as brought:
-        pictures, most = brought.pictures, ALIKE * brought.step
+        pictures, most = brought.pictures, p.fade_steps * brought.step
         reel = pictures.reel
         stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
         gallery = Gallery(shelves(stores, tracks, reel.sprites), keep=PICTURES)

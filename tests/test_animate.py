@@ -8,156 +8,54 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+from toy_film import (
+    ARENA,
+    DELTA,
+    HEAD,
+    LENGTH,
+    ORIENTATIONS,
+    RATE,
+    TOUCH,
+    film_of,
+    learnt,
+    lessons,
+    loops,
+    players_of,
+    sprites,
+    track,
+    waters_of,
+)
 
 from finloop.animate import kinematics as step
 from finloop.animate import measures
 from finloop.animate.arena import in_sight, inside, place_goals, tank
-from finloop.animate.edit_list import EDIT, FRAME, SPRITE, Goal
+from finloop.animate.edit_list import EDIT, FRAME, NETWORK, SPRITE, Goal
+from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import SLIDE, STATES, TURN, learn
-from finloop.animate.network import NetworkMode
-from finloop.animate.search import film as film_of
-from finloop.animate.sprites import Sprites, arrange, plan_turn
-from finloop.animate.swim import Cast, Player, Shown, cross_fades, edit_list, random_goals, swim
-from finloop.distance.picture import BODY
+from finloop.animate.network import SpriteSwimmer
+from finloop.animate.sprites import plan_turn
+from finloop.animate.state import Waters
+from finloop.animate.swim import Player, Shown, cross_fades, random_goals
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
-from finloop.loops.graph import loop_graph
-
-ORIENTATIONS = 24  # conf/features/default.yaml
-
-RATE, DELTA, LENGTH = 25.0, 5, 40.0
-TOUCH, HEAD = 0.5 * LENGTH, 0.4 * LENGTH
-
-
-# --- a film that was never made: glides, bursts, turns
-
-
-def track(number: int, seed: int, mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
-    """A fish that glides, beats its tail and turns by 40-140°, as a feature table."""
-    rng = np.random.default_rng(seed)
-    speed, turn, bend, kind = [], [], [], []
-    v = 2.0
-    for _ in range(8):
-        n = int(rng.integers(8, 20))  # glide
-        speed += list(v * 0.97 ** np.arange(n))
-        turn += list(rng.normal(0, 0.3, n))
-        bend += list(rng.normal(0, 0.0005, n))
-        kind += [0] * n
-        v = speed[-1]
-        n = int(rng.integers(6, 14))  # burst
-        speed += list(v * 1.05 ** np.arange(n))
-        turn += list(rng.normal(0, 0.5, n))
-        bend += list(0.02 * np.sin(2 * np.pi * np.arange(n) / 5))
-        kind += [0] * n
-        v = min(speed[-1], 3.0)
-        n, side = int(rng.integers(7, 12)), int(rng.choice((-1, 1)))
-        shape = np.sin(np.pi * (np.arange(n) + 0.5) / n)
-        angle = rng.uniform(40, 140)
-        speed += list(v * (1 - 0.3 * shape))
-        turn += list(side * angle * shape / shape.sum())
-        bend += list(side * 0.1 * shape * angle / 140)
-        kind += [side] * n
-    turned, bent, typed = (mirror * np.array(a, float) for a in (turn, bend, kind))
-    heading = wrap_deg(30.0 * mirror + np.cumsum(turned))
-    angle = np.radians(heading)
-    length = LENGTH * scale
-    way = np.array(speed)[:, None] / RATE * length * np.stack([np.cos(angle), -np.sin(angle)], 1)
-    place = 500 + np.cumsum(way, axis=0)
-    return pd.DataFrame(
-        {
-            "track_id": number,
-            "frame": np.arange(len(place)),
-            "x_px": place[:, 0],
-            "y_px": place[:, 1],
-            "heading_deg": heading,
-            "body_length_px": length,
-            "bend": bent,
-            "motion_area_rel": np.abs(bent) / 0.1,
-            "swimming_type": typed.astype(int),
-        }
-    )
-
-
-def film(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
-    return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
-
-
-def sprites() -> pd.DataFrame:
-    """Eight frames of a tail beat, six of a glide, a turn of 120° to either side."""
-    rows = []
-    for sequence, count in (("straight", 8), ("slide", 6), ("left", 9), ("right", 9)):
-        side = {"left": 1, "right": -1}.get(sequence, 0)
-        shape = np.sin(np.pi * (np.arange(count) + 0.5) / count)
-        for i in range(count):
-            cycle = side == 0
-            phase = "cycle" if cycle else "in" if i < 4 else "hold" if i == 4 else "out"
-            rows.append(
-                {
-                    "sequence": sequence,
-                    "step": i,
-                    "phase": phase,
-                    "frame": 100 * len({r["sequence"] for r in rows} | {sequence}) + i,
-                    "scale": 1.0,
-                    "head_offset_deg": 0.0,
-                    "motion_area_rel": 0.05 if cycle else shape[i],
-                    "forward": 0.08,
-                    "sideways": 0.0,
-                    "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
-                    "orientations": ORIENTATIONS,
-                }
-            )
-    return pd.DataFrame(rows)
-
-
-class Model:
-    """A stand-in for the trained network: the area is in proportion to the included angle."""
-
-    def predict(self, inputs: np.ndarray) -> np.ndarray:
-        assert inputs.shape[1] == 4
-        angle = inputs[:, 3]
-        return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
-
-
-def order() -> Sprites:
-    """The sprites as they are played; any of them may follow on any other."""
-    table = sprites()
-    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), RATE)
-
-
-ARENA = np.zeros((600, 800), bool)
-ARENA[20:580, 30:770] = True
+from finloop.settings import settings
 
 
 @pytest.fixture(scope="module")
-def mode() -> NetworkMode:
-    return NetworkMode(
-        learn(film(), RATE, DELTA), order(), Model(), tank(ARENA, 0.6 * LENGTH), TOUCH, HEAD
-    )
-
-
-def cast_of(sprite_hull: np.ndarray, frame_hull: np.ndarray) -> Cast:
-    """The sprites, and the film without a loop; every picture with the same outline."""
-    table, features = sprites(), film()
-    n = len(features)
-    no_loops = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
-    graph = loop_graph(no_loops, features["track_id"].to_numpy())
-    shown = film_of(features, graph, 1.0, BODY, RATE, DELTA, np.arange(n), np.zeros(n, bool))
-    hulls = np.repeat(frame_hull[None].astype(np.float32), n, axis=0)
-    return Cast(table, order(), shown, [sprite_hull] * len(table), hulls)
+def waters() -> Waters:
+    """A film without loops, so that only sprites are swum by."""
+    return waters_of(film_of(lessons(), loops()))
 
 
 @pytest.fixture(scope="module")
-def cast() -> Cast:
-    hull = np.array([[20.0, 0], [-20, 5], [-20, -5]])
-    return cast_of(hull, hull)
+def player(waters) -> Player:
+    return players_of(waters)[NETWORK]
 
 
-def edit(mode: NetworkMode, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
-    hull = np.array([[20.0, 0], [-20, 5], [-20, -5]])
-    found = swim(mode, goals, ticks, np.random.default_rng(seed))
-    return edit_list(found, ticks, Player(mode, cast_of(hull, hull), 2))
+def played(player: Player, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
+    return player.play(goals, ticks, np.random.default_rng(seed))
 
 
 # --- the tank
@@ -237,7 +135,7 @@ def test_goals_that_cannot_be_reached_are_named(given, unit, said):
 # --- steps
 
 OPEN = np.ones((1000, 1000), bool)
-FAR = np.array([-1e6, -1e6])
+FAR = Spot(-1e6, -1e6, 5.0, 9.0)
 
 
 def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
@@ -250,7 +148,7 @@ def test_ahead_is_along_the_heading_with_y_down_and_left_to_its_left():
 def test_straight_ahead_goes_straight_ahead():
     start = np.array([100.0, 500.0, 30.0])
     none = np.zeros(50)
-    way, good, touched = step.straight(OPEN, start, np.full(50, 4.0), none, none, 9.0, FAR, 5.0)
+    way, good, touched = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
     assert (good, touched) == (50, 50)
     assert way[-1] == pytest.approx([100 + 200 * np.cos(np.pi / 6), 400.0, 30.0])
 
@@ -258,18 +156,19 @@ def test_straight_ahead_goes_straight_ahead():
 def test_a_wall_is_seen_from_the_distance_in_which_one_can_stop():
     start = np.array([900.0, 500.0, 0.0])
     none = np.zeros(50)
-    _, good, _ = step.straight(OPEN, start, np.full(50, 4.0), none, none, 9.0, FAR, 5.0)
+    _, good, _ = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none), FAR)
     assert good == 24  # 900 + 4 · 24 = 996; the next stands at 1000
-    _, good, _ = step.straight(OPEN, start, np.full(50, 4.0), none, none + 40, 9.0, FAR, 5.0)
+    _, good, _ = step.straight(OPEN, start, Ahead(np.full(50, 4.0), none, none + 40), FAR)
     assert good == 14
 
 
 def test_a_goal_is_touched_by_the_head_before_the_centre():
     start = np.array([100.0, 500.0, 0.0])
     none = np.zeros(100)
-    at = np.array([300.0, 500.0])
     for head, tick in ((0.0, 48), (16.0, 44)):  # 100 + 4 · 49 = 296, 4 px before the goal
-        _, _, touched = step.straight(OPEN, start, np.full(100, 4.0), none, none, head, at, 4.0)
+        _, _, touched = step.straight(
+            OPEN, start, Ahead(np.full(100, 4.0), none, none), Spot(300.0, 500.0, 4.0, head)
+        )
         assert touched == tick
 
 
@@ -279,7 +178,9 @@ def test_in_a_turn_the_error_falls_at_every_tick_to_nothing(target):
     share = np.cumsum(np.hanning(14)[1:-1])
     share /= share[-1]
     flow, side = np.full(12, 3.0), np.full(12, 0.5)
-    way, good, _ = step.turn(OPEN, start, share, flow, side, 9.0, FAR, 1.0, at, 90.0)
+    way, good, _ = step.turn(
+        OPEN, start, Turning(share, flow, side), FAR, Spot(*target, 1.0, 9.0), 90.0
+    )
     assert good
     bearing = np.degrees(np.arctan2(way[:, 1] - at[1], at[0] - way[:, 0]))
     error = np.abs(wrap_deg(bearing - way[:, 2]))
@@ -291,12 +192,9 @@ def test_in_a_turn_the_error_falls_at_every_tick_to_nothing(target):
 def test_a_mirrored_target_gives_the_mirrored_turn():
     share, flow, side = np.linspace(0.1, 1, 10), np.full(10, 3.0), np.full(10, 0.4)
     start = np.array([500.0, 500.0, 0.0])
-    left, _, _ = step.turn(
-        OPEN, start, share, flow, side, 9.0, FAR, 1.0, np.array([400.0, 200.0]), 90.0
-    )
-    right, _, _ = step.turn(
-        OPEN, start, share, flow, side, 9.0, FAR, 1.0, np.array([400.0, 800.0]), 90.0
-    )
+    swim = Turning(share, flow, side)
+    left, _, _ = step.turn(OPEN, start, swim, FAR, Spot(400.0, 200.0, 1.0, 9.0), 90.0)
+    right, _, _ = step.turn(OPEN, start, swim, FAR, Spot(400.0, 800.0, 1.0, 9.0), 90.0)
     assert right[:, 0] == pytest.approx(left[:, 0])
     assert right[:, 1] - 500 == pytest.approx(500 - left[:, 1])
     assert right[:, 2] == pytest.approx(-left[:, 2])
@@ -305,9 +203,8 @@ def test_a_mirrored_target_gives_the_mirrored_turn():
 def test_a_target_too_near_for_a_turn_is_refused():
     share, flow = np.linspace(0.1, 1, 10), np.full(10, 30.0)
     start = np.array([500.0, 500.0, 0.0])
-    _, good, _ = step.turn(
-        OPEN, start, share, flow, 0 * flow, 9.0, FAR, 1.0, np.array([500.0, 460.0]), 20.0
-    )
+    near = Spot(500.0, 460.0, 1.0, 9.0)
+    _, good, _ = step.turn(OPEN, start, Turning(share, flow, 0 * flow), FAR, near, 20.0)
     assert not good
 
 
@@ -315,8 +212,8 @@ def test_a_target_too_near_for_a_turn_is_refused():
 
 
 def test_every_tick_of_a_film_is_learnt_once():
-    table = film()
-    motion = learn(table, RATE, DELTA)
+    table = lessons()
+    motion = learnt(table)
     assert motion.phases.ticks.sum() == (table["swimming_type"] == 0).sum()
     assert motion.straight_ticks.sum() == motion.phases.ticks.sum()
     assert len(motion.phases.speed_change) == motion.phases.ticks.sum()
@@ -324,15 +221,15 @@ def test_every_tick_of_a_film_is_learnt_once():
 
 
 def test_a_flick_within_straight_swimming_is_not_learnt_as_drift():
-    table = film()
+    table = lessons()
     here = (table["track_id"] == 1) & (table["frame"] >= 4)
     table.loc[here, "heading_deg"] = wrap_deg(table.loc[here, "heading_deg"] + 70)
-    assert np.abs(learn(table, RATE, DELTA).phases.drift_deg).max() <= 20
+    assert np.abs(learnt(table).phases.drift_deg).max() <= 20
 
 
 def test_turns_have_the_angle_that_was_swum():
-    table = film()
-    angles = learn(table, RATE, DELTA).turns.angle_deg
+    table = lessons()
+    angles = learnt(table).turns.angle_deg
     swum = []
     for _, one in table.groupby("track_id"):
         kind = one["swimming_type"].to_numpy()
@@ -350,7 +247,7 @@ def test_turns_have_the_angle_that_was_swum():
 
 def test_a_glide_is_told_from_a_burst():
     table = track(0, 3)
-    motion = learn(table, RATE, DELTA)
+    motion = learnt(table)
     glides = motion.phases.state == SLIDE
     ends = motion.phases.start + motion.phases.ticks - 1
     assert glides.any() and not glides.all()
@@ -360,14 +257,14 @@ def test_a_glide_is_told_from_a_burst():
 
 
 def test_a_mirrored_film_teaches_the_same_turns():
-    one, other = learn(film(), RATE, DELTA).turns, learn(film(mirror=-1), RATE, DELTA).turns
+    one, other = learnt(lessons()).turns, learnt(lessons(mirror=-1)).turns
     assert other.angle_deg == pytest.approx(one.angle_deg)
     assert other.forward == pytest.approx(one.forward)
     assert other.sideways == pytest.approx(one.sideways)
 
 
 def test_a_film_of_a_larger_fish_teaches_the_same():
-    one, other = learn(film(), RATE, DELTA), learn(film(scale=3.0), RATE, DELTA)
+    one, other = learnt(lessons()), learnt(lessons(scale=3.0))
     assert other.body_length_px == pytest.approx(3 * one.body_length_px)
     assert other.phases.speed_change == pytest.approx(one.phases.speed_change)
     assert other.turns.forward == pytest.approx(one.turns.forward)
@@ -375,9 +272,9 @@ def test_a_film_of_a_larger_fish_teaches_the_same():
 
 @pytest.mark.parametrize("only", [0, 1])
 def test_a_film_without_turns_or_without_straight_swimming_is_refused(only):
-    table = film().assign(swimming_type=only)
+    table = lessons().assign(swimming_type=only)
     with pytest.raises(FinloopError, match=r"no (turning|straight swimming)"):
-        learn(table, RATE, DELTA)
+        learn(table, RATE, DELTA, settings("animate"))
 
 
 # --- sprites as they are played
@@ -385,8 +282,8 @@ def test_a_film_without_turns_or_without_straight_swimming_is_refused(only):
 
 @pytest.mark.parametrize("side", [LEFT, RIGHT])
 @pytest.mark.parametrize("angle", [2, 20, 60, 120, 180])
-def test_a_turn_is_done_step_by_step_to_the_end(mode, side, angle):
-    plan = plan_turn(mode.sprites.turns[side], angle, angle / 180, DELTA)
+def test_a_turn_is_done_step_by_step_to_the_end(waters, side, angle):
+    plan = plan_turn(waters.sprites.turns[side], angle, angle / 180, DELTA, waters.settings)
     assert (np.diff(plan.share) > 0).all() and plan.share[0] > 0
     assert plan.share[-1] == 1
     sequence = sprites().loc[plan.frames, "sequence"].unique()
@@ -394,74 +291,90 @@ def test_a_turn_is_done_step_by_step_to_the_end(mode, side, angle):
     assert plan.frames[0] == sprites().index[sprites()["sequence"] == sequence[0]][0]
 
 
-def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer(mode):
-    turn = mode.sprites.turns[LEFT]
-    areas = [plan_turn(turn, 60, a, DELTA).area for a in (0.2, 0.5, 0.8, 1.0)]
+def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer(waters):
+    turn = waters.sprites.turns[LEFT]
+    areas = [plan_turn(turn, 60, a, DELTA, waters.settings).area for a in (0.2, 0.5, 0.8, 1.0)]
     assert areas == sorted(areas) and areas[0] < areas[-1]
-    deep = [plan_turn(turn, angle, 1.0, DELTA) for angle in (90, 150, 180)]
+    deep = [plan_turn(turn, angle, 1.0, DELTA, waters.settings) for angle in (90, 150, 180)]
     assert len(deep[0].frames) < len(deep[1].frames) <= len(deep[2].frames)
 
 
-def test_frames_turn_by_what_they_turned_in_the_film(mode):
+def test_frames_turn_by_what_they_turned_in_the_film(waters):
     # All nine frames once: their own angles, in the shares of the film.
-    plan = plan_turn(mode.sprites.turns[LEFT], 120, 1.0, DELTA)
+    plan = plan_turn(waters.sprites.turns[LEFT], 120, 1.0, DELTA, waters.settings)
     table = sprites()
     film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
     assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
     assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
 
 
-def test_a_turn_half_as_deep_never_shows_the_deepest_frames(mode):
-    plan = plan_turn(mode.sprites.turns[RIGHT], 40, 0.5, DELTA)
+def test_a_turn_half_as_deep_never_shows_the_deepest_frames(waters):
+    plan = plan_turn(waters.sprites.turns[RIGHT], 40, 0.5, DELTA, waters.settings)
     assert sprites().loc[plan.frames, "motion_area_rel"].max() < 0.8
 
 
 # --- network mode
 
 
-def test_goals_are_reached_inside_the_tank_for_every_seed(mode):
+def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead(player):
+    swimmer, rng = player.policy.sprites, np.random.default_rng(0)
+    assert isinstance(swimmer, SpriteSwimmer)
+    fish = replace(swimmer.begin(rng), x=400.0, y=300.0, heading=0.0)
+    for (x, y), reason, side in (
+        ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
+        ((400.0, 500.0), "turn", -90.0),
+    ):  # fmt: skip
+        found = swimmer.figure18(fish, Spot(x, y, TOUCH, HEAD), rng)
+        assert found.decision.reason == reason
+        assert found.decision.turn_deg == pytest.approx(side, nan_ok=True)
+        assert np.isnan(found.area) == (reason != "turn")  # only then the network is asked
+
+
+def test_goals_are_reached_inside_the_tank_for_every_seed(player):
     for seed in range(20):
         rng = np.random.default_rng(seed)
-        goals = random_goals(mode.tank, TOUCH + HEAD, 3, rng)
-        table = edit(mode, goals, 1500, seed)
+        goals = random_goals(player.waters.tank, TOUCH + HEAD, 3, rng)
+        table = played(player, goals, 1500, seed)
         ticks = measures.reached(table, goals, TOUCH, HEAD)
         assert not np.isnan(ticks).any()
-        legal = [inside(mode.tank.legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()]
+        legal = [
+            inside(player.waters.tank.legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()
+        ]
         assert all(legal)
         assert measures.of_turns(table)["turns_monotone_pct"] == 100
 
 
-def test_nothing_teleports(mode):
-    table = edit(mode, [], 3000, 4)
+def test_nothing_teleports(player):
+    table = played(player, [], 3000, 4)
     moved = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
-    assert moved.max() <= mode.motion.high / RATE * LENGTH * np.sqrt(2) + 1e-6
+    assert moved.max() <= player.waters.motion.high / RATE * LENGTH * np.sqrt(2) + 1e-6
     spun = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
     straight = (table["state"] != "turn").to_numpy()[1:]
-    drifts = np.abs(np.diff(mode.motion.phases.drift_deg)).max()
+    drifts = np.abs(np.diff(player.waters.motion.phases.drift_deg)).max()
     assert spun[straight].max() <= drifts + 1
 
 
-def test_a_seed_gives_one_animation_and_another_seed_another(mode):
+def test_a_seed_gives_one_animation_and_another_seed_another(player):
     goals = [Goal("A", 200.0, 200.0)]
-    one, same, other = (edit(mode, goals, 400, seed) for seed in (7, 7, 8))
+    one, same, other = (played(player, goals, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one, same)
     assert not np.allclose(one["x_px"], other["x_px"])
 
 
-def test_when_the_goals_are_done_the_fish_wanders_on(mode):
-    table = edit(mode, [Goal("A", 200.0, 200.0)], 3000, 2)
+def test_when_the_goals_are_done_the_fish_wanders_on(player):
+    table = played(player, [Goal("A", 200.0, 200.0)], 3000, 2)
     names = table["goal"].to_numpy()
     assert names[0] == "A" and names[-1] == ""
     wandering = table[names == ""]
-    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(mode.tank.legal.any(0)))
-    filmed = {STATES[state] for state in mode.motion.phases.state} | {"turn"}
+    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(player.waters.tank.legal.any(0)))
+    filmed = {STATES[state] for state in player.waters.motion.phases.state} | {"turn"}
     assert set(wandering["state"]) >= filmed
 
 
-def test_a_wandering_fish_swims_as_the_film_does(mode, cast):
-    table = edit(mode, [], 10_000, 1)
-    swum = measures.motion_of_film(film(), mode.motion)
-    far = measures.of_kinematics(measures.motion_of_edit(table, Player(mode, cast, 2)), swum)
+def test_a_wandering_fish_swims_as_the_film_does(player):
+    table = played(player, [], 10_000, 1)
+    swum = measures.motion_of_film(lessons(), player.waters.motion)
+    far = measures.of_kinematics(measures.motion_of_edit(table, player), swum)
     assert far["speed_kinematic_distance_sd"] < 0.5
     assert far["turn_rate_kinematic_distance_sd"] < 0.5
 
@@ -469,24 +382,22 @@ def test_a_wandering_fish_swims_as_the_film_does(mode, cast):
 def test_a_way_leads_round_a_wall_to_the_goal():
     arena = ARENA.copy()
     arena[:380, 390:410] = False
-    mode = NetworkMode(
-        learn(film(), RATE, DELTA), order(), Model(), tank(arena, 0.6 * LENGTH), TOUCH, HEAD
-    )
+    player = players_of(waters_of(film_of(lessons(), loops()), tank(arena, 0.6 * LENGTH)))[NETWORK]
     goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
-    found = edit(mode, goals, 2500, 3)
+    found = played(player, goals, 2500, 3)
     assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
-    assert all(inside(mode.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
+    assert all(inside(player.waters.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
 
 
-def test_a_goal_in_a_corner_is_touched(mode):
+def test_a_goal_in_a_corner_is_touched(player):
     goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
-    table = edit(mode, goals, 1500, 5)
+    table = played(player, goals, 1500, 5)
     assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
 
 
-def test_the_network_is_asked_and_obeyed(mode):
-    table = edit(mode, [], 4000, 6)
-    asked = table[table["motion_area"].notna() & table["decision"].notna()]
+def test_the_network_is_asked_and_obeyed(player):
+    table = played(player, [], 4000, 6)
+    asked = table[table["motion_area"].notna() & table["reason"].notna()]
     assert (table["state"][table["motion_area"].notna()] == "turn").all()
     area = sprites()["motion_area_rel"].to_numpy()
     shown = [
@@ -497,23 +408,23 @@ def test_the_network_is_asked_and_obeyed(mode):
 
 
 def _turns(table: pd.DataFrame) -> list[tuple[int, int]]:
-    begins = [*np.flatnonzero(table["decision"].notna()), len(table)]
+    begins = [*np.flatnonzero(table["reason"].notna()), len(table)]
     return [(a, b) for a, b in pairwise(begins) if table["state"].iloc[a] == "turn"]
 
 
 # --- the edit list
 
 
-def test_an_edit_list_is_what_its_schema_says(mode, tmp_path):
-    table = edit(mode, [Goal("A", 200.0, 200.0)], 500, 1)
+def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
+    table = played(player, [Goal("A", 200.0, 200.0)], 500, 1)
     save_table(tmp_path / "nn.parquet", table, EDIT)
     back = load_table(tmp_path / "nn.parquet", EDIT)
     assert len(back) == 500 and list(back["tick"]) == list(range(500))
     assert back["time_s"].iloc[-1] == pytest.approx(499 / RATE)
 
 
-def test_orientation_and_rest_make_the_heading(mode):
-    table = edit(mode, [], 2000, 1)
+def test_orientation_and_rest_make_the_heading(player):
+    table = played(player, [], 2000, 1)
     sector = table["source"].to_numpy() % ORIENTATIONS * 15.0
     made = wrap_deg(sector + table["rotation_deg"].to_numpy(float))
     assert wrap_deg(made - table["heading_deg"].to_numpy(float)) == pytest.approx(0, abs=1e-4)
@@ -524,29 +435,29 @@ def sprites_shown(number: list[int]) -> Shown:
     return Shown(np.zeros(len(number), bool), np.array(number), np.zeros(len(number)))
 
 
-def test_a_new_sequence_fades_in_while_the_old_one_plays_on(cast):
+def test_a_new_sequence_fades_in_while_the_old_one_plays_on(player):
     # A cycle of straight frames 0-7, then the turn that begins with frame 14.
     shown = sprites_shown([5, 6, 7, 14, 15, 16, 17])
-    partner, weight = cross_fades(shown, [True, True], np.array([0, 3]), cast, 2)
+    partner, weight = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=2))
     assert weight == pytest.approx([0, 0, 0, 2 / 3, 1 / 3, 0, 0])
     assert list(partner.number[3:5]) == [0, 1] and not partner.frame.any()
     # After the last frame of a turn that one stays: there is no other.
     shown = sprites_shown([20, 21, 22, 8, 9, 10, 11])
-    partner, _ = cross_fades(shown, [True, True], np.array([0, 3]), cast, 3)
+    partner, _ = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=3))
     assert list(partner.number[3:6]) == [22, 22, 22]
 
 
-def test_what_goes_on_does_not_fade(cast):
+def test_what_goes_on_does_not_fade(player):
     shown = sprites_shown([5, 6, 7, 0, 1, 2])
-    _, weight = cross_fades(shown, [True, False], np.array([0, 3]), cast, 2)
+    _, weight = cross_fades(shown, [True, False], np.array([0, 3]), replace(player, fade=2))
     assert not weight.any()
-    _, weight = cross_fades(shown, [True, True], np.array([0, 3]), cast, 0)
+    _, weight = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=0))
     assert not weight.any()
 
 
-def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(cast):
+def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(player):
     shown = sprites_shown([5, 6, 14, 15, 8, 9, 10, 11])
-    partner, weight = cross_fades(shown, [True] * 3, np.array([0, 2, 4]), cast, 3)
+    partner, weight = cross_fades(shown, [True] * 3, np.array([0, 2, 4]), replace(player, fade=3))
     assert weight == pytest.approx([0, 0, 0.75, 0.5, 0.75, 0.5, 0.25, 0])
     assert list(partner.number[2:7]) == [7, 0, 16, 17, 18]
 
@@ -561,16 +472,17 @@ def straight_list(n: int = 101) -> pd.DataFrame:
             "y_px": 300.0,
             "heading_deg": 0.0,
             "state": "straight",
-            "decision": ["begin"] + [None] * (n - 1),
+            "reason": ["turn"] + [None] * (n - 1),
+            "room": [1.0] + [np.nan] * (n - 1),
             "aim_x_px": 600.0,
             "aim_y_px": 300.0,
         }
     )
 
 
-def test_a_straight_way_to_the_goal_has_no_error(mode):
+def test_a_straight_way_to_the_goal_has_no_error(player):
     table = straight_list()
-    touching = SimpleNamespace(motion=mode.motion, touch_px=8.0, head_px=0.0)
+    touching = SimpleNamespace(motion=player.waters.motion, touch_px=8.0, head_px=0.0)
     found = measures.of_goals(table, [Goal("A", 500, 300)], touching)
     assert found["goals_reached_pct"] == 100
     assert found["path_error_rms_body_lengths"] == pytest.approx(0)
@@ -581,9 +493,15 @@ def test_a_straight_way_to_the_goal_has_no_error(mode):
     assert measures.of_goals(off, goals, touching)["goals_reached_pct"] == 0
 
 
-def test_goals_count_only_in_their_order(mode):
+def test_goals_count_only_in_their_order(player):
     goals = [Goal("A", 400, 300), Goal("B", 200, 300)]
     assert np.isnan(measures.reached(straight_list(), goals, 8.0, 0.0)[1])
+
+
+def test_turns_without_room_are_counted():
+    table = straight_list(4).assign(state="turn", reason=["turn", None, "turn", None])
+    table["room"] = [0.5, np.nan, 1.0, np.nan]
+    assert measures.of_turns(table)["turns_with_little_room_pct"] == 50
 
 
 def test_a_turn_that_turns_away_is_found():
@@ -627,26 +545,28 @@ def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
 
 
 @pytest.mark.parametrize("kind", [SPRITE, FRAME])
-def test_a_fish_half_out_of_the_tank_is_counted(mode, kind):
+def test_a_fish_half_out_of_the_tank_is_counted(waters, kind):
     long, short = np.array([[20.0, 0], [-20, 5], [-20, -5]]), np.zeros((1, 2))
-    here = cast_of(*((long, short) if kind == SPRITE else (short, long)))
+    hulls = (long, short) if kind == SPRITE else (short, long)
+    here = players_of(waters, hulls=hulls)[NETWORK]
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
         drawn = table.assign(heading_deg=heading, kind=kind, source=[5, 5, 29, 29])
-        assert measures.outside(drawn, here, mode.tank) == count
+        assert measures.outside(drawn, here) == count
         other = drawn.assign(kind=FRAME if kind == SPRITE else SPRITE)
-        assert measures.outside(other, here, mode.tank) == 0
+        assert measures.outside(other, here) == 0
 
 
-def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(mode, cast):
-    swaying = replace(cast, sprites=cast.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0))
+def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
+    sprites_ = player.cast.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0)
+    swaying = replace(player, cast=replace(player.cast, sprites=sprites_))
     source = np.arange(8) * ORIENTATIONS
     table = pd.DataFrame(
         {"kind": SPRITE, "source": source, "x_px": 0.0, "y_px": 0.0, "heading_deg": 0.0}
     )
-    _, rate = measures.motion_of_edit(table, Player(mode, swaying, 2))
+    _, rate = measures.motion_of_edit(table, swaying)
     assert np.abs(rate) == pytest.approx(10.0 * RATE / DELTA)
-    _, rate = measures.motion_of_edit(table.assign(kind=FRAME), Player(mode, swaying, 2))
+    _, rate = measures.motion_of_edit(table.assign(kind=FRAME), swaying)
     assert rate == pytest.approx(0)
 
 
@@ -658,8 +578,8 @@ def test_steps_and_seams_of_the_film_itself_are_one():
     assert measures.of_seams(np.zeros(0), steps) == {"jumps": 0}
 
 
-def test_states_of_the_film_sum_to_all_of_it(mode):
-    share = measures.film_states(film(), mode.motion)
+def test_states_of_the_film_sum_to_all_of_it(player):
+    share = measures.film_states(lessons(), player.waters.motion)
     assert sum(share.values()) == pytest.approx(100)
-    turning = 100 * (film()["swimming_type"] != 0).mean()
+    turning = 100 * (lessons()["swimming_type"] != 0).mean()
     assert share[f"{STATES[TURN]}_pct"] == pytest.approx(turning)

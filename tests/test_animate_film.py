@@ -1,10 +1,5 @@
-"""The film to swim by, loops mode, hybrid mode: laws, a slow search, ground truth.
+"""The film to swim by, loops mode, hybrid mode: laws, a slow search, ground truth."""
 
-A made-up fish of constant speed swims on circles and straight lines; every picture of it is alike,
-so a loop may join any two of its rows. Positions are px, y down; angles degrees, anticlockwise.
-"""
-
-import re
 from dataclasses import replace
 from itertools import pairwise
 from types import SimpleNamespace
@@ -13,141 +8,80 @@ import networkx as nx
 import numpy as np
 import pandas as pd
 import pytest
-from test_animate import (
+from toy_film import (
     ARENA,
     DELTA,
     HEAD,
     LENGTH,
+    ORIENTATIONS,
     RATE,
+    SPEED,
+    STEP,
     TOUCH,
-    Model,
+    film_of,
+    gateways,
+    lesson,
+    loops,
+    open_tank,
     order,
-    sprites,
-)  # fmt: skip
-from test_animate import film as learnt
+    players_of,
+    rich,
+    rich_film,
+    rich_table,
+    swum,
+    table_of,
+    waters_of,
+)
 
 from finloop.animate import measures
 from finloop.animate import search as ahead
 from finloop.animate.arena import inside, tank
-from finloop.animate.edit_list import CONSIDERED, EDIT, FRAME, HYBRID, LOOPS, NETWORK, SPRITE, Goal
-from finloop.animate.hybrid import HybridMode
-from finloop.animate.kinematics import bearing, touches
-from finloop.animate.loops import LoopMode, Options, choose, considered
-from finloop.animate.motion import ACCELERATE, STRAIGHT, learn
+from finloop.animate.crossing import Crossing
+from finloop.animate.edit_list import (
+    CONSIDERED,
+    EDIT,
+    FRAME,
+    HYBRID,
+    LOOPS,
+    NETWORK,
+    SPRITE,
+    VERDICTS,
+    Goal,
+)
+from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.loops import FilmSwimmer, counted, verdicts
+from finloop.animate.motion import ACCELERATE, STRAIGHT
 from finloop.animate.motion import FILM as IN_FILM
-from finloop.animate.network import Fish, NetworkMode
-from finloop.animate.players import frame_hulls, players, reach
-from finloop.animate.search import film
-from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
+from finloop.animate.players import frame_hulls, reach
+from finloop.animate.policies import figure19, worth
+from finloop.animate.search import Candidates, Found, Here, Rules
+from finloop.animate.state import Decision, Fish, Options, after
+from finloop.animate.swim import edit_list, random_goals, swim
+from finloop.animate.words import in_words
 from finloop.distance.picture import BODY, FILM
 from finloop.features.table import wrap_deg
-from finloop.gateways.find import GATEWAYS
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
 
-ORIENTATIONS = 24  # conf/features/default.yaml
-
-SPEED = 2.0  # body lengths/s
-STEP = SPEED * LENGTH / RATE  # px per tick
-ROOM = tank(ARENA, 0.6 * LENGTH)
-MOTION = learn(learnt(), RATE, DELTA)
+RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0)
+"""Of a fish that does 3 px and 5° a tick."""
 
 
-# --- a film that was never made
+def loops_player(film_=None, room_=None, **changes):
+    return players_of(waters_of(film_, room_, **changes), gateways().iloc[:0])[LOOPS]
 
 
-def swum(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
-    """A track that turns by so many degrees from row to row, at a constant speed."""
-    headings = heading + np.cumsum([0.0, *turns])
-    angle = np.radians(headings)
-    step = SPEED * length / RATE * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
-    place = np.array(at) + np.cumsum(np.vstack([[0, 0], step[:-1]]), axis=0)
-    n = len(headings)
-    return pd.DataFrame(
-        {
-            "track_id": track, "frame": np.arange(n), "x_px": place[:, 0], "y_px": place[:, 1],
-            "heading_deg": wrap_deg(headings), "body_length_px": length,
-            "motion_area_rel": 0.1, "swimming_type": 0, "bend": 0.0,
-        }
-    )  # fmt: skip
+def hybrid_player(film_=None, room_=None, gates=None, **changes):
+    return players_of(waters_of(film_, room_, **changes), gates)[HYBRID]
 
 
-def table_of(*tracks):
-    return pd.concat([t.assign(track_id=i) for i, t in enumerate(tracks)], ignore_index=True)
+def spot(x, y):
+    return Spot(float(x), float(y), TOUCH, HEAD)
 
 
-def loops(*pairs):
-    rows = [(min(p[:2]), max(p[:2]), p[2] if len(p) > 2 else 0.5) for p in pairs]
-    made = pd.DataFrame(rows, columns=["a", "b", "distance"])
-    return made.astype({"a": int, "b": int, "distance": float})
-
-
-def film_of(features, found, pose=BODY, step=1.0, barred=None):
-    n = len(features)
-    graph = loop_graph(found, features["track_id"].to_numpy())
-    barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
-    return film(features, graph, step, pose, RATE, DELTA, barred)
-
-
-def rich(seed=0, heading=True):
-    """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
-    rng = np.random.default_rng(seed)
-    rates = (0.0, 2.0, -2.0, 4.0, -4.0, 7.0, -7.0, 0.5)
-    tracks = table_of(*(swum([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
-    ends = np.concatenate([150 * i + np.arange(4, 146, 6) for i in range(len(rates))])
-    pairs = {(a, b) for a in ends for b in rng.choice(ends, 4) if abs(int(a) - b) > 12}
-    if not heading:  # FILM: both fish of a loop must head alike
-        angle = tracks["heading_deg"].to_numpy()
-        every = np.array([(a, b) for a in ends for b in ends if b - a > 12])
-        alike = np.abs(wrap_deg(angle[every[:, 0]] - angle[every[:, 1]])) < 7.5
-        pairs = {tuple(pair) for pair in every[alike]}
-    far = rng.uniform(0.1, 0.7, len(pairs))
-    return tracks, loops(*((a, b, d) for (a, b), d in zip(sorted(pairs), far, strict=True)))
-
-
-TABLE, PAIRS = rich()
-REEL = film_of(TABLE, PAIRS)
-
-
-def loop_mode(reel=REEL, room=ROOM, stay_s=0.4):
-    return LoopMode(reel, MOTION, room, TOUCH, HEAD, stay_s)
-
-
-def cast_of(reel=REEL):
-    hull = np.array([[20.0, 0], [-20, 5], [-20, -5]])
-    hulls = np.repeat(hull[None].astype(np.float32), len(reel.more), axis=0)
-    return Cast(sprites(), order(), reel, [hull] * len(sprites()), hulls)
-
-
-def gateways(table=TABLE, every=7, seed=1):
-    """Ways in from every sprite of a cycle, ways out to every one, the headings fitting exactly."""
-    rng = np.random.default_rng(seed)
-    heading = table["heading_deg"].to_numpy()
-    last = np.append(np.diff(table["track_id"]) != 0, True)
-    rows = [
-        (sprite, 0, "in", row, rank, rng.uniform(0.2, 1.0), wrap_deg(-heading[row]))
-        for sprite in range(14)
-        for rank, row in enumerate(np.arange(1 + sprite % 5, len(table) - 1, 97), 1)
-    ] + [
-        (sprite, 0, "out", row, sprite + 1, rng.uniform(0.2, 1.0), wrap_deg(-heading[row + 1]))
-        for row in np.flatnonzero(~last)[::every]
-        for sprite in range(14)
-    ]
-    return pd.DataFrame(rows, columns=[c.name for c in GATEWAYS.columns])
-
-
-def network(room=ROOM):
-    return NetworkMode(MOTION, order(), Model(), room, TOUCH, HEAD)
-
-
-def hybrid_mode(reel=REEL, gates=None, room=ROOM, stay_s=0.4):
-    gates = gateways() if gates is None else gates
-    return HybridMode(network(room), loop_mode(reel, room, stay_s), gates, 1.0)
-
-
-def edit_of(mode, goals, ticks, seed, fade=3, reel=REEL):
-    found = swim(mode, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, Player(mode, cast_of(reel), fade))
+def edit_of(player, goals, ticks, seed):
+    found = swim(player, goals, ticks, np.random.default_rng(seed))
+    return found, edit_list(found, ticks, player)
 
 
 def flat(found):
@@ -161,7 +95,7 @@ def flat(found):
 
 
 def on_the_spot(found):
-    return np.array([s.why.startswith("no way on") for s in found.stretches])
+    return np.array([s.decision.reason == "spot" for s in found.stretches])
 
 
 # --- the film
@@ -263,13 +197,13 @@ def test_the_film_goes_on_where_the_graph_of_loops_says_so():
 
 
 def test_without_a_loop_nothing_is_endless():
-    assert not film_of(TABLE, loops()).endless.any()
+    assert not film_of(rich_table(), loops()).endless.any()
 
 
 # --- looking ahead, against a slow search
 
 
-def slow_leg(reel, room, x, y, rot, row, stride, most, at):
+def slow_leg(reel, room, x, y, rot, row, stride, most, aim):
     angle = np.radians(rot)
     turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     place = np.array([x, y])
@@ -281,24 +215,24 @@ def slow_leg(reel, room, x, y, rot, row, stride, most, at):
         if not inside(room.legal, *place):
             return *place, -1, t, False
         goes_on = reel.more[row] and reel.endless[row + 1]
-        if goes_on and touches(*place, reel.heading[row] + rot, HEAD, at, TOUCH):
+        if goes_on and touches(*place, reel.heading[row] + rot, aim):
             return *place, row, t, True
         if t >= stride and reel.end[row] >= 0:
             return *place, row, t, False
     return *place, row, most, False
 
 
-def slow_look(reel, room, shown, x, y, rot, row, cost, since, now, at, horizon, stride, stay):
+def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
     """Every way there is, one after the other: value, far, error, ticks; as `look` says."""
     found, longest = [], 0
 
     def error(x, y, heading):
-        return abs(wrap_deg(bearing(x, y, *at) - heading))
+        return abs(wrap_deg(bearing(x, y, aim.x, aim.y) - heading))
 
     def follow(x, y, rot, row, t, since, cost):
         nonlocal longest
         x, y, row, played, touched = slow_leg(
-            reel, room, x, y, rot, row, stride, max(horizon - t, 1), at
+            reel, room, x, y, rot, row, rules.stride, max(rules.horizon - t, 1), aim
         )
         t, since = t + played, since + played
         longest = max(longest, t)
@@ -307,26 +241,26 @@ def slow_look(reel, room, shown, x, y, rot, row, cost, since, now, at, horizon, 
         heading = reel.heading[row] + rot
         if touched:
             found.append((t + cost, 0.0, 0.0, t))
-        elif t >= horizon:
-            far = np.hypot(at[0] - x, at[1] - y)
+        elif t >= rules.horizon:
+            far = np.hypot(aim.x - x, aim.y - y)
             off = error(x, y, heading)
             found.append((t + cost + far / 3.0 + off / 5.0, far, off, t))
         else:
             if reel.more[row] and reel.endless[row + 1]:
                 follow(x, y, rot, row, t, since, cost)
-            if since < stay or reel.end[row] < 0:
+            if since < rules.stay or reel.end[row] < 0:
                 return
             for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
                 other = reel.to[e]
                 if reel.more[other] and reel.endless[other + 1]:
-                    ago = now + t - shown[other]
+                    ago = here.tick + t - here.last[other]
                     price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
                     price += 20 * max(0, 1 - ago / 300)
                     turned = heading - reel.heading[other] if reel.body else rot
                     follow(x, y, turned, other, t, 0, cost + price)
 
-    if reel.endless[row] and inside(room.legal, x, y):
-        follow(x, y, rot, row, 0, since, cost)
+    if reel.endless[row] and inside(room.legal, here.x, here.y):
+        follow(here.x, here.y, rot, row, 0, since, cost)
     return min(found) if found else (np.inf, np.inf, 180.0, longest)
 
 
@@ -344,20 +278,15 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         rows, rots = np.flatnonzero(reel.more), rng.uniform(-180, 180, reel.more.sum())
         x, y, now = rng.uniform(20, 40), rng.uniform(20, 40), 500
         costs, sinces = rng.uniform(0, 9, len(rows)), rng.integers(0, 9, len(rows))
-        shown = rng.integers(-500, now, n)
-        at = rng.uniform(-40, 130, 2)
+        here = Here(x, y, now, rng.integers(-500, now, n))
+        aim = spot(*rng.uniform(-40, 130, 2))
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
-        value, far, error, ticks, over = ahead.look(
-            reel.dx, reel.dy, reel.heading, reel.speed, reel.more, reel.end, reel.start, reel.to,
-            reel.seam, reel.endless, reel.body, shown, legal, x, y, rots, rows, costs, sinces, now,
-            at, TOUCH, HEAD, 3.0, 5.0, horizon, stride, stay, 20_000, 6.0, 7.0, 20.0, 300.0,
-        )  # fmt: skip
+        rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
+        candidates = Candidates(rows, rots, costs, sinces)
+        value, far, error, ticks, over = ahead.look(reel, legal, candidates, here, aim, rules)
         assert not over.any()
         for i, row in enumerate(rows):
-            wanted = slow_look(
-                reel, room, shown, x, y, rots[i], row, costs[i], sinces[i], now, at, horizon,
-                stride, stay,
-            )  # fmt: skip
+            wanted = slow_look(reel, room, here, rots[i], row, costs[i], sinces[i], aim, rules)
             found = value[i], far[i], error[i], ticks[i]
             assert found == pytest.approx(wanted, abs=1e-6)
             ends["none" if np.isinf(value[i]) else "not" if far[i] else "touched"] += 1
@@ -368,17 +297,16 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
     rng = np.random.default_rng(3)
     given_up = 0
     for _ in range(20):
-        rows = rng.choice(np.flatnonzero(REEL.endless & REEL.more), 12)
-        rots, at = rng.uniform(-180, 180, 12), rng.uniform(100, 500, 2)
+        rows = rng.choice(np.flatnonzero(rich_film().endless & rich_film().more), 12)
+        candidates = Candidates(rows, rng.uniform(-180, 180, 12), np.zeros(12), np.zeros(12, int))
+        here = Here(400.0, 300.0, 0, np.full(len(rich_table()), ahead.NEVER))
+        aim = spot(*rng.uniform(100, 500, 2))
         found = [
             ahead.look(
-                REEL.dx, REEL.dy, REEL.heading, REEL.speed, REEL.more, REEL.end, REEL.start,
-                REEL.to, REEL.seam, REEL.endless, True, np.full(len(TABLE), -(10**9)), ROOM.legal,
-                400.0, 300.0, rots, rows, np.zeros(12), np.zeros(12, np.int64), 0, at, TOUCH, HEAD,
-                3.0, 5.0, 30, 4, 8, width, 6.0, 7.0, 20.0, 300.0,
+                rich_film(), open_tank().legal, candidates, here, aim, RULES._replace(beam=beam)
             )
-            for width in (4, 4000)
-        ]  # fmt: skip
+            for beam in (4, 4000)
+        ]
         (narrow, *_, gone), (wide, *_, none) = found
         assert (narrow >= wide - 1e-9).all() and not none.any()
         assert narrow.min() < np.inf and not (gone & np.isfinite(narrow)).any()
@@ -387,17 +315,19 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
 
 
 def test_what_remains_is_the_way_and_the_turn():
-    at = np.array([130.0, 60.0])
-    assert ahead.remaining(100.0, 100.0, 0.0, at, 5.0, 4.0) == pytest.approx(
+    rules = RULES._replace(pace=5.0, turning=4.0)
+    assert ahead.remaining(100.0, 100.0, 0.0, spot(130, 60), rules) == pytest.approx(
         10 + np.degrees(np.arctan2(40, 30)) / 4
     )
 
 
 def test_a_jump_costs_its_seam_its_change_of_speed_and_what_was_just_seen():
-    cost = ahead.jump_cost
-    assert cost(0.5, 0.0, 1e9, 6.0, 7.0, 20.0, 300.0) == pytest.approx(3)
-    assert cost(0.0, -2.0, 1e9, 6.0, 7.0, 20.0, 300.0) == pytest.approx(14)
-    assert cost(0.0, 0.0, 75.0, 6.0, 7.0, 20.0, 300.0) == pytest.approx(15)
+    assert ahead.jump_cost(0.5, -2.0, 75.0, RULES) == pytest.approx((3, 14, 15))
+    assert ahead.jump_cost(0.0, 0.0, 1e9, RULES) == (0, 0, 0)
+    seams, faster, ago = np.array([0.5, 0.0]), np.array([-2.0, 0.0]), np.array([75.0, 1e9])
+    assert np.stack(ahead.jump_cost(seams, faster, ago, RULES), 1) == pytest.approx(
+        np.array([[3, 14, 15], [0, 0, 0]])
+    )
 
 
 # --- loops mode: laws of every swim
@@ -407,7 +337,7 @@ def test_a_jump_costs_its_seam_its_change_of_speed_and_what_was_just_seen():
 def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
     table, pairs = rich(heading=pose == BODY)
     reel = film_of(table, pairs, pose)
-    found, _ = edit_of(loop_mode(reel), [Goal("A", 200.0, 200.0)], 1500, 1, reel=reel)
+    found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 1500, 1)
     way, number, rot, new, of = flat(found)
     partners = {(int(a), int(b)) for a, b in pairs[["a", "b"]].to_numpy()}
     partners |= {(b, a) for a, b in partners}
@@ -431,9 +361,11 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
 
 
 def test_the_heading_goes_on_over_a_jump():
-    found, table = edit_of(loop_mode(), [], 2000, 3)
+    found, table = edit_of(loops_player(), [], 2000, 3)
     way, number, _, new, of = flat(found)
-    would = REEL.heading[number[:-1] + 1] - REEL.heading[number[:-1]]  # had it not jumped
+    would = (
+        rich_film().heading[number[:-1] + 1] - rich_film().heading[number[:-1]]
+    )  # had it not jumped
     turned = wrap_deg(np.diff(way[:, 2]) - would)
     calm = ~on_the_spot(found)[of][1:]
     assert turned[calm] == pytest.approx(0, abs=1e-6) and (new[1:] & calm).sum() > 20
@@ -444,7 +376,7 @@ def test_the_heading_goes_on_over_a_jump():
 def test_in_the_pose_of_the_film_nothing_is_turned():
     table, pairs = rich(heading=False)
     reel = film_of(table, pairs, FILM)
-    found, edit = edit_of(loop_mode(reel), [], 1500, 2, reel=reel)
+    found, edit = edit_of(loops_player(reel), [], 1500, 2)
     *_, of = flat(found)
     first = np.flatnonzero(on_the_spot(found)[of])
     stop = int(first[0]) if first.size else 1500
@@ -459,12 +391,12 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
     [0.01, 0.4, 1.5],
 )
 def test_two_jumps_are_never_nearer_than_the_stay(stay_s):
-    for mode in (loop_mode(stay_s=stay_s), hybrid_mode(stay_s=stay_s)):
+    for mode in (loops_player(stay_s=stay_s), hybrid_player(stay_s=stay_s)):
         found, _ = edit_of(mode, [Goal("A", 200.0, 200.0)], 2000, 4)
         *_, new, of = flat(found)
         kind = np.array([s.kind == FRAME for s in found.stretches])
         into = np.append(False, ~kind[:-1])[of]  # by a gateway
-        forced = np.array([s.why.startswith("no way on") for s in found.stretches])[of]
+        forced = on_the_spot(found)[of]
         jumps = np.flatnonzero(new & kind[of])  # a track that ends is left, however soon
         gaps = [b - a for a, b in pairwise(jumps) if not (into[b] or forced[b])]
         assert min(gaps) >= max(1, round(stay_s * RATE)) and len(gaps) > 20
@@ -487,7 +419,7 @@ def with_dead_ends():
 def test_a_dead_end_is_never_played_into():
     reel, after = with_dead_ends()
     for seed in range(6):
-        found, _ = edit_of(loop_mode(reel), [], 2000, seed, reel=reel)
+        found, _ = edit_of(loops_player(reel), [], 2000, seed)
         _, number, _, new, of = flat(found)
         assert after[number].all()
         assert on_the_spot(found)[of].mean() < 0.3 and new.sum() > 20
@@ -495,38 +427,39 @@ def test_a_dead_end_is_never_played_into():
 
 def test_the_fish_begins_where_the_film_goes_on():
     reel, after = with_dead_ends()
-    mode = loop_mode(reel)
+    mode = loops_player(reel)
     rng = np.random.default_rng(0)
-    assert all(after[mode.begin(rng).row] for _ in range(2000))
+    assert all(after[mode.begin(rng).fish.row] for _ in range(2000))
 
 
 def test_the_film_never_stops():
     for seed in range(6):
-        found, table = edit_of(loop_mode(), [Goal("A", 700.0, 60.0)], 2000, seed)
+        found, table = edit_of(loops_player(), [Goal("A", 700.0, 60.0)], 2000, seed)
         _, number, *_, of = flat(found)
         assert (np.diff(number) != 0).all()
         assert on_the_spot(found)[of].mean() < 0.1
         assert np.ptp(table["x_px"]) > 200 and np.ptp(table["y_px"]) > 150
 
 
-@pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
+@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 def test_never_outside_the_tank(make):
     mode = make()
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        goals = random_goals(ROOM, TOUCH + HEAD, 3, rng)
+        goals = random_goals(open_tank(), TOUCH + HEAD, 3, rng)
         _, table = edit_of(mode, goals, 1000, seed)
-        assert all(inside(ROOM.legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
-        assert measures.outside(table, cast_of(), ROOM) == 0
+        assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
+        assert measures.outside(table, mode) == 0
 
 
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
-    mode = loop_mode(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
-    fish = mode.begin(np.random.default_rng(0))
-    fish.row, fish.rot, fish.x, fish.y = 197, 0.0, 744.0, 300.0  # into the wall
-    found = mode.stretch(fish, np.array([300.0, 300.0]), "A", np.random.default_rng(0))
-    assert list(found.number) == [198] and fish.row == 198
-    assert found.why.startswith("no way on")
+    mode = loops_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
+    state = mode.begin(np.random.default_rng(0))
+    fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
+    goal = Goal("A", 300.0, 300.0)
+    found, then = mode.step(state._replace(fish=fish), goal, np.random.default_rng(0))
+    assert list(found.number) == [198] and then.fish.row == 198
+    assert found.decision == Decision("spot")
 
 
 def test_a_way_is_never_swum_farther_than_it_was_looked_at():
@@ -534,26 +467,26 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.end >= 0)).max() > 5 * RATE
     for seed in range(6):
-        found, _ = edit_of(loop_mode(reel), [Goal("A", 200.0, 200.0)], 1500, seed, reel=reel)
+        found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
         way = np.concatenate([stretch.way for stretch in found.stretches])
-        assert all(inside(ROOM.legal, x, y) for x, y in way[:, :2])
+        assert all(inside(open_tank().legal, x, y) for x, y in way[:, :2])
 
 
-@pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
+@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 def test_goals_are_reached(make):
     mode = make()
     done = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        goals = random_goals(ROOM, TOUCH + HEAD, 3, rng)
+        goals = random_goals(open_tank(), TOUCH + HEAD, 3, rng)
         found, table = edit_of(mode, goals, 1500, seed)
         ticks = measures.reached(table, goals, TOUCH, HEAD)
         done.append(~np.isnan(ticks))
         assert list(found.reached) == [-1 if np.isnan(t) else t for t in ticks]
-    assert np.mean(done) >= (0.95 if make is hybrid_mode else 0.8)
+    assert np.mean(done) >= (0.95 if make is hybrid_player else 0.8)
 
 
-@pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
+@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 def test_a_seed_gives_one_animation_and_another_seed_another(make):
     goals = [Goal("A", 200.0, 200.0)]
     one, same, other = (edit_of(make(), goals, 400, seed) for seed in (7, 7, 8))
@@ -565,12 +498,12 @@ def test_a_seed_gives_one_animation_and_another_seed_another(make):
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
     reel = film_of(swum([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
     goals = [Goal("A", 700.0, 60.0)]
-    mode = loop_mode(reel)
-    found, table = edit_of(mode, goals, 800, 1, reel=reel)
+    mode = loops_player(reel)
+    found, table = edit_of(mode, goals, 800, 1)
     at = np.array([table["x_px"].iloc[0], table["y_px"].iloc[0]])
     assert np.hypot(*(at - goals[0][1:3])) > 250  # far away
     assert list(found.reached) == [-1] and set(table["goal"]) == {"A"}
-    measured = measures.of_goals(table, goals, mode)
+    measured = measures.of_goals(table, goals, mode.waters)
     assert measured == {"goals": 1.0, "goals_reached_pct": 0.0}
     assert len(table) == 800 and np.ptp(table["x_px"]) < 120
 
@@ -586,10 +519,12 @@ def crossing(wall=False):
     arena = ARENA.copy()
     if wall:
         arena[:, 520:] = False
-    mode = loop_mode(reel, tank(arena, 0.6 * LENGTH))
-    fish = Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1)
-    fish.shown, fish.row, fish.since = np.full(len(table), -(10**9)), 19, 100
-    return mode, fish
+    player = loops_player(reel, tank(arena, 0.6 * LENGTH))
+    return player, Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1, row=19, since=100)
+
+
+def swimmer_of(player):
+    return player.policy.crossing.film
 
 
 @pytest.mark.parametrize(
@@ -597,34 +532,39 @@ def crossing(wall=False):
 )
 def test_the_way_that_leads_to_the_goal_is_taken(at, row):
     for seed in range(5):
-        mode, fish = crossing()
-        found = mode.stretch(fish, np.array(at), "A", np.random.default_rng(seed))
+        player, fish = crossing()
+        found = player.policy.next(fish, spot(*at), np.random.default_rng(seed))
         assert found.number[0] == row and found.new == (row != 20)
         assert found.way[0] == pytest.approx((400 + STEP, 300, 0))
-        taken = [one for one in found.considered if one[4]]
-        assert [one[0] for one in taken] == [row] and len(found.considered) == 3
-        assert found.why.startswith("play on" if row == 20 else "jump, 0.20 steps")
-        assert "towards A" in found.why and "3 ways" in found.why
+        assert found.options.rows[found.options.taken] == row and len(found.options.rows) == 3
+        decision = found.decision
+        assert decision.reason == ("play" if row == 20 else "jump") and decision.ways == 3
+        assert np.isnan(decision.seam) if row == 20 else decision.seam == pytest.approx(0.2)
+        assert decision.value_s == found.options.value[found.options.taken]
 
 
 def test_a_way_that_leaves_the_tank_fails_that_test():
-    mode, fish = crossing(wall=True)
-    options = mode.options(fish, np.array([440.0, 100.0]))
+    player, fish = crossing(wall=True)
+    options = swimmer_of(player).options(fish, spot(440, 100))
     assert list(options.rows) == [20, 170, 320]
-    assert list(options.inside) == [False, True, True]
+    assert VERDICTS[options.verdict[0]] == "tank" and "tank" not in told(options)[1:]
     assert np.isinf(options.value[0]) and options.ticks[0] < 31
-    assert "1 leave the tank or end" in options.counts()
-    assert considered(options, 1)[0][3] == "tank"
+    decision = swimmer_of(player).decision(replace(options, taken=1), "jump")
+    assert (decision.ways, decision.ways_tank) == (3, 1)
+
+
+def told(options):
+    return [VERDICTS[number] for number in options.verdict]
 
 
 def test_a_way_that_leads_away_or_heads_away_fails_that_test():
-    mode, fish = crossing()
+    player, fish = crossing()
     seconds = 75  # three, in ticks: so far is looked ahead, and no loop comes sooner
     place = np.array([400.0 + STEP, 300.0])
     seen = set()
     for angle in np.radians(np.arange(0, 360, 15)):
         at = place + 190.0 * np.array([np.cos(angle), -np.sin(angle)])
-        options = mode.options(fish, at)
+        options = swimmer_of(player).options(fish, spot(*at))
         for i, (turn, row) in enumerate(((0.0, 20), (3.0, 170), (-3.0, 320))):
             ticks = turn * np.arange(seconds)
             way = place + STEP * np.array(
@@ -633,85 +573,161 @@ def test_a_way_that_leads_away_or_heads_away_fails_that_test():
             touching = options.ticks[i] < seconds  # on the way
             towards = touching or np.hypot(*(at - way)) < 190.0
             heads = touching or abs(wrap_deg(bearing(*way, *at) - turn * seconds)) <= 90
-            assert (options.rows[i], options.inside[i]) == (row, True)
-            assert (options.towards[i], options.heads[i]) == (towards, heads)
             wanted = "" if towards and heads else "heading" if towards else "quadrant"
-            assert considered(options, 0)[i][3] == wanted
+            assert (options.rows[i], told(options)[i]) == (row, wanted)
             seen.add(wanted)
     assert len(seen) == 3
 
 
-def test_in_words_how_many_ways_fail_which_test():
-    yes = np.ones(4, bool)
-    options = Options(
-        np.arange(4), np.zeros(4), np.zeros(4), np.array([1.0, 2.0, 3.0, np.inf]), np.zeros(4), yes,
-        np.array([True, False, False, True]), np.array([False, False, True, True]),
-    )  # fmt: skip
-    told = [one[3] for one in considered(options, 0)]
-    assert told == ["heading", "quadrant", "quadrant", "passed over"]
-    assert options.counts() == "4 ways, 2 lead away, 1 head away"
-    assert not options.legal.any()
+def test_the_tests_of_fig_19_one_after_the_other():
+    none = np.zeros(6, bool)
+    found = Found(
+        value=np.array([1.0, np.inf, 1.0, 1.0, np.inf, 1.0]),
+        far=np.array([5.0, np.inf, 20.0, 5.0, np.inf, 20.0]),
+        error=np.array([10.0, 180.0, 10.0, 100.0, 180.0, 100.0]),
+        ticks=np.zeros(6),
+        over=none | (np.arange(6) == 4),
+    )
+    wanted = ["", "tank", "quadrant", "heading", "passed over", "quadrant"]
+    assert [VERDICTS[number] for number in verdicts(found, 10.0, 90.0)] == wanted
+
+
+def weighed(verdict, value=None):
+    """Options of which only the verdicts, and the values, matter."""
+    zero = np.zeros(len(verdict))
+    value = zero if value is None else np.array(value)
+    rows, terms = np.arange(len(verdict)), np.zeros((len(verdict), 3))
+    return Options(rows, zero, zero, terms, value, zero, np.array(verdict, np.int8))
+
+
+def test_a_decision_counts_how_many_ways_fail_which_test():
+    options = weighed([3, 2, 2, 4, 1, 0])
+    assert list(options.legal) == [False] * 5 + [True]
+    decision = counted(Decision("play"), options)
+    assert decision[5:9] == (6, 1, 2, 1)
 
 
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
     table = table_of(swum([0.0] * 99), swum([0.0] * 99))
-    reel = film_of(table, loops((20, 120), (60, 21), (160, 121)))
-    fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1)
-    fish.shown, fish.row, fish.rot = np.full(len(table), -(10**9)), 30, heading
+    player = loops_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
+    fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)
-    at = np.array([400 + 200 * np.cos(angle), 300 - 200 * np.sin(angle)])
-    found = loop_mode(reel).stretch(fish, at, "A", np.random.default_rng(0))
-    assert f"quadrant {quadrant} towards A" in found.why
+    goal = spot(400 + 200 * np.cos(angle), 300 - 200 * np.sin(angle))
+    found = player.policy.next(fish, goal, np.random.default_rng(0))
+    assert found.decision.quadrant == quadrant
 
 
 def test_a_way_must_begin_inside_the_tank():
-    mode, fish = crossing()
+    player, fish = crossing()
     back = np.array([180.0])  # out of the wall, into the tank
     for x, legal in ((742.0, True), (746.0, False)):
-        assert inside(ROOM.legal, x, 300.0) == legal and inside(ROOM.legal, x - STEP, 300.0)
-        found = mode.weigh(
-            (x, 300.0), fish, [20], back, [0.0], [0.0], [0], np.array([300.0, 300.0])
+        assert inside(open_tank().legal, x, 300.0) == legal
+        assert inside(open_tank().legal, x - STEP, 300.0)
+        begins = replace(fish, x=x - STEP)
+        options = swimmer_of(player).weigh(
+            begins, spot(300, 300), np.array([20]), back, np.array([0.0])
         )
-        assert list(found.inside) == [legal]
+        assert (told(options)[0] != "tank") == legal
 
 
 def test_no_jump_is_offered_before_the_stay_is_over():
-    mode, fish = crossing()
-    fish.since = mode.stay - 2
-    assert list(mode.options(fish, np.array([400.0, 100.0])).rows) == [20]
-    fish.since = mode.stay - 1
-    assert list(mode.options(fish, np.array([400.0, 100.0])).rows) == [20, 170, 320]
+    player, fish = crossing()
+    swimmer, aim = swimmer_of(player), spot(400, 100)
+    for since, rows in ((swimmer.rules.stay - 2, [20]), (swimmer.rules.stay - 1, [20, 170, 320])):
+        assert list(swimmer.options(replace(fish, since=since), aim).rows) == rows
 
 
 def test_frames_that_were_just_seen_are_avoided():
-    mode, fish = crossing()
-    fish.tick = 1000
-    fish.shown[171:300] = 990
-    assert mode.jump_cost(fish, 320, 0.2) == pytest.approx(mode.jump_cost(fish, 170, 0.2))
-    fish.shown[170] = 990
-    assert mode.jump_cost(fish, 170, 0.2) > mode.jump_cost(fish, 320, 0.2) + 10
+    player, fish = crossing()
+    seen = replace(fish, tick=1000, recent=np.array([[171, 299, 861]]))
+
+    def costs(fish):
+        return swimmer_of(player).options(fish, spot(400, 100)).terms.sum(1)
+
+    _, left, right = costs(seen)
+    assert left == pytest.approx(right)
+    _, left, right = costs(replace(seen, recent=np.array([[170, 170, 990]])))
+    assert left > right + 10 / RATE
+
+
+def test_what_was_on_screen_is_remembered_as_long_as_it_counts():
+    player = loops_player()
+    state, rng = player.begin(np.random.default_rng(3)), np.random.default_rng(4)
+    last = np.full(len(rich_table()), ahead.NEVER)
+    for _ in range(300):
+        tick, (stretch, state) = state.fish.tick, player.step(state, None, rng)
+        last[stretch.number] = tick + np.arange(len(stretch.number))
+        memory = swimmer_of(player).rules.memory
+        mine = ahead.last_on_screen(state.fish.recent, len(last))
+        counts = last > state.fish.tick - memory
+        assert (mine[counts] == last[counts]).all()
+        assert (mine[~counts] <= state.fish.tick - memory).all()
+    assert len(state.fish.recent) < memory  # not as many as rows of the film
 
 
 def test_the_best_is_chosen_and_equals_now_and_then():
     rng = np.random.default_rng(0)
+    choose = swimmer_of(loops_player()).choose
     one = np.ones(3, bool)
 
-    def options(*value):
-        zero = np.zeros(3)
-        return Options(np.arange(3), zero, zero, np.array(value), zero, one, one, one)
+    def taken(*value, allowed=one):
+        options = choose(weighed([0, 0, 0], value), allowed, rng)
+        return None if options is None else options.taken
 
-    assert {choose(options(1.0, 9.0, 9.0), one, RATE, rng) for _ in range(50)} == {0}
-    assert {choose(options(1.0, 1.0, 9.0), one, RATE, rng) for _ in range(50)} == {0, 1}
-    allowed = np.array([False, False, True])
-    assert choose(options(1.0, 1.0, 9.0), allowed, RATE, rng) == 2
-    assert choose(options(1.0, 1.0, 9.0), ~one, RATE, rng) is None
+    assert {taken(1.0, 9.0, 9.0) for _ in range(50)} == {0}
+    assert {taken(1.0, 1.0, 9.0) for _ in range(50)} == {0, 1}
+    assert taken(1.0, 1.0, 9.0, allowed=np.array([False, False, True])) == 2
+    assert taken(1.0, 1.0, 9.0, allowed=~one) is None
+
+
+# --- a player is pure
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
+    """The same state, goal and draws give the same stretch, whatever was swum since."""
+    player, goal = players_of()[mode], Goal("A", 200.0, 200.0)
+    rng = np.random.default_rng(3)
+    state, kept = player.begin(rng), []
+    for number in range(120):
+        to = goal if number % 40 > 20 else None
+        before = repr(state), state.fish.recent.copy()
+        kept.append((state, to, rng.bit_generator.state))
+        stretch, after_ = player.step(state, to, rng)
+        assert (repr(state), state.fish.recent.tolist()) == (before[0], before[1].tolist())
+        kept[-1] += (stretch, after_)
+        state = after_
+    for begin in (0, 47, 90):
+        state = kept[begin][0]
+        again = np.random.default_rng(0)
+        again.bit_generator.state = kept[begin][2]
+        for _, to, _, stretch, after_ in kept[begin:]:
+            mine, state = player.step(state, to, again)
+            assert repr(mine) == repr(stretch) and repr(state) == repr(after_)
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut(mode):
+    player, rng = players_of()[mode], np.random.default_rng(1)
+    state = player.begin(rng)
+    for _ in range(60):
+        stretch, then = player.step(state, None, rng)
+        whole, end = player.cut(state, stretch, len(stretch.way))
+        assert whole is stretch and repr(end.fish) == repr(then.fish)
+        for ticks in (1, len(stretch.way) - 1):
+            if 0 < ticks < len(stretch.way):
+                short, at = player.cut(state, stretch, ticks)
+                assert len(short.way) == ticks and not short.touched
+                assert at.fish.tick == state.fish.tick + ticks
+                assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
+        state = then
 
 
 # --- what is written down
 
 
-@pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
+@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_path):
     found, table = edit_of(make(), [Goal("A", 200.0, 200.0)], 900, 1)
     save_table(tmp_path / "a.parquet", table, EDIT)
@@ -726,27 +742,28 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     taken = again[again["taken"]]
     assert taken["value_s"].notna().all()
     assert list(back["source"].iloc[taken["tick"]]) == list(taken["row"])
-    told = back["decision"].iloc[taken["tick"]]
-    sizes = again.groupby("tick").size()
-    assert all(
-        f"; {n} way{'s' * (n != 1)}" in text and text.startswith(("play on: ", "jump, "))
-        for n, text in zip(sizes, told, strict=True)
-    )  # fmt: skip
+    decided = back.iloc[taken["tick"]]
+    assert decided["reason"].isin(["play", "jump", "enter"]).all()
+    assert list(decided["ways"]) == list(again.groupby("tick").size())
+    assert decided["value_s"].to_numpy() == pytest.approx(taken["value_s"].to_numpy())
+    assert (decided["seam"].isna() == (decided["reason"] == "play")).all()
+    later = back["reason"].isna()
+    assert 0.3 < later.mean() < 1 and not back["reason"].isna()[0]
+    assert back.loc[later, list(Decision._fields)].isna().all(axis=None)
     film_ticks = back["kind"] == FRAME
     assert (film_ticks == (back["mode"] == LOOPS)).all()
     assert (film_ticks == (back["state"] == "film")).all()
 
 
 def test_a_frame_is_named_by_its_row():
-    reel = film_of(TABLE, PAIRS)
-    found, table = edit_of(loop_mode(reel), [], 300, 1, reel=reel)
+    found, table = edit_of(loops_player(), [], 300, 1)
     assert list(table["source"]) == list(flat(found)[1][:300])
 
 
-@pytest.mark.parametrize("make", [loop_mode, hybrid_mode])
+@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 @pytest.mark.parametrize("fade", [0, 3])
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make, fade):
-    found, table = edit_of(make(stay_s=0.4), [Goal("A", 200.0, 200.0)], 1500, 2, fade)
+    found, table = edit_of(make(stay_s=0.4, fade_s=fade / RATE), [Goal("A", 200.0, 200.0)], 1500, 2)
     number = table["source"].to_numpy() // np.where(table["kind"] == FRAME, 1, ORIENTATIONS)
     kind, weight = table["kind"].to_numpy(), table["weight"].to_numpy(float)
     rotation = table["rotation_deg"].to_numpy(float)
@@ -757,17 +774,17 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make,
     frames = (kind[1:] == FRAME) & (kind[:-1] == FRAME)
     jumped = np.flatnonzero(frames & (np.diff(number) != 1) & (np.diff(number) != 0)) + 1
     assert set(switched) | set(jumped) <= set(begins)
-    assert len(jumped) > 10 and (len(switched) > 3) == (make is hybrid_mode)
+    assert len(jumped) > 10 and (len(switched) > 3) == (make is hybrid_player)
     fades = np.zeros(1500)
     for begin in begins:  # a later one begins anew
         stop = min(begin + fade, 1500)
         fades[begin:stop] = (1 - np.arange(1, fade + 1) / (fade + 1))[: stop - begin]
     assert weight == pytest.approx(fades)
     assert (table["partner"].notna() == (weight > 0)).all()
-    for begin, after in pairwise(begins):
+    for begin, later in pairwise(begins):
         old = number[begin - 1]
-        for tick in range(begin, min(begin + fade, after)):
-            old = order_[old] if kind[begin - 1] == SPRITE else old + int(REEL.more[old])
+        for tick in range(begin, min(begin + fade, later)):
+            old = order_[old] if kind[begin - 1] == SPRITE else old + int(rich_film().more[old])
             row = table.iloc[tick]
             assert row["partner_kind"] == kind[begin - 1]
             if kind[begin - 1] == FRAME:
@@ -779,7 +796,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make,
 
 
 def test_wandering_uses_much_of_the_tank_and_of_the_film():
-    for mode in (loop_mode(), hybrid_mode()):
+    for mode in (loops_player(), hybrid_player()):
         _, table = edit_of(mode, [], 3000, 5)
         assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
         assert table["source"][table["kind"] == FRAME].nunique() > 300
@@ -789,37 +806,55 @@ def test_wandering_uses_much_of_the_tank_and_of_the_film():
 # --- hybrid
 
 
+def test_figure19_is_the_network_till_a_gateway_fits_and_the_film_while_a_way_is_legal():
+    player, rng = hybrid_player(), np.random.default_rng(0)
+    crossing, goal = player.policy.crossing, spot(600, 300)
+    assert isinstance(crossing, Crossing) and isinstance(crossing.film, FilmSwimmer)
+    fish = replace(player.begin(rng).fish, x=300.0, y=300.0, heading=0.0)
+    assert figure19(crossing, fish, goal, rng).kind == SPRITE  # it has only just begun
+    waited = figure19(crossing, replace(fish, since=100), goal, rng)
+    assert waited.options is not None  # gateways are weighed
+    state, exits = player.begin(rng), 0
+    for _ in range(300):
+        before = state.fish
+        stretch, state = player.step(state, None, rng)
+        if before.row >= 0 and stretch.kind == SPRITE:
+            exits += 1
+            options = stretch.options
+            assert not worth(crossing, options, before, spot(*stretch.aim)).all()
+    assert exits
+
+
 def test_hybrid_without_gateways_is_network_mode():
     goals = [Goal("A", 200.0, 200.0), Goal("B", 600.0, 500.0)]
     none = gateways().iloc[:0]
-    for reel, gates in ((REEL, none), (film_of(TABLE, loops()), gateways())):
-        mode = hybrid_mode(reel, gates)
-        _, mine = edit_of(mode, goals, 1200, 3, reel=reel)
-        _, wanted = edit_of(network(), goals, 1200, 3)
+    for reel, gates in ((rich_film(), none), (film_of(rich_table(), loops()), gateways())):
+        mode = hybrid_player(reel, gates=gates)
+        _, mine = edit_of(mode, goals, 1200, 3)
+        _, wanted = edit_of(players_of()[NETWORK], goals, 1200, 3)
         pd.testing.assert_frame_equal(mine, wanted)
 
 
 def test_gateways_that_lead_nowhere_are_not_taken():
-    last = np.flatnonzero(~REEL.more)
+    last = np.flatnonzero(~rich_film().more)
     gates = gateways()
     gates = gates[gates["direction"] == "in"].iloc[: len(last)].assign(row=last)
-    _, table = edit_of(hybrid_mode(gates=gates), [], 600, 1)
+    _, table = edit_of(hybrid_player(gates=gates), [], 600, 1)
     assert (table["kind"] == SPRITE).all()
 
 
 def test_without_a_way_out_the_fish_leaves_the_film_all_the_same():
     gates = gateways().query("direction == 'in'")
-    found, table = edit_of(hybrid_mode(gates=gates), [], 2500, 1)
-    left = [s.why for s in found.stretches if s.why.startswith("leave the film")]
-    assert left and all(
-        "without a gateway" in why and re.search(r"\d+ ways?, ", why) for why in left
-    )
+    found, table = edit_of(hybrid_player(gates=gates), [], 2500, 1)
+    left = [s.decision for s in found.stretches if s.decision.exit]
+    assert left and all(one.exit == "no_way" and np.isnan(one.seam) for one in left)
+    assert all(one.ways >= 1 for one in left)
     assert table["kind"].nunique() == 2
 
 
 def test_hybrid_switches_by_gateways_and_the_heading_goes_on():
     gates = gateways(every=1)
-    _, table = edit_of(hybrid_mode(gates=gates), [Goal("A", 700.0, 100.0)], 3000, 2)
+    _, table = edit_of(hybrid_player(gates=gates), [Goal("A", 700.0, 100.0)], 3000, 2)
     kind, heading = table["kind"].to_numpy(), table["heading_deg"].to_numpy(float)
     ins = gates.query("direction == 'in'").groupby("sprite")["row"].agg(set)
     into = np.flatnonzero((kind[1:] == FRAME) & (kind[:-1] == SPRITE)) + 1
@@ -828,13 +863,13 @@ def test_hybrid_switches_by_gateways_and_the_heading_goes_on():
     for tick in into:
         assert table["source"][tick] in ins[table["source"][tick - 1] // ORIENTATIONS]
         assert wrap_deg(heading[tick] - heading[tick - 1]) == pytest.approx(0, abs=1e-3)
-    assert all("leave the film" in text for text in table["decision"][out])
+    assert (table["exit"][out] == "no_way").all()
     share = (table["mode"] == LOOPS).mean()
     assert 0.3 < share < 1
 
 
 def test_a_fish_stays_with_the_network_for_half_a_second():
-    _, table = edit_of(hybrid_mode(), [], 3000, 6)
+    _, table = edit_of(hybrid_player(), [], 3000, 6)
     kind = (table["kind"] == FRAME).to_numpy()
     edges = np.flatnonzero(np.diff(kind)) + 1
     stays = [b - a for a, b in pairwise([0, *edges]) if not kind[a]]
@@ -844,47 +879,107 @@ def test_a_fish_stays_with_the_network_for_half_a_second():
 @pytest.mark.parametrize("slow", [True, False])
 def test_a_gateway_to_a_tail_beat_is_taken_at_any_speed(slow):
     """After the film always comes a tail beat; the only way out leads to its fourth sprite."""
-    count = len(MOTION.phases.state)
+    count = len(lesson().phases.state)
     phases = replace(
-        MOTION.phases, state=np.full(count, ACCELERATE, np.int8),
+        lesson().phases, state=np.full(count, ACCELERATE, np.int8),
         before=np.full(count, STRAIGHT, np.int8),
     )  # fmt: skip
-    beats = NetworkMode(replace(MOTION, phases=phases), order(), Model(), ROOM, TOUCH, HEAD)
+    taught = replace(lesson(), phases=phases)
     gates = gateways(every=1).query("direction == 'out' and sprite == 3")
-    mode = HybridMode(beats, loop_mode(), gates, 1.0)
+    player = players_of(waters_of(taught=taught), gates)[HYBRID]
     rng = np.random.default_rng(0)
-    for row in rng.choice(np.flatnonzero(REEL.more), 30):
-        fish = mode.begin(rng)
-        fish.x, fish.y, fish.row, fish.state, fish.sprite = 400.0, 300.0, int(row), IN_FILM, -1
-        fish.rot = float(rng.uniform(-180, 180))
-        fish.heading = float(wrap_deg(REEL.heading[row] + fish.rot))
-        fish.speed = beats.sprites.cycle_speed * (0.6 if slow else 1.3)
-        angle = np.radians(fish.heading)
-        at = np.array([400 + 150 * np.cos(angle), 300 - 150 * np.sin(angle)])
-        left, found, gate = mode._out(fish, at, "A", rng)
-        assert found.number[0] == 3 and gate is not None
-        assert left.row == -1 and fish.row == row
+    for row in rng.choice(np.flatnonzero(rich_film().more), 30):
+        rot = float(rng.uniform(-180, 180))
+        heading = float(wrap_deg(rich_film().heading[row] + rot))
+        fish = replace(
+            player.begin(rng).fish, x=400.0, y=300.0, row=int(row), rot=rot, state=IN_FILM, sprite=-1,
+            heading=heading, speed=player.waters.sprites.cycle_speed * (0.6 if slow else 1.3),
+        )  # fmt: skip
+        angle = np.radians(heading)
+        at = spot(400 + 150 * np.cos(angle), 300 - 150 * np.sin(angle))
+        found = player.policy.crossing.leave(fish, at, "no_way", rng)
+        assert found.number[0] == 3 and found.decision.seam > 0
+        assert after(fish, found, player.waters).row == -1
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_every_mode_goes_on_from_the_state_of_any_other(mode):
+    made, rng, kinds = players_of(), np.random.default_rng(0), {NETWORK: SPRITE, LOOPS: FRAME}
+    for other in (NETWORK, LOOPS, HYBRID):
+        state = made[other].begin(rng)
+        for player in (made[other], made[mode]):
+            for _ in range(60):
+                before = state.fish
+                stretch, state = player.step(state, None, rng)
+                out = before.row >= 0 and stretch.kind == SPRITE
+                assert bool(stretch.decision.exit) == out
+                if out and player is made[NETWORK]:
+                    assert stretch.decision.exit == "mode"
+        assert stretch.kind == kinds.get(mode, stretch.kind)
 
 
 # --- players, hulls
 
 
 def test_there_are_as_many_players_as_the_film_allows():
-    rest = MOTION, Model(), gateways(), ARENA, 0.6 * LENGTH, HEAD, 0.5, 0.4, 0.1, 1.0
-    made = players(cast_of(), *rest)
+    made = players_of()
     assert list(made) == [NETWORK, LOOPS, HYBRID]
     assert {fish.fade for fish in made.values()} == {round(0.1 * RATE)}
     for fish in made.values():
-        assert fish.mode.touch_px == 0.5 * MOTION.body_length_px
         table = fish.play([Goal("A", 200.0, 200.0)], 200, np.random.default_rng(0))
         assert len(table) == 200
-    reel = film_of(TABLE, loops())
-    made = players(cast_of(reel), *rest)
+    made = players_of(waters_of(film_of(rich_table(), loops())))
     assert list(made) == [NETWORK, HYBRID]
-    assert made[HYBRID].mode is made[NETWORK].mode
+    assert made[HYBRID].policy is made[NETWORK].policy
     tail = film_of(table_of(swum([0.0] * 99), swum([0.0] * 99)), loops((20, 150)))
-    # A loop, but it leads only to an end.
-    assert LOOPS not in players(cast_of(tail), *rest)
+    assert LOOPS not in players_of(waters_of(tail))  # a loop, but it leads only to an end
+
+
+# --- decisions in words
+
+
+@pytest.mark.parametrize(
+    ("decision", "said"),
+    [
+        (
+            Decision("phase", film_speed=2.04),
+            "like a stretch of the film from 2.0 body lengths/s on",
+        ),
+        (Decision("wall"), "a wall is ahead"),
+        (Decision("spot"), "no way on: turn on the spot"),
+        (
+            Decision("turn", turn_deg=-43.4, sprite_area=0.41, room=0.5),
+            "turn right 43° towards A: the network asks for motion area 0.44, the sprites have 0.41, little room",
+        ),
+        (
+            Decision(
+                "jump", seam=0.2, value_s=3.21, quadrant=2, ways=4, ways_quadrant=2, ways_heading=1
+            ),
+            "jump, 0.20 steps: quadrant 2 towards A; 4 ways, 2 lead away, 1 head away; 3.2 s",
+        ),
+        (
+            Decision("wall", exit="no_way", ways=1, ways_tank=1),
+            "leave the film without a gateway: no legal way on (1 way, 1 leave the tank or end); a wall is ahead",
+        ),
+        (
+            Decision("wall", exit="mode", seam=0.5),
+            "leave the film by a gateway, 0.50 steps: the mode shows sprites; a wall is ahead",
+        ),
+    ],
+)
+def test_a_decision_is_told_in_words(decision, said):
+    assert in_words(decision, "A", 0.44) == said
+
+
+def test_every_decision_can_be_told():
+    for player in players_of().values():
+        found, _ = edit_of(player, [Goal("A", 200.0, 200.0)], 2000, 1)
+        for stretch, name in zip(found.stretches, found.names, strict=True):
+            text = in_words(stretch.decision, name, stretch.area)
+            assert "nan" not in text and "inf" not in text
+
+
+# --- hulls
 
 
 def test_outlines_of_frames_are_ahead_and_to_the_left():
@@ -917,8 +1012,8 @@ def test_the_widest_frames_are_barred():
     hull = np.array([[20.0, 0], [-20, 5]])
     hulls = np.repeat(hull[None].astype(np.float32), 1000, axis=0)
     hulls[::200] *= 3
-    most, barred = reach([hull], hulls)
+    most, barred = reach([hull], hulls, 0.99)
     assert most == pytest.approx(np.hypot(20, 5), rel=1e-6)
     assert list(np.flatnonzero(barred)) == list(range(0, 1000, 200))
-    most, barred = reach([10 * hull], hulls)  # sprites are shown, so they must fit in
+    most, barred = reach([10 * hull], hulls, 0.99)  # sprites are shown, so they must fit in
     assert most == pytest.approx(10 * np.hypot(20, 5)) and not barred.any()

@@ -11,11 +11,6 @@ ROOT = Path(__file__).parents[1]
 MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS = 350, 60, 6
 # What is still above a limit; an entry goes as soon as it is below.
 EXCEPTIONS: set[str] = {
-    "finloop/animate/kinematics.py::straight",
-    "finloop/animate/kinematics.py::turn",
-    "finloop/animate/search.py::jump_cost",
-    "finloop/animate/search.py::leg",
-    "finloop/animate/search.py::look",
     "finloop/bpn/train.py::train",
     "finloop/live/server.py::app",
     "finloop/render/painter.py",
@@ -59,13 +54,6 @@ def test_what_is_above_a_limit_is_found():
 
 
 WAITS = {"conftest.py", "test_play_server.py"}  # the home of `wait_for`; a page whose speed counts
-# What still borrows from another test module; an entry goes when a helper has what is borrowed.
-BORROWS = {
-    ("test_animate_film.py", "test_animate"),
-    ("test_play.py", "test_animate"),
-    ("test_play.py", "test_animate_film"),
-    ("test_play.py", "test_render"),
-}
 
 
 def bad_habits(text: str) -> Iterator[str]:
@@ -88,7 +76,7 @@ def test_no_test_imports_another_sleeps_or_asserts_a_time():
         if path.name not in WAITS
         for habit in bad_habits(path.read_text(encoding="utf-8"))
     }
-    assert found <= BORROWS
+    assert not found
 
 
 def test_bad_habits_are_found():

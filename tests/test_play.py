@@ -1,75 +1,27 @@
 """The live tank: it is the engine of `animate`, cut where a wish comes, with a past to look at."""
 
-import json
 import math
-from dataclasses import fields, replace
 
-import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from test_animate import ARENA, HEAD, LENGTH, RATE, TOUCH, Model
-from test_animate_film import MOTION, REEL, STEP, cast_of, gateways
-from test_render import drop
+from toy_film import HEAD, LENGTH, RATE, STEP, TOUCH, lesson, open_tank
+from toy_tank import played, read, toy_players, view_of
 
 from finloop.animate import kinematics as step
+from finloop.animate import policies
 from finloop.animate.arena import inside
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
 from finloop.animate.motion import TURN
-from finloop.animate.players import players
 from finloop.animate.sprites import from_bend
-from finloop.animate.swim import Swimmer, edit_list, swim
-from finloop.base.cutout import Cutout
+from finloop.animate.swim import edit_list, swim
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
-from finloop.live.cut import cut, snapshot
 from finloop.live.fish import ROW
 from finloop.live.message import parsed
 from finloop.live.tank import LiveTank
-from finloop.live.view import View
-from finloop.render.painter import Gallery, Painter, Shelf
-
-PLAYERS = players(
-    cast_of(), MOTION, Model(), gateways(), ARENA, 0.6 * LENGTH, HEAD, TOUCH / LENGTH, 0.4, 0.12, 1.0
-)  # fmt: skip
-ROOM = PLAYERS[NETWORK].mode.tank
-
-
-class Drops:
-    """A store of which every picture is the same drop."""
-
-    def __init__(self, count):
-        self.count = count
-
-    def __len__(self):
-        return self.count
-
-    def __getitem__(self, row):
-        return Cutout(0, 0, 0, 0, drop())
-
-
-def view_of(mode=HYBRID, fish=1, seed=0, colour=False):
-    floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
-    counts = {FRAME: len(REEL.more), SPRITE: 24 * 60}
-    gallery = Gallery({kind: Shelf(Drops(n), np.full((n, 2), 15.0)) for kind, n in counts.items()})
-    return View(LiveTank(PLAYERS, mode, fish, seed), Painter(floor), gallery)
-
-
-def read(frame):
-    """A frame as the page takes it apart: the state, the picture."""
-    length = int.from_bytes(frame[:4], "little")
-    picture = cv2.imdecode(np.frombuffer(frame[4 + length :], np.uint8), cv2.IMREAD_UNCHANGED)
-    return json.loads(frame[4 : 4 + length]), picture
-
-
-def played(tank, ticks, fish=0):
-    rows = []
-    for _ in range(ticks):
-        tank.on()
-        rows.append(tank.fish[fish].at(tank.tick))
-    return np.array(rows, ROW)
 
 
 def steps(rows):
@@ -82,9 +34,9 @@ def steps(rows):
 @pytest.mark.parametrize("mode", MODES)
 def test_left_alone_it_is_the_edit_list_of_animate(mode):
     ticks = 400
-    found = swim(PLAYERS[mode].mode, [], ticks, np.random.default_rng([7, 0]))
-    wanted = edit_list(found, ticks, PLAYERS[mode])
-    tank = LiveTank(PLAYERS, mode, 1, 7)
+    found = swim(toy_players()[mode], [], ticks, np.random.default_rng([7, 0]))
+    wanted = edit_list(found, ticks, toy_players()[mode])
+    tank = LiveTank(toy_players(), mode, 1, 7)
     rows = pd.DataFrame(np.append(np.array([tank.fish[0].at(0)], ROW), played(tank, ticks - 1)))
     faded = (wanted["weight"] > 0).to_numpy()
     assert faded.any() and not faded.all()
@@ -98,43 +50,22 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode):
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_a_stretch_cut_at_its_end_leaves_the_fish_where_planning_did(mode):
-    swimmer, seen = Swimmer(PLAYERS[mode].mode, [], np.random.default_rng(1)), set()
-    for _ in range(100):
-        before = snapshot(swimmer.fish)
-        found, _ = swimmer.swim_on()
-        fish, kept = cut(before, swimmer.fish, found, len(found.way), PLAYERS[mode])
-        seen.add((found.kind, found.state))
-        assert len(kept.way) == len(found.way) and kept.touched == found.touched
-        unlike = {"since"} if mode == NETWORK else set()  # only the film asks for it
-        if (found.kind == SPRITE and before.row >= 0) or (found.kind == FRAME and before.row < 0):
-            unlike |= {"phase"}  # of no use in the film, and after a turn
-        if found.state == TURN:
-            unlike |= {"phase"}
-        for field in fields(fish):
-            if field.name not in unlike:
-                a, b = (np.asarray(getattr(one, field.name)) for one in (fish, swimmer.fish))
-                assert np.allclose(a, b, rtol=0, atol=1e-9), (field.name, found.why)
-    assert len(seen) > (1 if mode != LOOPS else 0)
-
-
-@pytest.mark.parametrize("mode", MODES)
 def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
-    tank, rng = LiveTank(PLAYERS, mode, 1, 3), np.random.default_rng(2)
-    fast = 1.6 * max(MOTION.high * LENGTH / RATE, STEP)
+    tank, rng = LiveTank(toy_players(), mode, 1, 3), np.random.default_rng(2)
+    fast = 1.6 * max(lesson().high * LENGTH / RATE, STEP)
     for _ in range(40):
         before = played(tank, int(rng.integers(2, 30)))
         past = [tank.fish[0].at(tick) for tick in range(max(0, tank.tick - 50), tank.tick)]
         asked = tank.tick
         tank.send(None, *rng.uniform((40, 30), (760, 570)))
         rows = np.append(before, played(tank, 5)).view(ROW)
-        decision = tank.fish[0].decision(asked + 1)
-        assert decision.tick == asked + 1
+        choice = tank.fish[0].choice(asked + 1)
+        assert choice.tick == asked + 1
         assert (rows["goal"][len(before)] == "A") and not math.isnan(rows["goal_x_px"][-1])
         now = [tank.fish[0].at(tick) for tick in range(max(0, asked - 50), asked)]
         assert repr(past) == repr(now)
         assert steps(rows).max() <= fast
-        assert all(inside(ROOM.legal, row["x_px"], row["y_px"]) for row in rows)
+        assert all(inside(open_tank().legal, row["x_px"], row["y_px"]) for row in rows)
 
 
 @pytest.mark.parametrize("mode", [NETWORK, HYBRID])
@@ -142,7 +73,7 @@ def test_a_goal_counts_from_the_next_tick_on_and_nothing_jumps(mode):
 def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
     rng, took = np.random.default_rng(4), []
     for seed in range(8):
-        tank = LiveTank(PLAYERS, mode, 1, seed)
+        tank = LiveTank(toy_players(), mode, 1, seed)
         x, y = rng.uniform((80, 70), (720, 530))
         for tick in range(600):
             if tick == 0 or (drag and tick < 400):
@@ -152,23 +83,23 @@ def test_the_fish_gets_there_even_while_its_goal_is_dragged(mode, drag):
                 break
         took.append(tick)
         row = tank.fish[0].at(tank.tick)
-        goal = np.array([row.goal_x_px, row.goal_y_px], float)
-        assert step.touches(row.x_px, row.y_px, row.heading_deg, HEAD, goal, TOUCH + 0.1)
+        goal = step.Spot(row.goal_x_px, row.goal_y_px, TOUCH + 0.1, HEAD)
+        assert step.touches(row.x_px, row.y_px, row.heading_deg, goal)
     assert max(took) < 500
 
 
 def test_a_goal_beyond_the_wall_is_put_where_a_fish_can_touch_it():
-    tank = LiveTank(PLAYERS, NETWORK, 1, 0)
+    tank = LiveTank(toy_players(), NETWORK, 1, 0)
     tank.send(0, -50.0, 900.0)
     goal = tank.fish[0].goal
-    assert ROOM.into(goal.x_px, goal.y_px) == (goal.x_px, goal.y_px)
+    assert open_tank().into(goal.x_px, goal.y_px) == (goal.x_px, goal.y_px)
     tank.send(0, 400.0, 300.0)
     assert tank.fish[0].goal[1:3] == (400.0, 300.0)
 
 
 @pytest.mark.parametrize("mode", MODES)
 def test_while_a_goal_is_dragged_a_stretch_is_swum_for_a_moment(mode):
-    tank, decided = LiveTank(PLAYERS, mode, 1, 3), []
+    tank, decided = LiveTank(toy_players(), mode, 1, 3), []
     tank.on()
     for tick in range(60):
         tank.send(0, 400.0 + 3 * tick, 300.0, drag=tick > 0)
@@ -183,35 +114,35 @@ def test_while_a_goal_is_dragged_a_stretch_is_swum_for_a_moment(mode):
 
 
 def test_a_bent_fish_goes_on_from_its_bend():
-    network = PLAYERS[NETWORK].mode
-    turns = network.sprites.turns
-    plan = network._plan(LEFT, 100, 90)
+    player = toy_players()[NETWORK]
+    turns, plan_of = player.waters.sprites.turns, player.policy.sprites.plan
+    plan = plan_of(LEFT, 100, 90)
     for at, sprite in enumerate(plan.frames[:-1]):
         on = from_bend(plan, turns, LEFT, sprite)
         first = int(np.flatnonzero(plan.frames == sprite)[0])
         assert list(on.frames) == list(plan.frames[first + 1 :]), at
         assert on.share[-1] == 1 and (np.diff(on.share, prepend=0) > 0).all()
-        other = from_bend(network._plan(RIGHT, 100, 90), turns, RIGHT, sprite)
+        other = from_bend(plan_of(RIGHT, 100, 90), turns, RIGHT, sprite)
         undone = turns[LEFT].undone(sprite)[::2]
         assert list(other.frames[: len(undone)]) == list(undone)
         assert (np.diff(other.share, prepend=0) > 0).all() and other.share[-1] == 1
-    shallow = network._plan(LEFT, 10, 5)
+    shallow = plan_of(LEFT, 10, 5)
     deep = turns[LEFT].up[-1]
     assert deep not in shallow.frames
     assert list(from_bend(shallow, turns, LEFT, deep).frames) == list(turns[LEFT].undone(deep))
-    assert from_bend(plan, turns, LEFT, int(network.sprites.cycles[0][0])) is plan
+    assert from_bend(plan, turns, LEFT, int(player.waters.sprites.cycles[0][0])) is plan
 
 
-def test_who_is_stopped_amid_a_turn_is_bent_and_only_then():
-    swimmer, bent = Swimmer(PLAYERS[NETWORK].mode, [], np.random.default_rng(5)), 0
+def test_a_fish_that_is_stopped_in_a_turn_is_bent_and_only_then():
+    player, rng, bent = toy_players()[NETWORK], np.random.default_rng(5), 0
+    state = player.begin(rng)
     for _ in range(200):
-        before = snapshot(swimmer.fish)
-        found, _ = swimmer.swim_on()
-        assert not swimmer.fish.bent
-        if found.state == TURN and len(found.way) > 4:
-            fish, _ = cut(before, swimmer.fish, found, 4, PLAYERS[NETWORK])
-            assert fish.bent
+        stretch, then = player.step(state, None, rng)
+        assert not then.fish.bent
+        if stretch.state == TURN and len(stretch.way) > 4:
+            assert player.cut(state, stretch, 4)[1].fish.bent
             bent += 1
+        state = then
     assert bent > 10
 
 
@@ -219,9 +150,9 @@ def test_who_is_stopped_amid_a_turn_is_bent_and_only_then():
 
 
 def test_modes_are_changed_while_it_swims():
-    tank = LiveTank(PLAYERS, NETWORK, 2, 1)
+    tank = LiveTank(toy_players(), NETWORK, 2, 1)
     kinds = {NETWORK: SPRITE, LOOPS: FRAME}
-    fast = 1.6 * max(MOTION.high * LENGTH / RATE, STEP)
+    fast = 1.6 * max(lesson().high * LENGTH / RATE, STEP)
     for mode in (LOOPS, NETWORK, HYBRID, LOOPS, NETWORK, LOOPS, HYBRID, NETWORK):
         tank.switch(mode)
         rows = played(tank, 250)
@@ -238,16 +169,15 @@ def test_modes_are_changed_while_it_swims():
 
 
 def test_who_is_to_go_on_by_the_film_takes_a_way_that_gains_nothing(monkeypatch):
-    hybrid = PLAYERS[HYBRID].mode
-    monkeypatch.setattr(hybrid, "_worth", lambda options, fish, target: options.legal & False)
+    monkeypatch.setattr(policies, "worth", lambda crossing, options, *_: options.legal & False)
     for mode, kinds in ((HYBRID, {SPRITE}), (LOOPS, {FRAME})):
-        tank = LiveTank(PLAYERS, NETWORK, 1, 1)
+        tank = LiveTank(toy_players(), NETWORK, 1, 1)
         tank.switch(mode)
         assert set(played(tank, 200)["kind"][100:]) == kinds
 
 
 def test_a_mode_that_the_film_does_not_allow_is_refused():
-    few = dict.fromkeys((NETWORK, HYBRID), PLAYERS[NETWORK])
+    few = dict.fromkeys((NETWORK, HYBRID), toy_players()[NETWORK])
     with pytest.raises(FinloopError, match="no mode loops"):
         LiveTank(few, LOOPS, 1, 0)
     tank = LiveTank(few, HYBRID, 1, 0)
@@ -261,49 +191,124 @@ def test_a_mode_that_the_film_does_not_allow_is_refused():
 
 def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     monkeypatch.setattr(play_fish, "HISTORY", 60)
-    tank = LiveTank(PLAYERS, HYBRID, 1, 2)
+    tank = LiveTank(toy_players(), HYBRID, 1, 2)
     rows = played(tank, 400)
     fish = tank.fish[0]
     assert len(fish._ring) == 60
-    assert sum(one.tick < tank.oldest - 90 for one in fish._decisions) <= 1
+    assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
     assert tank.oldest == tank.tick - 59
     for back in range(60):
         assert repr(tuple(fish.at(tank.tick - back))) == repr(rows[-1 - back].item())
-        decision = fish.decision(tank.tick - back)
-        assert decision.tick <= tank.tick - back
+        choice = fish.choice(tank.tick - back)
+        assert choice.tick <= tank.tick - back
     assert fish.at(tank.oldest - 1) is None and fish.at(tank.tick + 1) is None
-    assert fish.decision(tank.oldest - 1) is None
+    assert fish.choice(tank.oldest - 1) is None
 
 
 def test_what_was_weighed_is_told_with_its_costs():
-    tank, loops = LiveTank(PLAYERS, HYBRID, 1, 2), PLAYERS[LOOPS].mode
+    tank = LiveTank(toy_players(), HYBRID, 1, 2)
     tank.send(0, 700.0, 100.0)
     seen = set()
     for _ in range(600):
         tank.on()
-        decision = tank.fish[0].decision(tank.tick)
-        row = tank.fish[0].at(tank.tick)
-        taken = [way for way in decision.weighed if way.taken]
-        assert len(taken) <= 1
-        if row.kind == FRAME and taken:
-            assert decision.tick == row.decided
-        for way in decision.weighed:
-            terms = way.seam_s, way.speed_s, way.again_s
-            assert min(terms) >= 0
-            seen.add((way.fails, way.taken, sum(terms) > 0))
-            if math.isfinite(way.value_s):
-                assert way.value_s >= sum(terms) - 1e-6
-    assert {("", True, True), ("", True, False)} <= seen  # jumps, and played on
-    fish = replace(tank.fish[0]._swimmer.fish, row=3)
-    for row, seam in ((40, 0.4), (400, 0.0)):
-        assert sum(loops.jump_terms(fish, row, seam)) * RATE == pytest.approx(
-            loops.jump_cost(fish, row, seam)
-        )
+        choice = tank.fish[0].choice(tank.tick)
+        row, options = tank.fish[0].at(tank.tick), choice.stretch.options
+        if options is None:
+            continue
+        if row.kind == FRAME:
+            assert choice.tick == row.decided and options.taken >= 0
+        assert (options.terms >= 0).all()
+        finite = np.isfinite(options.value)
+        assert (options.value >= options.terms.sum(1) - 1e-6)[finite].all()
+        if options.taken >= 0:
+            seen.add(bool(options.terms[options.taken].any()))
+    assert seen == {True, False}  # jumps, and played on
+
+
+# --- swimming on from a tick that has been
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_left_alone_it_swims_on_from_the_past_as_it_did(mode):
+    tank = LiveTank(toy_players(), mode, 2, 4, lambda row: row.weight < 0.5)
+    played(tank, 40)
+    tank.send(None, 600.0, 400.0)
+    first = [played(tank, 1, fish=0) for _ in range(160)]
+    second = [tank.fish[1].at(tick) for tick in range(tank.tick + 1)]
+    for tick in (197, 150, 90, 41, 44):
+        tank.back_to(tick)
+        assert tank.tick == tick and tank.mode == mode
+        again = played(tank, 160 + 40 - tick)
+        assert repr(np.concatenate(first)[tick - 40 :]) == repr(again)
+        assert repr([tank.fish[1].at(t) for t in range(tank.tick + 1)]) == repr(second)
+
+
+def test_from_the_past_it_can_be_sent_elsewhere():
+    tank = LiveTank(toy_players(), HYBRID, 1, 4)
+    tank.send(0, 100.0, 100.0)
+    rows = played(tank, 120)
+    tank.switch(NETWORK)
+    played(tank, 30)
+    tank.drop(0)
+    played(tank, 30)
+    tank.back_to(60)
+    fish = tank.fish[0]
+    assert tank.mode == fish.mode == HYBRID  # as it was then
+    assert fish.goal is not None or rows["reached"][59]
+    tank.send(0, 700.0, 500.0)
+    later = played(tank, 100)
+    assert fish.choice(61).goal.x_px == 700.0 and fish.at(181) is None
+    assert repr(rows[:60]) == repr(np.array([fish.at(t) for t in range(1, 61)], ROW))
+    whole = np.concatenate([rows[:60], later])
+    assert steps(whole).max() <= 1.6 * max(lesson().high * LENGTH / RATE, STEP)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_a_goal_that_was_being_dragged_then_is_swum_to(mode):
+    tank = LiveTank(toy_players(), mode, 1, 3)
+    played(tank, 20)
+    for move in range(20):
+        tank.send(0, 300.0 + 10 * move, 300.0, drag=move > 0)
+        tank.on()
+    tank.back_to(33)
+    first = tank.fish[0].goal
+    assert first.x_px == 300.0 + 10 * 12
+    tank.on()
+    tank.on()
+    tank.on()
+    assert tank.fish[0].choice(tank.tick).goal == first
+
+
+def test_a_fish_that_was_not_there_yet_is_gone_and_the_page_swims_on():
+    view = view_of(fish=1)
+    view.on(30)
+    view.grant(parsed('{"do":"count","fish":3}'))
+    view.grant(parsed('{"do":"explain","fish":2}'))
+    view.on(30)
+    view.grant(parsed('{"do":"pause","on":true}'))
+    view.grant(parsed('{"do":"look","tick":20}'))
+    view.grant(parsed('{"do":"swim_on","tick":20}'))
+    state, _ = read(view.show())
+    assert (state["now"], state["tick"], len(state["fish"])) == (20, 20, 1)
+    assert view.runs and not state["past"] and view.explained == 0
+    view.grant(parsed('{"do":"swim_on","tick":900}'))  # it has not been: stay
+    assert view.tank.tick == 20
+
+
+def test_no_further_back_than_is_known(monkeypatch):
+    monkeypatch.setattr(play_fish, "HISTORY", 60)
+    tank = LiveTank(toy_players(), HYBRID, 1, 2)
+    played(tank, 400)
+    oldest = tank.oldest
+    row = tank.fish[0].at(oldest)
+    tank.back_to(3)
+    assert tank.tick == oldest and repr(tank.fish[0].at(oldest)) == repr(row)
+    played(tank, 100)
 
 
 def test_ghosts_are_not_drawn_and_do_not_come_back():
     def rows(ghost):
-        tank = LiveTank(PLAYERS, HYBRID, 1, 5, ghost)
+        tank = LiveTank(toy_players(), HYBRID, 1, 5, ghost)
         return played(tank, 300)["weight"]
 
     usual = rows(lambda row: False)

@@ -16,7 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import sync_playwright
 from pydantic import BaseModel
-from test_play import PLAYERS, read, view_of
+from toy_tank import read, toy_players, view_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -40,6 +40,7 @@ GOOD = [
     {"do": "speed", "times": 8},
     {"do": "look", "tick": 3},
     {"do": "look", "tick": None},
+    {"do": "swim_on", "tick": 3},
     {"do": "explain", "fish": 2},
     {"do": "count", "fish": 8},
     {"do": "seen", "frame": 12},
@@ -54,7 +55,7 @@ BAD = [
     '{"do":"goal","fish":0,"x":1,"y":1,"drag":true,"more":1}', '{"do":"mode","mode":"HYBRID"}',
     '{"do":"mode","mode":"__class__"}', '{"do":"pause","on":"true"}', '{"do":"speed","times":0}',
     '{"do":"speed","times":-1}', '{"do":"speed","times":1e300}', '{"do":"look","tick":-1}',
-    '{"do":"look","tick":1.5}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
+    '{"do":"look","tick":1.5}', '{"do":"swim_on","tick":null}', '{"do":"swim_on","tick":-1}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
     '{"do":"count","fish":9}', '{"do":"seen","frame":"1"}', '{"do":"step"' + " " * LONGEST + "}",
 ]  # fmt: skip
 
@@ -168,7 +169,7 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
             for text in ('{"do":"count","fish":2}', '{"do":"pause","on":false}'):
                 host.hear(pages[0], text)
             host.frame(*host.take(), ticks=40)
-            PLAYERS[NETWORK].mode._plan.cache_clear()
+            toy_players()[NETWORK].policy.sprites.plan.cache_clear()
             gc.collect()
             counts.append(len(gc.get_objects()))
         return host, counts
@@ -451,6 +452,20 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait(f"state.tick === {now - 38}")
         page.keyboard.press("l")
         wait("!state.past")
+        page.locator("#scrub").fill(str(now - 30))
+        wait(f"state.past && state.tick === {now - 30}")
+        page.keyboard.press("b")  # swim on from there
+        wait("!state.past && !state.paused")
+        page.keyboard.press("Space")
+        wait("state.paused")
+        now = page.evaluate("state.now")
+        page.locator("#scrub").fill(str(now - 20))
+        wait("state.past")
+        page.click("#from")
+        wait(f"!state.past && state.now >= {now - 20}")
+        page.keyboard.press("Space")
+        wait("state.paused")
+        now = page.evaluate("state.now")
         page.locator("#scrub").fill(str(now - 5))
         wait("state.past")
         page.keyboard.press("End")  # the end of the past is now

@@ -23,6 +23,7 @@ import stages.extract
 import stages.plots.render
 import stages.render
 from finloop.animate.edit_list import EDIT, Goal
+from finloop.animate.state import Decision
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.io.cutouts import CutoutWriter
@@ -333,9 +334,10 @@ def edit_list(n, **columns):
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
         "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0,
         "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "nn",
-        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0, "decision": None,
+        "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
-    return pd.DataFrame(usual | columns)
+    why = dict.fromkeys(Decision._fields)
+    return pd.DataFrame(usual | why | columns)
 
 
 def gallery(count=3, keep=512):
@@ -894,9 +896,7 @@ def test_of_many_switches_some_of_either_sort_are_shown_spread_over_the_animatio
 
 def test_a_jump_without_a_cross_fade_is_a_switch():
     source = [*range(10), *range(50, 60)]
-    edit = edit_list(
-        20, source=source, decision=["play on"] + [None] * 9 + ["jump, 1.9 steps"] + [None] * 9
-    )
+    edit = edit_list(20, source=source, reason=["play"] + [None] * 9 + ["jump"] + [None] * 9)
     assert switches(edit, FRAMES, 12) == [10]
 
 

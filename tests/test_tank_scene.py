@@ -16,6 +16,7 @@ from toy_fish import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
 
 import stages.tank
 from finloop.animate.edit_list import EDIT
+from finloop.animate.state import Decision
 from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
@@ -219,7 +220,7 @@ def put(folder):
     save_facts(folder / "data/clip" / FACTS_NAME, facts)
     usual = {
         "speed": 1.0, "motion_area": np.nan, "mode": "nn", "state": "straight", "goal": "",
-        "aim_x_px": 0.0, "aim_y_px": 0.0, "decision": None,
+        "aim_x_px": 0.0, "aim_y_px": 0.0, **dict.fromkeys(Decision._fields),
     }  # fmt: skip
     edit = swimming(30).assign(tick=np.arange(30), time_s=np.arange(30) / 25, **usual)
     save_table(folder / "data/animate/nn.parquet", edit, EDIT)

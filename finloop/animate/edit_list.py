@@ -39,9 +39,44 @@ EDIT = Schema(
         Column("goal", "string", "1"),
         Column("aim_x_px", "float64", "px"),
         Column("aim_y_px", "float64", "px"),
-        Column("decision", "string", "1", nullable=True),
+        Column("reason", "string", "1", nullable=True),
+        Column("exit", "string", "1", nullable=True),
+        Column("seam", "float32", "median step of the film", nullable=True),
+        Column("value_s", "float32", "s", nullable=True),
+        Column("quadrant", "int8", "1", nullable=True),
+        Column("ways", "int16", "1", nullable=True),
+        Column("ways_tank", "int16", "1", nullable=True),
+        Column("ways_quadrant", "int16", "1", nullable=True),
+        Column("ways_heading", "int16", "1", nullable=True),
+        Column("turn_deg", "float32", "deg", nullable=True),
+        Column("sprite_area", "float32", "1", nullable=True),
+        Column("room", "float32", "1", nullable=True),
+        Column("film_speed", "float32", "body length/s", nullable=True),
     )
 )
+"""`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
+model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
+`mode` is "nn" or "loops", whichever the tick is in.
+
+The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other
+ticks. `reason` is a code of `REASONS`; `exit`, of `EXITS`, where the film is left; `seam` that of a
+jump or gateway. Of a way of the film: `value_s`, all that it costs to the goal, and the `quadrant`
+that it leads to (Fig. 11). How many `ways` were weighed, and how many of them fail each test of
+Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the motion area of the strongest sprite, and the
+share of the film's displacement for which there was `room`. Of a phase: the `film_speed` at which
+the film's began."""
+
+REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT = (
+    "phase", "turn", "wall", "play", "jump", "enter", "spot",
+)  # fmt: skip
+"""Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
+loop, enter the film by a gateway, turn on the spot as no way leads on."""
+
+EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
+"""The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""
+
+VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
+"""Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better."""
 
 CONSIDERED = Schema(
     (
@@ -54,12 +89,8 @@ CONSIDERED = Schema(
     )
 )
 """What was weighed at a tick: rows of the feature table that could have been shown, what the best
-way from there costs (empty: there is none, or it was passed over for better ones), and which test
-of Fig. 19 it fails ("" = none)."""
-"""`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
-model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for, and
-`decision` says on a state's first tick why it was entered. `mode` is "nn" or "loops", whichever the
-tick is in."""
+way from there costs (empty: there is none, or it was passed over for better ones), and its verdict
+by Fig. 19, of `VERDICTS`."""
 
 
 class Goal(NamedTuple):

@@ -3,6 +3,8 @@
 Angles are degrees, anticlockwise as seen (y is down), lengths pixels.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -10,6 +12,39 @@ from numpy.typing import NDArray
 from finloop.animate.arena import inside
 
 Floats = NDArray[np.float64]
+
+
+class Spot(NamedTuple):
+    """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`."""
+
+    x: float
+    y: float
+    touch_px: float
+    head_px: float
+
+
+class Ahead(NamedTuple):
+    """Swimming ahead, tick by tick (n,).
+
+    forward: px per tick; drift: of the heading since the start, degrees; brake: px that the fish
+    goes on before it can have stopped.
+    """
+
+    forward: Floats
+    drift: Floats
+    brake: Floats
+
+
+class Turning(NamedTuple):
+    """A turn, tick by tick (n,).
+
+    share: of the turn that is done, rising to 1; forward, sideways: px per tick, along the heading
+    and towards the inside of the turn.
+    """
+
+    share: Floats
+    forward: Floats
+    sideways: Floats
 
 
 @njit(cache=True, nogil=True)
@@ -33,89 +68,68 @@ def ahead(x: float, y: float, heading: float, forward: float, sideways: float): 
 
 
 @njit(cache=True, nogil=True)
-def touches(x: float, y: float, heading: float, head: float, at: Floats, radius: float) -> bool:
-    """Whether the centre, or the head `head` before it, is within `radius` of the point `at`."""
-    head_x, head_y = ahead(x, y, heading, head, 0.0)
+def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
+    """Whether a fish touches a spot."""
+    head_x, head_y = ahead(x, y, heading, spot.head_px, 0.0)
     return (
-        np.hypot(x - at[0], y - at[1]) <= radius
-        or np.hypot(head_x - at[0], head_y - at[1]) <= radius
+        np.hypot(x - spot.x, y - spot.y) <= spot.touch_px
+        or np.hypot(head_x - spot.x, head_y - spot.y) <= spot.touch_px
     )
 
 
 @njit(cache=True, nogil=True)
-def straight(  # type: ignore[no-untyped-def]
-    legal: NDArray[np.bool_],
-    start: Floats,
-    forward: Floats,
-    drift: Floats,
-    brake: Floats,
-    head: float,
-    at: Floats,
-    radius: float,
-):
+def straight(legal: NDArray[np.bool_], start: Floats, swim: Ahead, goal: Spot):  # type: ignore[no-untyped-def]
     """Swim ahead from `start` (x, y, heading), tick by tick.
-
-    `forward` (n,) per tick; `drift` (n,) of the heading since the start; `brake` (n,) how far the
-    fish goes on before it can have stopped.
 
     Returns
     -------
     way (n, 3) : x, y, heading; ticks that stay legal, and could stop within the legal; the tick at
-    which `at` is touched, n where it is not.
+    which the goal is touched, n where it is not.
     """
-    n = forward.size
+    n = swim.forward.size
     way = np.empty((n, 3))
     x, y = start[0], start[1]
     good, reached = n, n
     for k in range(n):
-        heading = start[2] + drift[k]
-        x, y = ahead(x, y, heading, forward[k], 0.0)
+        heading = start[2] + swim.drift[k]
+        x, y = ahead(x, y, heading, swim.forward[k], 0.0)
         way[k] = x, y, heading
-        stop_x, stop_y = ahead(x, y, heading, brake[k], 0.0)
+        stop_x, stop_y = ahead(x, y, heading, swim.brake[k], 0.0)
         if good == n and not (inside(legal, x, y) and inside(legal, stop_x, stop_y)):
             good = k
-        if reached == n and touches(x, y, heading, head, at, radius):
+        if reached == n and touches(x, y, heading, goal):
             reached = k
     return way, good, reached
 
 
 @njit(cache=True, nogil=True)
 def turn(  # type: ignore[no-untyped-def]
-    legal: NDArray[np.bool_],
-    start: Floats,
-    share: Floats,
-    forward: Floats,
-    sideways: Floats,
-    head: float,
-    at: Floats,
-    radius: float,
-    target: Floats,
-    fastest: float,
-):
-    """Turn from `start` (x, y, heading) towards the point `target`, tick by tick.
+    legal: NDArray[np.bool_], start: Floats, swim: Turning, goal: Spot, aim: Spot, fastest: float
+):  # fmt: skip
+    """Turn from `start` (x, y, heading) towards the point `aim`, tick by tick.
 
-    The error of the heading against the bearing of the target, which changes as the fish moves,
-    falls as `share` (n,) rises: strictly, to 0 where it is 1. `sideways` is towards the inside of
-    the turn. No tick may turn by more than `fastest`, or back: the target would be too near.
+    The error of the heading against the bearing of the aim, which changes as the fish moves, falls
+    as the share of the turn rises: strictly, to 0 where it is 1. No tick may turn by more than
+    `fastest` degrees, or back: the aim would be too near.
 
     Returns
     -------
     way (n, 3) : x, y, heading, up to the touch; whether it is legal and no tick turns too fast or
-    back; the tick at which `at` is touched, n where it is not.
+    back; the tick at which the goal is touched, n where it is not.
     """
-    n = share.size
+    n = swim.share.size
     way = np.empty((n, 3))
     x, y, heading = start[0], start[1], start[2]
-    error = wrap(bearing(x, y, target[0], target[1]) - heading)
+    error = wrap(bearing(x, y, aim.x, aim.y) - heading)
     side = 1.0 if error > 0 else -1.0
     for k in range(n):
-        x, y = ahead(x, y, heading, forward[k], side * sideways[k])
-        aim = bearing(x, y, target[0], target[1]) - error * (1.0 - share[k])
-        step = wrap(aim - heading)
+        x, y = ahead(x, y, heading, swim.forward[k], side * swim.sideways[k])
+        towards = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])
+        step = wrap(towards - heading)
         heading += step
         way[k] = x, y, heading
         if not (0.0 <= side * step <= fastest and inside(legal, x, y)):
             return way, False, n
-        if touches(x, y, heading, head, at, radius):
+        if touches(x, y, heading, goal):
             return way, True, k
     return way, True, n

@@ -13,10 +13,10 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.stats import wasserstein_distance
 
-from finloop.animate.arena import Tank
 from finloop.animate.edit_list import FRAME, LOOPS, Goal
 from finloop.animate.motion import FILM, STATES, TURN, Motion
-from finloop.animate.swim import Cast, Mode, Player
+from finloop.animate.state import Waters
+from finloop.animate.swim import Player
 from finloop.base.schema import Column, Schema
 from finloop.features.table import wrap_deg
 
@@ -37,12 +37,11 @@ def of_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: Player, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """All measures that need no picture. `film`: its kinematics, as `motion_of_film` gives them."""
-    mode = player.mode
     return {
-        **of_goals(edit, goals, mode),
+        **of_goals(edit, goals, player.waters),
         **of_kinematics(motion_of_edit(edit, player), film),
         **of_turns(edit),
-        "frames_outside": outside(edit, player.cast, mode.tank),
+        "frames_outside": outside(edit, player),
         "film_pct": 100 * float((edit["mode"] == LOOPS).mean()),
     }
 
@@ -70,9 +69,9 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     return found
 
 
-def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], mode: Mode) -> dict[str, float]:
+def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: Waters) -> dict[str, float]:
     """Goals reached, time, path error against the straight ways from goal to goal, straightness."""
-    ticks, motion = reached(edit, goals, mode.touch_px, mode.head_px), mode.motion
+    ticks, motion = reached(edit, goals, waters.touch_px, waters.head_px), waters.motion
     done = np.flatnonzero(~np.isnan(ticks))
     measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(done) / len(goals)}
     if done.size == 0:
@@ -120,10 +119,10 @@ def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """
     sprite = (edit["kind"] != FRAME).to_numpy()
-    number = np.where(sprite, edit["source"] // player.cast.order.orientations, 0)
+    number = np.where(sprite, edit["source"] // player.waters.sprites.orientations, 0)
     sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     head = edit["heading_deg"].to_numpy(float) + sway
-    return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.mode.motion)
+    return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.waters.motion)
 
 
 def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floats]:
@@ -162,14 +161,14 @@ def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> d
     }
 
 
-def outside(edit: pd.DataFrame, cast: Cast, tank: Tank) -> int:
+def outside(edit: pd.DataFrame, player: Player) -> int:
     """Ticks at which any point of the drawn fish is outside the arena."""
-    count = 0
+    count, tank = 0, player.waters.tank
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     for (kind, source), ticks in edit.groupby(["kind", "source"]).indices.items():
-        ahead, left = cast.hull(str(kind), int(source)).T
+        ahead, left = player.hull(str(kind), int(source)).T
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
         column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
         row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
@@ -182,7 +181,7 @@ def outside(edit: pd.DataFrame, cast: Cast, tank: Tank) -> int:
 def of_turns(edit: pd.DataFrame) -> dict[str, float]:
     """Whether the error of the heading against the aim falls at every tick of every turn."""
     turning = (edit["state"] == STATES[TURN]).to_numpy()
-    begins = edit["decision"].notna().to_numpy()
+    begins = edit["reason"].notna().to_numpy()
     number = np.cumsum(begins)
     bearing = np.degrees(
         np.arctan2(edit["y_px"] - edit["aim_y_px"], edit["aim_x_px"] - edit["x_px"])
@@ -192,12 +191,11 @@ def of_turns(edit: pd.DataFrame) -> dict[str, float]:
     rises = same & (np.diff(error) > 1e-3)
     turns = np.unique(number[turning])
     bad = np.unique(number[1:][rises])
-    asked = edit.loc[begins & turning]
     return {
         "turns": float(len(turns)),
         "turns_monotone_pct": 100 * (1 - len(bad) / len(turns)) if len(turns) else np.nan,
         "turns_with_little_room_pct": 100
-        * float(asked["decision"].str.contains("room|spot").mean() if len(asked) else np.nan),
+        * float((edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan),
     }
 
 

@@ -10,24 +10,20 @@ Speeds are body lengths per second, distances body lengths, angles degrees, + = 
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
+from finloop.animate.settings import Settings
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM = range(6)
 STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film")
 """What a fish does: by sprites, or as a stretch of film."""
-
-_STILL = 0.25  # a tail is still where it moves less than this share of a beating one
-_STEADY = 0.5  # per second; a speed that changes by a smaller share is steady
-_MOST_DRIFT_DEG = 20.0  # more is a turn too short to have been called one
-_LEAST_TICKS = 3  # shorter phases belong to the one before
-_SPEEDS = (0.002, 0.998)  # quantiles between which the film's speeds are believed
 
 
 @dataclass(frozen=True)
@@ -116,7 +112,7 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
     )
 
 
-def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> Motion:
+def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings) -> Motion:
     """Phases and turns of a feature table.
 
     Raises
@@ -135,14 +131,15 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int) -> Motion:
     straight = np.concatenate(beating or [np.zeros(0)])
     if straight.size == 0 or speeds.max() <= 0:
         raise _too_little("straight swimming", "features.turn_threshold_deg")
-    still = _STILL * np.quantile(straight, 0.9)
-    low, high = np.quantile(speeds, _SPEEDS)
+    still = settings.still * np.quantile(straight, 0.9)
+    low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
+    rules = PhaseRules(float(still), rate_hz, delta, settings)
     runs = [
         (c, kind, first, last)
         for c in courses
         for kind, first, last in _runs(c.kind)
     ]  # fmt: skip
-    phases = _phases([run for run in runs if run[1] == TYPE_STRAIGHT], still, rate_hz, delta)
+    phases = _phases([run for run in runs if run[1] == TYPE_STRAIGHT], rules)
     turns = _turns([run for run in runs if run[1] != TYPE_STRAIGHT], rate_hz, delta)
     if len(phases.ticks) == 0:
         raise _too_little("straight swimming", "features.turn_threshold_deg")
@@ -172,15 +169,24 @@ def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
 Run = tuple[Course, int, int, int]
 
 
-def _phases(runs: list[Run], still: float, rate_hz: float, delta: int) -> Phases:
+class PhaseRules(NamedTuple):
+    """How straight swimming is cut into phases. still: sway below which a tail is still."""
+
+    still: float
+    rate_hz: float
+    delta: int
+    settings: Settings
+
+
+def _phases(runs: list[Run], rules: PhaseRules) -> Phases:
     state, before, ticks, first_speed, change, drift = [], [], [], [], [], []
     for c, _, first, last in runs:
-        labels = _labels(c, first, last, still, rate_hz, delta)
+        labels = _labels(c, first, last, rules)
         came = TURN if first > 0 else -1
         for label, a, b in labels:
             prior = max(a - 1, 0)
             drifted = c.heading_deg[a:b] - c.heading_deg[prior]
-            if np.abs(drifted).max() > _MOST_DRIFT_DEG:
+            if np.abs(drifted).max() > rules.settings.phase_drift_deg:
                 came = label
                 continue
             state.append(label)
@@ -201,27 +207,25 @@ def _phases(runs: list[Run], still: float, rate_hz: float, delta: int) -> Phases
     )
 
 
-def _labels(
-    c: Course, first: int, last: int, still: float, rate_hz: float, delta: int
-) -> list[tuple[int, int, int]]:
+def _labels(c: Course, first: int, last: int, rules: PhaseRules) -> list[tuple[int, int, int]]:
     """(state, first, one past the last) of the phases of a straight run."""
-    here = slice(first, last)
-    rate = np.gradient(uniform_filter1d(c.speed, delta))[here] * rate_hz
+    here, steady, least = slice(first, last), rules.settings.steady, rules.settings.phase_ticks
+    rate = np.gradient(uniform_filter1d(c.speed, rules.delta))[here] * rules.rate_hz
     rate = rate / np.maximum(c.speed[here], 1e-9)
     label = np.select(
-        [c.sway[here] < still, rate > _STEADY, rate < -_STEADY],
+        [c.sway[here] < rules.still, rate > steady, rate < -steady],
         [SLIDE, ACCELERATE, DECELERATE],
         STRAIGHT,
     ).astype(np.int8)
-    found: list[tuple[int, int, int]] = []
+    labels: list[tuple[int, int, int]] = []
     for kind, a, b in _runs(label):
-        if found and (b - a < _LEAST_TICKS or found[-1][0] == kind):
-            found[-1] = (found[-1][0], found[-1][1], first + b)
-        elif found and found[-1][2] - found[-1][1] < _LEAST_TICKS:  # only the first can be short
-            found[-1] = (kind, found[-1][1], first + b)
+        if labels and (b - a < least or labels[-1][0] == kind):
+            labels[-1] = (labels[-1][0], labels[-1][1], first + b)
+        elif labels and labels[-1][2] - labels[-1][1] < least:  # only the first can be short
+            labels[-1] = (kind, labels[-1][1], first + b)
         else:
-            found.append((kind, first + a, first + b))
-    return found
+            labels.append((kind, first + a, first + b))
+    return labels
 
 
 def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns:

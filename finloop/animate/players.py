@@ -6,16 +6,14 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import tank
+from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK
-from finloop.animate.hybrid import HybridMode
-from finloop.animate.loops import LoopMode
-from finloop.animate.motion import Motion
-from finloop.animate.network import NetworkMode
-from finloop.animate.swim import Cast, Mode, Player
+from finloop.animate.loops import FilmSwimmer
+from finloop.animate.network import SpriteSwimmer
+from finloop.animate.policies import HybridPolicy, LoopsPolicy, NetworkPolicy, Policy
+from finloop.animate.state import Waters
+from finloop.animate.swim import Cast, Player
 from finloop.bpn.model import MotionModel
-
-_WIDE = 0.99  # quantile of the frames' reach; wider ones, mostly faults, are not shown
 
 Floats = NDArray[np.float64]
 
@@ -38,36 +36,33 @@ def frame_hulls(
 
 
 def reach(
-    sprite_hulls: Sequence[Floats], hulls: NDArray[np.float32]
+    sprite_hulls: Sequence[Floats], hulls: NDArray[np.float32], quantile: float
 ) -> tuple[float, NDArray[np.bool_]]:
-    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther."""
+    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
+
+    quantile: of the frames' reach; wider ones are mostly faults.
+    """
     frames = np.hypot(hulls[..., 0], hulls[..., 1]).max(axis=1)
     sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
-    most = max(sprites, float(np.quantile(frames, _WIDE)))
+    most = max(sprites, float(np.quantile(frames, quantile)))
     return most, frames > most
 
 
 def players(
-    cast: Cast, motion: Motion, model: MotionModel, gateways: pd.DataFrame,
-    arena: NDArray[np.bool_], reach_px: float, head_px: float, goal_radius: float, stay_s: float,
-    fade_s: float, step: float,
-) -> dict[str, Player]:  # fmt: skip
+    waters: Waters, cast: Cast, model: MotionModel, gateways: pd.DataFrame, step: float
+) -> dict[str, Player]:
     """A player for every mode; without loops there is no such mode, and the hybrid is the network.
 
-    gateways: with the columns of `GATEWAYS`; goal_radius in body lengths; step: the median distance
-    of successive frames.
-
-    Raises
-    ------
-    FinloopError
-        If the tank (`arena`) is smaller than the fish.
+    gateways: with the columns of `GATEWAYS`; step: the median distance of successive frames.
     """
-    room, touch = tank(arena, reach_px), goal_radius * motion.body_length_px
-    network = NetworkMode(motion, cast.order, model, room, touch, head_px)
-    modes: dict[str, Mode] = {NETWORK: network, HYBRID: network}
-    if (cast.film.endless & cast.film.more).any():
-        loops = LoopMode(cast.film, motion, room, touch, head_px, stay_s)
-        hybrid = HybridMode(network, loops, gateways, step)
-        modes = {NETWORK: network, LOOPS: loops, HYBRID: hybrid}
-    fade = round(fade_s * motion.rate_hz)
-    return {name: Player(mode, cast, fade) for name, mode in modes.items()}
+    sprites = SpriteSwimmer(waters, model)
+    policies: dict[str, Policy] = dict.fromkeys((NETWORK, HYBRID), NetworkPolicy(sprites))
+    if (waters.film.endless & waters.film.more).any():
+        crossing = Crossing(sprites, FilmSwimmer(waters), gateways, step)
+        policies = {
+            NETWORK: NetworkPolicy(sprites, crossing),
+            LOOPS: LoopsPolicy(crossing),
+            HYBRID: HybridPolicy(crossing),
+        }
+    fade = waters.ticks(waters.settings.fade_s)
+    return {mode: Player(policy, waters, cast, fade) for mode, policy in policies.items()}

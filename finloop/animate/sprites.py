@@ -1,20 +1,18 @@
 """Sprites as the network mode plays them: cycles to swim by, turns of any depth (Fig. 18)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.motion import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
+from finloop.animate.settings import Settings
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import orientations_of
 
 Ints = NDArray[np.int64]
 Floats = NDArray[np.float64]
-
-_FLOOR = 0.01  # of a turn; so much at least is turned at every tick, so that it never stands still
-_MORE, _LESS = 1.5, 0.6  # a turn is drawn by frames that turned between 1/_MORE and 1/_LESS of it
 
 
 @dataclass(frozen=True)
@@ -71,13 +69,14 @@ class Sprites:
 
     cycles: frames of the cycle that each straight state plays; entry: per cycle and sprite, where
     to enter the cycle after it; following: the sprite after each one of its sequence, that of a
-    turn's last one itself; cycle_speed: of the straight cycle in the film, body lengths/s;
-    orientations: that every sprite is drawn in.
+    turn's last one itself; area: relative motion area of every sprite; cycle_speed: of the straight
+    cycle in the film, body lengths/s; orientations: that every sprite is drawn in.
     """
 
     cycles: dict[int, Ints]
     entry: dict[int, Ints]
     following: Ints
+    area: Floats
     turns: dict[int, TurnFrames]
     cycle_speed: float
     orientations: int
@@ -87,20 +86,24 @@ class Sprites:
 class TurnPlan:
     """frames (n,); share (n,) of the turn done after each tick, rising strictly to 1.
 
-    area: of the strongest frame; film_deg: by how much the film turned over these frames.
+    area: of the strongest frame; film_deg: by how much the film turned over these frames; floor:
+    share of the turn that each tick turns at least.
     """
 
     frames: Ints
     share: Floats
     area: float
     film_deg: float
+    floor: float
 
 
-def plan_turn(frames: TurnFrames, angle_deg: float, area: float, most: int) -> TurnPlan:
+def plan_turn(
+    frames: TurnFrames, angle_deg: float, area: float, most: int, settings: Settings
+) -> TurnPlan:
     """The turn by `angle_deg` > 0 whose strongest frame comes nearest to the relative motion area.
 
-    At most `most` ticks are held. Where the film's frames turned by far less or more than is
-    wanted, a deeper or shallower bend is taken.
+    The strongest bend is held for at most `most` ticks. Where the film's frames turned by far less
+    or more than is wanted, a deeper or shallower bend is taken.
     """
     depth = max(1, int(np.abs(frames.up_area - area).argmin()))
     depth = min(depth, len(frames.up) - 1)
@@ -108,16 +111,17 @@ def plan_turn(frames: TurnFrames, angle_deg: float, area: float, most: int) -> T
         bare = frames.steps(depth, 0)[1].sum()
         held = int(np.clip(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0, most))
         film = bare + held * frames.hold_deg
-        if angle_deg > _MORE * film and depth < len(frames.up) - 1:
+        if angle_deg > settings.turn_more * film and depth < len(frames.up) - 1:
             depth += 1
         else:
             break
-    while depth > 1 and angle_deg < _LESS * frames.steps(depth, 0)[1].sum():
+    while depth > 1 and angle_deg < settings.turn_less * frames.steps(depth, 0)[1].sum():
         depth, held = depth - 1, 0
     numbers, degrees = frames.steps(depth, held)
     film = float(degrees.sum())
-    share = np.cumsum(degrees + _FLOOR * max(film, 1.0))
-    return TurnPlan(numbers, share / share[-1], float(frames.up_area[depth]), film)
+    share = np.cumsum(degrees + settings.turn_floor * max(film, 1.0))
+    area = float(frames.up_area[depth])
+    return TurnPlan(numbers, share / share[-1], area, film, settings.turn_floor)
 
 
 def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int) -> TurnPlan:
@@ -134,7 +138,7 @@ def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: i
     undone = turns[bent].undone(sprite)
     if bent != side:
         frames = np.concatenate([undone[::2], plan.frames])
-        step = np.concatenate([np.full(len(frames) - len(step), _FLOOR), step])
+        step = np.concatenate([np.full(len(frames) - len(step), plan.floor), step])
     elif here.size and here[0] + 1 < len(plan.frames):
         frames, step = plan.frames[here[0] + 1 :], step[here[0] + 1 :]
     elif undone.size:
@@ -142,7 +146,7 @@ def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: i
     else:
         return plan
     share = np.cumsum(step)
-    return TurnPlan(frames, share / share[-1], plan.area, plan.film_deg)
+    return replace(plan, frames=frames, share=share / share[-1])
 
 
 def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
@@ -166,6 +170,7 @@ def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
         cycles,
         entry,
         following,
+        table["motion_area_rel"].to_numpy(float),
         {LEFT: _turn_frames(parts["left"], LEFT), RIGHT: _turn_frames(parts["right"], RIGHT)},
         float(np.hypot(parts["straight"]["forward"], parts["straight"]["sideways"]).mean())
         * rate_hz,

@@ -1,25 +1,22 @@
-"""One fish of the live tank: planned by the modes of `animate`, cut where a wish comes, remembered.
+"""One fish of the live tank: planned by the players of `animate`, with a past to go back to.
 
 A stretch is drawn as its edit list says. A new goal cuts the stretch under way at the tick on
-screen. What was drawn, and what was weighed for it, is kept for `HISTORY` ticks; the memory for
-what was drawn is taken once.
+screen. What was drawn, and every decision with the state it was made in, is kept for `HISTORY`
+ticks; a player is pure, so the fish can swim on from any of them.
 """
 
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple, get_type_hints
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, Goal
-from finloop.animate.hybrid import HybridMode
-from finloop.animate.loops import LoopMode
-from finloop.animate.network import Stretch
-from finloop.animate.swim import Player, Swim, Swimmer, edit_columns
-from finloop.live.cut import cut, snapshot
+from finloop.animate.edit_list import Goal
+from finloop.animate.state import State, Stretch
+from finloop.animate.swim import Player, edit_columns
 
 Floats = NDArray[np.float64]
 
@@ -66,65 +63,54 @@ Ghost = Callable[[Row], bool]
 
 
 @dataclass(frozen=True)
-class Weighed:
-    """A row of the film that could have been shown: see `CONSIDERED`. All costs in seconds.
+class Choice:
+    """A decision, and all that it was made from.
 
-    seam_s, speed_s, again_s: what showing it costs at once, for the seam, the change of speed, and
-    what was on screen just now; value_s: all that the best way from there costs; rot: its turn.
+    tick: the first one that the stretch is swum at; state, draws: of the fish and of the random
+    generator when it was made; goal: None where the fish wandered.
     """
 
-    row: int
-    rot: float
-    seam: float
-    seam_s: float
-    speed_s: float
-    again_s: float
-    value_s: float
-    fails: str
-    taken: bool
-
-
-@dataclass(frozen=True)
-class Decision:
-    """Why a stretch is swum. x_px, y_px: where the fish was; aim: the point it headed for."""
-
     tick: int
-    why: str
-    x_px: float
-    y_px: float
-    aim: tuple[float, float]
-    weighed: tuple[Weighed, ...]
+    mode: str
+    state: State
+    draws: Mapping[str, Any]
+    goal: Goal | None
+    stretch: Stretch
+
+    @property
+    def name(self) -> str:
+        """Of the goal."""
+        return self.goal.name if self.goal else ""
 
 
 class LiveFish:
-    """One fish. `born`: the tick of the tank that is its first."""
+    """One fish. `born`: the tick of the tank that is its first; `name`: of its goals."""
 
     def __init__(
-        self, players: Mapping[str, Player], mode: str, born: int, rng: np.random.Generator,
-        ghost: Ghost,
+        self, players: Mapping[str, Player], mode: str, born: int, name: str,
+        rng: np.random.Generator, ghost: Ghost,
     ) -> None:  # fmt: skip
-        self.mode, self.born = mode, born
+        self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.reached = False
-        self._players, self._player, self._ghost = players, players[mode], ghost
-        self._swimmer = Swimmer(self._player.mode, [], rng)
-        fish = self._swimmer.fish
-        if fish.shown.size == 0:  # begun by sprites, but it may come into the film
-            fish.shown = np.full(len(self._player.cast.film.more), -(10**9))
-        self._before = snapshot(fish), 0, 0
-        self._drag = max(1, int(_DRAG_S * self._player.mode.motion.rate_hz))
+        self._players, self._rng, self._ghost = players, rng, ghost
+        self._state = self._player.begin(rng)
+        self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
-        self._decisions: deque[Decision] = deque()
-        self._recent: list[tuple[Stretch, str]] = []  # those that may still fade out, and the last
+        self._choices: deque[Choice] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
         self._played = 0
         self._cut_after = 0  # ticks of it, 0 = not at all
         self._was_ghost = False
 
     @property
+    def _player(self) -> Player:
+        return self._players[self.mode]
+
+    @property
     def now(self) -> int:
         """The last tick played."""
-        return self.born + self._swimmer.fish.tick - len(self._plan) + self._played - 1
+        return self.born + self._state.fish.tick - len(self._plan) + self._played - 1
 
     def at(self, tick: int) -> Row | None:
         """What was drawn at a tick; None where it is not known."""
@@ -142,34 +128,37 @@ class LiveFish:
     def _oldest(self) -> int:
         return max(self.born, self.now - HISTORY + 1)
 
-    def decision(self, tick: int) -> Decision | None:
+    def choice(self, tick: int) -> Choice | None:
         """The decision in force at a tick."""
         row = self.at(tick)
         if row is None:
             return None
-        return next((d for d in reversed(self._decisions) if d.tick == row.decided), None)
+        return next((one for one in reversed(self._choices) if one.tick == row.decided), None)
 
-    def send(self, goal: Goal | None, drag: bool = False) -> None:
+    def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
         """To a goal from the next tick on, or to none; one that is being moved waits a moment."""
-        self.goal, self.reached = goal, False
+        touch_px = self._player.waters.touch_px
+        self.goal = Goal(self.name, *place, touch_px) if place else None
+        self.reached = False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
     def switch(self, mode: str) -> None:
         """On in another mode, from the next tick on."""
         if mode != self.mode:
-            self.mode, self._player, self._cut_after = mode, self._players[mode], 1
+            self.mode, self._cut_after = mode, 1
 
     def on(self) -> None:
         """One tick."""
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._cut()
         if self._played == len(self._plan):
-            self._decide()
+            self._decide(self.goal if not self.reached else None)
         self._played += 1
         row = Row._make(self._plan[self._played - 1].item())
         # What is gone does not come back: two unlike fish on one another look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
-        if self._played == len(self._plan) and self._recent[-1][0].touched and row.goal:
+        last = self._choices[-1]
+        if self._played == len(self._plan) and last.stretch.touched and last.goal:
             self.reached = True
         goal = self.goal
         self._ring[self.now % HISTORY] = row._replace(
@@ -177,60 +166,60 @@ class LiveFish:
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
             reached=self.reached,
-            decided=self._decisions[-1].tick,
+            decided=last.tick,
         )
 
+    def back_to(self, tick: int) -> None:
+        """Swim on from a tick that is known: as it did then, if it is left alone as then."""
+        row, choice = self.at(tick), self.choice(tick)
+        if row is None or choice is None:
+            return
+        while self._choices.pop().tick > choice.tick:
+            pass
+        self.mode, self._state, self._rng.bit_generator.state = (
+            choice.mode, choice.state, choice.draws,
+        )  # fmt: skip
+        self._decide(choice.goal)
+        self._played = tick - choice.tick + 1
+        self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
+        self.goal, self.reached, self._cut_after = None, row.reached, 0
+        if not math.isnan(row.goal_x_px):
+            place = row.goal_x_px, row.goal_y_px
+            self.goal = Goal(self.name, *place, self._player.waters.touch_px)
+            waits = choice.goal is None or choice.goal[1:3] != place  # it was being dragged
+            self._cut_after = self._drag if waits and not row.reached else 0
+
     def _cut(self) -> None:
-        """Forget what was planned beyond the tick on screen, and turn to what was asked for."""
-        swimmer, self._cut_after = self._swimmer, 0
+        """Forget what was planned beyond the tick on screen."""
+        self._cut_after = 0
         if 0 < self._played < len(self._plan):
-            before, number, left = self._before
-            found, name = self._recent[-1]
-            fish, kept = cut(before, swimmer.fish, found, self._played, self._player)
-            vars(swimmer.fish).update(vars(fish))
-            self._recent[-1], self._plan = (kept, name), self._plan[: self._played]
-            swimmer.number, swimmer.left = number, left
-        swimmer.mode = self._player.mode
-        goals = [self.goal] if self.goal is not None and not self.reached else []
-        if goals != swimmer.goals[swimmer.number :]:
-            swimmer.goals, swimmer.number, swimmer.left = goals, 0, 0
+            last = self._choices[-1]
+            player = self._players[last.mode]
+            stretch, self._state = player.cut(last.state, last.stretch, self._played)
+            self._choices[-1] = replace(last, stretch=stretch)
+            self._plan = self._plan[: self._played]
 
-    def _decide(self) -> None:
+    def _decide(self, goal: Goal | None) -> None:
         """Plan the next stretch."""
-        swimmer, fish = self._swimmer, self._swimmer.fish
-        self._before = snapshot(fish), swimmer.number, swimmer.left
-        hybrid, how = self._players[HYBRID].mode, None
-        if isinstance(hybrid, HybridMode):  # from one mode to the other by the ways of the hybrid
-            if self.mode == NETWORK and fish.row >= 0:
-                how = hybrid.leave
-            elif self.mode == LOOPS and fish.row < 0:
-                how = hybrid.enter
-        found, name = swimmer.swim_on(how)
-        begins = self.born + fish.tick - len(found.way)
-        self._decisions.append(self._explained(begins, found))
-        while len(self._decisions) > 1 and self._decisions[1].tick <= begins - HISTORY:
-            self._decisions.popleft()
-        fade = self._player.fade
-        while sum(len(s.way) for s, _ in self._recent[1:]) > fade:
-            del self._recent[0]
-        self._recent.append((found, name))
-        stretches, names = zip(*self._recent, strict=True)
-        ticks = sum(len(s.way) for s in stretches)
-        swum = Swim(list(stretches), list(names), np.zeros(0, np.int64))
-        columns = edit_columns(swum, ticks, self._player)
-        self._plan, self._played = np.zeros(len(found.way), ROW), 0
-        for column in _EDIT:
-            self._plan[column] = columns[column][ticks - len(found.way) :]
+        state, draws = self._state, self._rng.bit_generator.state
+        stretch, self._state = self._player.step(state, goal, self._rng)
+        begins = self.born + state.fish.tick
+        self._choices.append(Choice(begins, self.mode, state, draws, goal, stretch))
+        while len(self._choices) > 1 and self._choices[1].tick <= begins - HISTORY:
+            self._choices.popleft()
+        self._plan, self._played = self._rows(), 0
 
-    def _explained(self, tick: int, found: Stretch) -> Decision:
-        before, weighed = self._before[0], []
-        loops = self._players[LOOPS].mode if LOOPS in self._players else None
-        for (row, seam, value, fails, taken), rot in zip(
-            found.considered, found.considered_rot, strict=True
-        ):
-            terms = 0.0, 0.0, 0.0
-            if isinstance(loops, LoopMode) and (before.row < 0 or row != before.row + 1):
-                terms = loops.jump_terms(before, row, seam)
-            weighed.append(Weighed(row, rot, seam, *terms, value, fails, taken))
-        aim = float(found.target[0]), float(found.target[1])
-        return Decision(tick, found.why, before.x, before.y, aim, tuple(weighed))
+    def _rows(self) -> NDArray[np.void]:
+        """What is drawn of the last stretch, over what of those before it may still fade out."""
+        ticks, recent = 0, deque[Choice]()
+        for choice in reversed(self._choices):
+            recent.appendleft(choice)
+            ticks += len(choice.stretch.way)
+            if ticks - len(self._choices[-1].stretch.way) > self._player.fade:
+                break
+        stretches, names = [one.stretch for one in recent], [one.name for one in recent]
+        columns = edit_columns(stretches, names, ticks, self._player)
+        rows = np.zeros(len(stretches[-1].way), ROW)
+        for column in _EDIT:
+            rows[column] = columns[column][ticks - len(rows) :]
+        return rows

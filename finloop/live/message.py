@@ -70,6 +70,13 @@ class Look(Message):
     tick: Number | None
 
 
+class SwimOn(Message):
+    """Swim on from a tick that has been; what came after it is forgotten."""
+
+    do: Literal["swim_on"]
+    tick: Number
+
+
 class Explain(Message):
     """The fish whose decisions are shown."""
 
@@ -91,7 +98,7 @@ class Seen(Message):
     frame: Number
 
 
-Wish = SetGoal | Drop | SetMode | Pause | Step | Speed | Look | Explain | Count | Seen
+Wish = SetGoal | Drop | SetMode | Pause | Step | Speed | Look | SwimOn | Explain | Count | Seen
 _WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")])
 
 

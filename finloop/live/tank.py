@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from finloop.animate.arena import goal_name
-from finloop.animate.edit_list import Goal
+from finloop.animate.state import Waters
 from finloop.animate.swim import Player
 from finloop.errors import FinloopError
 from finloop.live import fish as play_fish
@@ -31,9 +31,14 @@ class LiveTank:
         self.count(fish)
 
     @property
+    def waters(self) -> Waters:
+        """What all fish swim in, in every mode."""
+        return self.players[self.mode].waters
+
+    @property
     def rate_hz(self) -> float:
         """Ticks of a second of film."""
-        return self.players[self.mode].mode.motion.rate_hz
+        return self.waters.motion.rate_hz
 
     @property
     def oldest(self) -> int:
@@ -52,19 +57,18 @@ class LiveTank:
         while len(self.fish) < fish:
             rng = np.random.default_rng([self._seed, self._born])
             self._born += 1
-            one = LiveFish(self.players, self.mode, self.tick, rng, self._ghost)
+            name = goal_name(len(self.fish))
+            one = LiveFish(self.players, self.mode, self.tick, name, rng, self._ghost)
             one.on()
             self.fish.append(one)
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""
-        mode = self.players[self.mode].mode
-        near = mode.tank.into(x, y)
-        if np.hypot(near[0] - x, near[1] - y) > mode.touch_px:
+        near = self.waters.tank.into(x, y)
+        if np.hypot(near[0] - x, near[1] - y) > self.waters.touch_px:
             x, y = near
         for number in self._of(which):
-            goal = Goal(goal_name(number), float(x), float(y), mode.touch_px)
-            self.fish[number].send(goal, drag)
+            self.fish[number].send((float(x), float(y)), drag)
 
     def drop(self, which: int | None) -> None:
         """A fish, or all of them, wander."""
@@ -77,6 +81,14 @@ class LiveTank:
             self.mode = mode
             for fish in self.fish:
                 fish.switch(mode)
+
+    def back_to(self, tick: int) -> None:
+        """Swim on from a tick that has been; what came after it is forgotten."""
+        self.tick = min(max(tick, self.oldest), self.tick)
+        self.fish = [fish for fish in self.fish if fish.at(self.tick) is not None]
+        for fish in self.fish:
+            fish.back_to(self.tick)
+        self.mode = self.fish[0].mode
 
     def _of(self, which: int | None) -> range:
         if which is None:

@@ -11,10 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from finloop.animate.edit_list import LOOPS
-from finloop.animate.loops import LoopMode
+from finloop.animate.edit_list import VERDICTS
 from finloop.animate.search import moved
-from finloop.live.fish import Decision, Row, Weighed
+from finloop.animate.state import Options
+from finloop.animate.words import in_words
+from finloop.live.fish import Choice, Row
 from finloop.live.message import (
     Count,
     Drop,
@@ -25,6 +26,7 @@ from finloop.live.message import (
     SetMode,
     Speed,
     Step,
+    SwimOn,
     Wish,
 )
 from finloop.live.tank import LiveTank
@@ -95,6 +97,10 @@ class View:
                 self.speed = wish.times
             case Look():
                 self.looked = wish.tick
+            case SwimOn():
+                tank.back_to(wish.tick)
+                self.explained = min(self.explained, len(tank.fish) - 1)
+                self.paused, self.looked = False, None
             case Explain():
                 self.explained = min(wish.fish, len(tank.fish) - 1)
             case Count():
@@ -138,18 +144,18 @@ class View:
         """All but the picture, of a tick."""
         tank, rate = self.tank, self.tank.rate_hz
         height, width = self.painter.canvas.shape[:2]
-        decision = None
+        choice = None
         if self.explained < len(tank.fish):
-            decision = tank.fish[self.explained].decision(tick)
+            choice = tank.fish[self.explained].choice(tick)
         return {
             "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest,
             "rate": round(rate, 3), "width": width, "height": height,
             "paused": self.paused, "past": self.looked is not None, "speed": self.speed,
             "mode": tank.mode, "modes": list(tank.players),
-            "touch": round(tank.players[tank.mode].mode.touch_px, 1),
+            "touch": round(tank.waters.touch_px, 1),
             "fish": [self._fish(number, tick) for number in range(len(tank.fish))],
             "explained": self.explained,
-            "decision": self._decision(decision) if decision else None,
+            "decision": self._decision(choice) if choice else None,
             "bad": self.counts.bad, "dropped": self.counts.dropped,
             "reached": self.counts.reached, "ms": round(took_ms, 1),
         }  # fmt: skip
@@ -172,35 +178,37 @@ class View:
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
         }  # fmt: skip
 
-    def _decision(self, decision: Decision) -> dict[str, Any]:
-        ways = sorted(decision.weighed, key=_rank)
+    def _decision(self, choice: Choice) -> dict[str, Any]:
+        fish, stretch, options = choice.state.fish, choice.stretch, choice.stretch.options
+        ways = [] if options is None else _ranked(options)
         return {
-            "tick": decision.tick, "why": decision.why,
-            "x": round(decision.x_px, 1), "y": round(decision.y_px, 1),
-            "aim": [round(part, 1) for part in decision.aim],
+            "tick": choice.tick,
+            "why": in_words(stretch.decision, choice.name, stretch.area),
+            "x": round(fish.x, 1), "y": round(fish.y, 1),
+            "aim": [round(part, 1) for part in stretch.aim],
             "more": max(0, len(ways) - _MOST_WAYS),
-            "ways": [self._way(decision, way) for way in ways[:_MOST_WAYS]],
+            "ways": [self._way(choice, way) for way in ways[:_MOST_WAYS]],
         }  # fmt: skip
 
-    def _way(self, decision: Decision, way: Weighed) -> dict[str, Any]:
-        terms = way.seam_s, way.speed_s, way.again_s
-        value = round(way.value_s, 2) if math.isfinite(way.value_s) else None
+    def _way(self, choice: Choice, way: int) -> dict[str, Any]:
+        fish, options = choice.state.fish, choice.stretch.options
+        assert options is not None
+        row, terms, cost = int(options.rows[way]), options.terms[way], float(options.value[way])
+        value = round(cost, 2) if math.isfinite(cost) else None
         return {
-            "row": way.row, "seam": round(way.seam, 2),
-            "terms": [round(term, 2) for term in terms],
-            "swim": None if value is None else round(way.value_s - sum(terms), 2),
-            "value": value, "fails": way.fails, "taken": way.taken,
-            "path": self._path(decision.x_px, decision.y_px, way.row, way.rot),
+            "row": row, "seam": round(float(options.seams[way]), 2),
+            "terms": [round(float(term), 2) for term in terms],
+            "swim": None if value is None else round(cost - float(sum(terms)), 2),
+            "value": value, "fails": VERDICTS[options.verdict[way]],
+            "taken": way == options.taken,
+            "path": self._path(fish.x, fish.y, row, float(options.rots[way])),
         }  # fmt: skip
 
     def _path(self, x: float, y: float, row: int, rot: float) -> list[list[int]]:
-        loops = self.tank.players[LOOPS].mode if LOOPS in self.tank.players else None
-        if not isinstance(loops, LoopMode):
-            return []
-        film = loops.film
+        film = self.tank.waters.film
         last = row + round(_WAY_S * self.tank.rate_hz)
         stops = np.flatnonzero(~film.more[row:last])
-        last = row + int(stops[0]) if stops.size else min(last, film.last)
+        last = row + int(stops[0]) if stops.size else min(last, len(film.more) - 1)
         cos, sin = moved(1.0, 0.0, rot)
         dx, dy = film.dx[row:last], film.dy[row:last]
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
@@ -208,6 +216,9 @@ class View:
         return np.rint(way).astype(int).tolist()
 
 
-def _rank(way: Weighed) -> tuple[bool, bool, float]:
-    """The way taken first, then those that fail no test, the cheapest first."""
-    return not way.taken, bool(way.fails), way.value_s
+def _ranked(options: Options) -> list[int]:
+    """Numbers of the ways: the one taken first, then those that fail no test, cheapest first."""
+    ways = range(len(options.rows))
+    return sorted(
+        ways, key=lambda way: (way != options.taken, options.verdict[way] > 0, options.value[way])
+    )

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
@@ -78,7 +79,7 @@ def loop_graph(loops: pd.DataFrame, track_id: NDArray[np.integer]) -> LoopGraph:
     jumps = to[order].astype(np.int32)
     following = _following(ahead, start, jumps)
     component, cyclic = _components(following, np.where(ahead >= 0, ends[ahead] - ends, 0))
-    endless = _endless(following, cyclic)
+    endless = _never_ends(track_id, ends, start, jumps)[ends]
     distance = np.r_[far, far][order]
     return LoopGraph(ends, ahead, start, jumps, distance, component, cyclic, endless)
 
@@ -112,24 +113,50 @@ def _components(
     return rank[name], cyclic
 
 
-def _endless(following: csr_array, cyclic: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Which segments (m,) lead to one that comes round again."""
-    endless = cyclic
-    while True:
-        more = endless | (following @ endless.astype(np.int32) > 0)
-        if (more == endless).all():
-            return endless
-        endless = more
+@njit(cache=True)
+def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
+    """Rows (n,) from which one can play for ever: all but those that only lead to ends of tracks.
+
+    more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
+    instead of end k can be shown `to[start[k]:start[k + 1]]`. Rows without a way on are struck off,
+    again and again, until nothing changes.
+    """
+    n = more.size
+    live = np.ones(n, np.bool_)
+    changed = True
+    while changed:
+        changed = False
+        for row in range(n - 1, -1, -1):
+            if not live[row]:
+                continue
+            goes = more[row] and live[row + 1]
+            k = end[row]
+            if not goes and k >= 0:
+                for e in range(start[k], start[k + 1]):
+                    # What is shown instead must itself be played on, or two ends swap for ever.
+                    if more[to[e]] and live[to[e] + 1]:
+                        goes = True
+                        break
+            if not goes:
+                live[row] = False
+                changed = True
+    return live
+
+
+def _never_ends(
+    track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
+    to: NDArray[np.int32],
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Whether, having shown a row (n,) of the film, one can play on for ever."""
+    more = np.append(track_id[1:] == track_id[:-1], False)
+    end = np.full(len(track_id), -1, np.int32)
+    end[ends] = np.arange(len(ends))
+    return more & np.append(endless_rows(more, end, start, ends[to])[1:], False)
 
 
 def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> NDArray[np.bool_]:
     """Whether, having shown a row (n,) of the film, one can play on for ever."""
-    jump = np.add.reduceat(np.r_[graph.endless[graph.to], False], graph.start[:-1]) > 0
-    choice = graph.endless | jump  # coming to an end; every end has a jump
-    following = np.searchsorted(graph.ends, np.arange(len(track_id)), side="right")
-    there = following < len(graph.ends)
-    following = np.minimum(following, len(graph.ends) - 1)
-    return there & (track_id[graph.ends[following]] == track_id) & choice[following]
+    return _never_ends(track_id, graph.ends, graph.start, graph.to)
 
 
 def in_component(graph: LoopGraph, rows: int, number: int = 0) -> NDArray[np.bool_]:

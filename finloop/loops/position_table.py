@@ -4,9 +4,11 @@ y is up here, against the film's rows: quadrants are counted anticlockwise from 
 """
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pandas as pd
+from numba import njit
 from numpy.typing import NDArray
 
 from finloop.base.schema import Column, Schema
@@ -27,15 +29,33 @@ POSITIONS = Schema(
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 Rows = NDArray[np.integer]
+Floats = NDArray[np.floating]
 
 
-def quadrant(dx: NDArray[np.floating], dy: NDArray[np.floating]) -> NDArray[np.int8]:
+def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
     """Fig. 11b: 1 upper right, 2 upper left, 3 lower left, 4 lower right; y up.
 
     An axis belongs to the quadrant that follows it anticlockwise; no way at all is the first.
     """
     angle = np.degrees(np.arctan2(dy, dx)) % 360
     return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
+
+
+@njit(cache=True)
+def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
+    """The first loop end at least `stride` rows after a row, or the last row of its track.
+
+    more (n,): whether a row is followed by another of its track; end (n,): −1 where there is none.
+    """
+    stop = row
+    while more[stop] and (stop - row < stride or end[stop] < 0):
+        stop += 1
+    return stop
+
+
+def displacement(x: Floats, y: Floats, a: Any, b: Any) -> tuple[Floats, Floats]:
+    """An entry of the position table: from row a to row b along the film, y up for rows' y down."""
+    return x[b] - x[a], y[a] - y[b]
 
 
 def positions(ends: Rows, features: pd.DataFrame, most_frames: int) -> pd.DataFrame:

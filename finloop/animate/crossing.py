@@ -1,0 +1,90 @@
+"""From sprites into the film and out of it, by gateways (§4.3, Fig. 14)."""
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate import kinematics as step
+from finloop.animate.kinematics import Spot
+from finloop.animate.loops import FilmSwimmer, counted
+from finloop.animate.motion import SLIDE, STRAIGHT
+from finloop.animate.network import SpriteSwimmer
+from finloop.animate.state import Fish, Options, Stretch
+from finloop.features.table import orientation, wrap_deg
+
+_BEFORE = -0.6  # of a frame; from there one tick leads to the next sprite, whatever its pace
+
+
+class Crossing:
+    """Leads from sprites into the film and back.
+
+    gateways: table with the columns of `GATEWAYS`; median_step: natural step of the film.
+    """
+
+    def __init__(
+        self, sprites: SpriteSwimmer, film: FilmSwimmer, gateways: pd.DataFrame, median_step: float
+    ) -> None:
+        self.sprites, self.film, self.waters = sprites, film, film.waters
+        rows = film.waters.film
+        table = gateways.assign(seam=gateways["distance"] / median_step)
+        enters = table[table["direction"] == "in"]
+        row = enters["row"].to_numpy()
+        playable = rows.more[row] & rows.endless[np.minimum(row + 1, len(rows.more) - 1)]
+        self._enter = {
+            key: (
+                part["row"].to_numpy(np.int64),
+                part["seam"].to_numpy(float),
+                part["turn_deg"].to_numpy(),
+            )
+            for key, part in enters[playable].groupby(["sprite", "orientation"])
+        }
+        leaves = table[table["direction"] == "out"].sort_values(["row", "rank"])
+        self._leave: dict[int, dict[int, tuple[float, float]]] = defaultdict(dict)
+        columns = (leaves[name].tolist() for name in ("row", "sprite", "seam", "turn_deg"))
+        for row_on_screen, sprite, seam, turn in zip(*columns, strict=True):
+            self._leave[row_on_screen][sprite] = seam, turn
+        cycles = self.waters.sprites.cycles
+        self._cycle = {
+            int(sprite): (state, place)
+            for state in (STRAIGHT, SLIDE)
+            for place, sprite in enumerate(cycles[state])
+        }
+        self._glide = int(cycles[SLIDE][0])
+
+    def ways_in(self, fish: Fish, aim: Spot) -> Options | None:
+        """Rows of the film that gateways lead to from the sprite on screen; None: no gateway."""
+        sector = int(orientation(np.array(fish.heading), self.waters.sprites.orientations))
+        gates = self._enter.get((fish.sprite, 0 if self.waters.film.body else sector))
+        if gates is None:
+            return None
+        rows, seams, turns = gates
+        return self.film.weigh(fish, aim, rows, wrap_deg(fish.heading + turns), seams)
+
+    def leave(self, fish: Fish, goal: Spot, exit_code: str, rng: np.random.Generator) -> Stretch:
+        """Out of the film, here and now; by a gateway if there is one to the first sprite.
+
+        Of the cycles' sprites that gateways lead to, the best comes first; a turn begins as always.
+        """
+        ways = self._leave.get(fish.row, {})
+        begin = next((sprite for sprite in ways if sprite in self._cycle), self._glide)
+        state, place = self._cycle[begin]
+        cycle = self.waters.sprites.cycles[state]
+        heading = step.wrap(fish.rot - ways[begin][1]) if begin in ways else fish.heading
+        left = replace(
+            fish, state=state, sprite=int(cycle[place - 1]), heading=float(heading), row=-1,
+            phase=(place + _BEFORE) % len(cycle),
+        )  # fmt: skip
+        stretch = self.sprites.figure18(left, goal, rng)
+        seam, _ = ways.get(int(stretch.number[0]), (np.nan, 0.0))
+        decision = stretch.decision._replace(exit=exit_code, seam=seam)
+        return replace(stretch, new=True, decision=decision)
+
+
+def refused(stretch: Stretch, options: Options | None) -> Stretch:
+    """A stretch that is swum although these ways of the film were weighed."""
+    if options is None:
+        return stretch
+    decision = counted(stretch.decision, options)
+    return replace(stretch, options=replace(options, taken=-1), decision=decision)

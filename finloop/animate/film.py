@@ -1,0 +1,99 @@
+"""The film as something to swim by: forward along its tracks, across at its loops (Figs. 8, 10).
+
+Whoever swims by the film is at a row of the feature table, drawn `rot` degrees anticlockwise of how
+it was filmed. Playing forward moves it as the fish of the film moved, turned by that. At the end of
+a loop another row may be shown instead. In pose BODY the heading goes on across a jump, so `rot`
+changes; in pose FILM `rot` stays as it is.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.motion import Motion
+from finloop.distance.picture import BODY, typical_length
+from finloop.loops.graph import LoopGraph, endless_rows
+
+Floats = NDArray[np.float64]
+
+
+class Film(NamedTuple):
+    """Arrays (n,) over the rows of the feature table, and the loops; kernels take it whole.
+
+    x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
+    degrees; speed in body lengths/s; more: whether there is a next row to play; area: relative
+    motion area; scale: drawn size / filmed size. end:
+    number of the loop end at a row, −1 for none; start, to, seam: what may be shown instead of end
+    k, rows `to[start[k]:start[k + 1]]`, and their distances in median steps of the film. endless:
+    whether playing on from a row need never stop; body: whether jumps keep the heading, else the
+    rotation.
+    """
+
+    x: Floats
+    y: Floats
+    dx: Floats
+    dy: Floats
+    heading: Floats
+    speed: Floats
+    more: NDArray[np.bool_]
+    area: Floats
+    scale: Floats
+    end: NDArray[np.int32]
+    start: NDArray[np.int32]
+    to: NDArray[np.int32]
+    seam: Floats
+    endless: NDArray[np.bool_]
+    body: bool
+
+
+def film(
+    features: pd.DataFrame, graph: LoopGraph, motion: Motion, pose: str, step: float,
+    barred: NDArray[np.bool_],
+) -> Film:  # fmt: skip
+    """Arrange a feature table and its loops.
+
+    step: the median distance of successive frames; barred (n,): rows that must not be shown.
+    """
+    n = len(features)
+    scale = motion.body_length_px / typical_length(features).to_numpy(float)
+    place = features[["x_px", "y_px"]].to_numpy(float) * scale[:, None]
+    track = features["track_id"].to_numpy()
+    more = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
+    moved = np.zeros((n, 2))
+    moved[:-1] = np.diff(place, axis=0)
+    moved[~more] = 0.0
+    end = np.full(n, -1, np.int32)
+    end[graph.ends] = np.arange(len(graph.ends))
+    to = graph.ends[graph.to]
+    kept = ~barred[to]
+    source = np.repeat(np.arange(len(graph.ends)), np.diff(graph.start))
+    start = np.searchsorted(source[kept], np.arange(len(graph.ends) + 1)).astype(np.int32)
+    to = to[kept].astype(np.int32)
+    return Film(
+        np.ascontiguousarray(place[:, 0]),
+        np.ascontiguousarray(place[:, 1]),
+        np.ascontiguousarray(moved[:, 0]),
+        np.ascontiguousarray(moved[:, 1]),
+        features["heading_deg"].to_numpy(float),
+        _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px,
+        more,
+        features["motion_area_rel"].to_numpy(float),
+        scale,
+        end,
+        start,
+        to,
+        graph.distance[kept].astype(float) / step,
+        endless_rows(more, end, start, to),
+        pose == BODY,
+    )
+
+
+def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:
+    """px per tick over Δ, centred where the track allows it."""
+    first = np.searchsorted(track, track, "left")
+    last = np.searchsorted(track, track, "right") - 1
+    here = np.arange(len(track))
+    a, b = np.maximum(here - delta // 2, first), np.minimum(here + delta - delta // 2, last)
+    return np.hypot(*(place[b] - place[a]).T) / np.maximum(b - a, 1)

@@ -1,0 +1,129 @@
+"""The three modes: policies of one player, that differ in what they may show next.
+
+Network mode shows sprites (Fig. 18), loops mode the film, hybrid mode the film where it leads to
+the goal and sprites between (§4.3, Figs. 17, 19). Every policy goes on from any state that a fish
+is in: by a gateway where it may not show more of what is on screen.
+"""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate import search
+from finloop.animate.crossing import Crossing, refused
+from finloop.animate.edit_list import NO_WAY, OTHER_MODE
+from finloop.animate.kinematics import Spot
+from finloop.animate.network import SpriteSwimmer
+from finloop.animate.state import Fish, Options, Stretch
+
+
+class Policy(Protocol):
+    """What may be shown next."""
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank."""
+
+    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """What is shown next, on the way to a goal."""
+
+
+@dataclass(frozen=True)
+class NetworkPolicy:
+    """Sprites alone. `crossing`: the way out of the film; None where there is no film to be in."""
+
+    sprites: SpriteSwimmer
+    crossing: Crossing | None = None
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank, gliding."""
+        return self.sprites.begin(rng)
+
+    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Fig. 18; first out of the film."""
+        if fish.row >= 0 and self.crossing is not None:
+            return self.crossing.leave(fish, goal, OTHER_MODE, rng)
+        return self.sprites.figure18(fish, goal, rng)
+
+
+@dataclass(frozen=True)
+class LoopsPolicy:
+    """The film alone."""
+
+    crossing: Crossing
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank and in the film."""
+        return self.crossing.film.begin(rng)
+
+    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """On in the film; first into it, by any gateway that is not out of the tank."""
+        if fish.row >= 0:
+            return self.crossing.film.swim(fish, goal, rng)
+        return _enter(self.crossing, fish, goal, rng, any_way=True)
+
+
+@dataclass(frozen=True)
+class HybridPolicy:
+    """Both."""
+
+    crossing: Crossing
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank, gliding."""
+        return self.crossing.sprites.begin(rng)
+
+    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Fig. 19."""
+        return figure19(self.crossing, fish, goal, rng)
+
+
+def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+    """Fig. 19, playing in hybrid mode.
+
+    Network mode until a gateway fits. In the film every loop end asks whether a way on is legal and
+    gains enough; if not, out by a gateway, which is waited for a moment.
+    """
+    film, least = crossing.film, crossing.waters.ticks(crossing.waters.settings.network_s)
+    if fish.row < 0:
+        if fish.since < least:
+            return crossing.sprites.figure18(fish, goal, rng)
+        return _enter(crossing, fish, goal, rng, any_way=False)
+    aim = film.aim(fish, goal)
+    options = film.options(fish, aim)
+    taken = film.choose(options, worth(crossing, options, fish, aim), rng)
+    if taken is not None:
+        return film.play(fish, taken, goal, aim)
+    left = crossing.leave(fish, goal, NO_WAY, rng)
+    if np.isnan(left.decision.seam) and fish.waits < least:
+        taken = film.choose(options, np.isfinite(options.value), rng)
+        if taken is not None:
+            return film.play(fish, taken, goal, aim).waiting()
+    return refused(left, options)
+
+
+def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> NDArray[np.bool_]:
+    """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second."""
+    rate, gain = crossing.waters.motion.rate_hz, crossing.waters.settings.gain
+    ticks = search.remaining(fish.x, fish.y, fish.heading, aim, crossing.film.rules)
+    return options.legal & (options.value <= (ticks + (1 - gain) * options.ticks) / rate)
+
+
+def _enter(
+    crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generator, any_way: bool
+) -> Stretch:
+    """By a gateway into the film where a way from there is worth it, else on by sprites.
+
+    any_way: also where it only stays in the tank.
+    """
+    film = crossing.film
+    aim = film.aim(fish, goal)
+    options = crossing.ways_in(fish, aim)
+    if options is not None:
+        taken = film.choose(options, worth(crossing, options, fish, aim), rng)
+        if taken is None and any_way:
+            taken = film.choose(options, np.isfinite(options.value), rng)
+        if taken is not None:
+            return film.play(fish, taken, goal, aim)
+    return refused(crossing.sprites.figure18(fish, goal, rng), options)

@@ -1,0 +1,222 @@
+"""The state of a fish, frozen, and the stretches that lead from one state to the next.
+
+A stretch is some ticks of swimming that one decision gives. `after` is the state at its end; of a
+stretch that is cut short it is the state at the cut.
+"""
+
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.arena import Tank
+from finloop.animate.edit_list import FRAME, SPOT, SPRITE
+from finloop.animate.film import Film
+from finloop.animate.kinematics import wrap
+from finloop.animate.motion import TURN, Motion
+from finloop.animate.settings import Settings
+from finloop.animate.sprites import Sprites
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NOTHING = np.zeros((0, 3), np.int64)
+
+
+@dataclass(frozen=True)
+class Waters:
+    """What every mode swims in and by: the tank, the film, the sprites, what the film teaches.
+
+    touch_px: radius of a goal; head_px: the head is so far before the centre.
+    """
+
+    tank: Tank
+    film: Film
+    sprites: Sprites
+    motion: Motion
+    touch_px: float
+    head_px: float
+    settings: Settings
+
+    def ticks(self, seconds: float) -> int:
+        """A time of the settings, in ticks."""
+        return round(seconds * self.motion.rate_hz)
+
+
+@dataclass(frozen=True, slots=True)
+class Fish:
+    """Where a fish is, what it does, and what it remembers.
+
+    x, y in px, heading in degrees, speed in body lengths/s; state: of `STATES`; sprite: the last
+    one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
+    tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
+    it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
+    a legal way on; recent (m, 3): stretches of film that were on screen, oldest first, each its
+    first row, its last row, and the tick of the first.
+    """
+
+    x: float
+    y: float
+    heading: float
+    speed: float
+    state: int
+    sprite: int
+    phase: float = 0.0
+    area: float = 0.0
+    tick: int = 0
+    row: int = -1
+    rot: float = 0.0
+    since: int = 0
+    waits: int = 0
+    recent: Ints = field(default_factory=lambda: NOTHING)
+
+    @property
+    def bent(self) -> bool:
+        """Whether it was stopped in a turn; at the end of a turn a fish is straight."""
+        return self.row < 0 and self.state == TURN and self.area > 0
+
+
+class State(NamedTuple):
+    """All that the next stretch depends on, beside the goal and the random draws.
+
+    place (2,): where the fish wanders to while it has no goal, for `left` ticks more.
+    """
+
+    fish: Fish
+    place: Floats
+    left: int = 0
+
+
+class Decision(NamedTuple):
+    """Why a stretch is swum: codes and numbers, as `EDIT` has them; `in_words` tells them.
+
+    reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
+    Numbers that a reason does not have are NaN, counts and quadrant 0.
+    """
+
+    reason: str
+    exit: str = ""
+    seam: float = np.nan
+    value_s: float = np.nan
+    quadrant: int = 0
+    ways: int = 0
+    ways_tank: int = 0
+    ways_quadrant: int = 0
+    ways_heading: int = 0
+    turn_deg: float = np.nan
+    sprite_area: float = np.nan
+    room: float = np.nan
+    film_speed: float = np.nan
+
+
+@dataclass(frozen=True)
+class Options:
+    """Rows (k,) that could be shown next, and the verdict of Fig. 19 on each.
+
+    rots: by how much they would be turned; seams: distances in median steps; terms (k, 3): seconds
+    that showing them costs at once, for the seam, for the change of speed, for what was on screen
+    just now; value: seconds to the goal that the best way from there takes, with these and its
+    further jumps, infinite where there is none; ticks: how long it stays in the tank; verdict:
+    number in `VERDICTS`; taken: which one was, −1 for none.
+    """
+
+    rows: Ints
+    rots: Floats
+    seams: Floats
+    terms: Floats
+    value: Floats
+    ticks: Floats
+    verdict: NDArray[np.int8]
+    taken: int = -1
+
+    @property
+    def legal(self) -> NDArray[np.bool_]:
+        """Whether a way passes all tests, and was followed to its end."""
+        return self.verdict == 0
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Some ticks (n,) of one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
+
+    kind: SPRITE or FRAME; rot (n,): by how much frames are turned; phase (n,): place in the cycle,
+    in frames, where sprites of one are played; new: whether the first picture does not follow on
+    the one before; aim (2,): the point it heads for; area: asked of the network, NaN where it was
+    not asked; touched: whether the last tick touches the goal; waits: whether it waits for a
+    gateway; whole: whether it was not cut short; options: what was weighed.
+    """
+
+    state: int
+    way: Floats
+    number: Ints
+    new: bool
+    aim: tuple[float, float]
+    touched: bool
+    decision: Decision
+    kind: str = SPRITE
+    rot: Floats | None = None
+    phase: Floats | None = None
+    area: float = np.nan
+    waits: bool = False
+    whole: bool = True
+    options: Options | None = None
+
+    def waiting(self) -> "Stretch":
+        """The same, as one that waits for a gateway."""
+        return replace(self, waits=True)
+
+    def cut(self, ticks: int) -> "Stretch":
+        """Its first `ticks` ≥ 1 alone."""
+        if ticks >= len(self.way):
+            return self
+        return replace(
+            self,
+            way=self.way[:ticks],
+            number=self.number[:ticks],
+            rot=None if self.rot is None else self.rot[:ticks],
+            phase=None if self.phase is None else self.phase[:ticks],
+            touched=False,
+            whole=False,
+        )
+
+
+def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
+    """The fish at the end of a stretch."""
+    ticks, number = len(stretch.way), int(stretch.number[-1])
+    x, y, heading = map(float, stretch.way[-1])
+    film, sprites, motion = waters.film, waters.sprites, waters.motion
+    if stretch.kind == FRAME and stretch.rot is not None:
+        return Fish(
+            x, y, float(wrap(heading)),
+            speed=0.0 if stretch.decision.reason == SPOT else float(film.speed[number]),
+            state=stretch.state, sprite=-1, phase=fish.phase, area=float(film.area[number]),
+            tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
+            since=ticks - 1 if stretch.new else fish.since + ticks,
+            waits=fish.waits + ticks if stretch.waits else 0,
+            recent=_remembered(fish, stretch, waters),
+        )  # fmt: skip
+    before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
+    step = np.hypot(x - before_x, y - before_y) / motion.body_length_px
+    phase = fish.phase
+    if stretch.phase is not None:
+        phase = float(stretch.phase[-1]) % len(sprites.cycles[stretch.state])
+    bent = stretch.state == TURN and not stretch.whole
+    return Fish(
+        x, y, float(wrap(heading)), max(float(step * motion.rate_hz), motion.low),
+        stretch.state, number, phase, float(sprites.area[number]) if bent else 0.0,
+        fish.tick + ticks, since=ticks if fish.row >= 0 else fish.since + ticks,
+        recent=fish.recent,
+    )  # fmt: skip
+
+
+def _remembered(fish: Fish, stretch: Stretch, waters: Waters) -> Ints:
+    """The film that was on screen within the memory, with that of a stretch."""
+    recent, (first, last) = fish.recent, stretch.number[[0, -1]]
+    tick = fish.tick
+    if len(recent) and recent[-1, 1] + 1 == first and recent[-1, 2] + first - recent[-1, 0] == tick:
+        first, tick = recent[-1, 0], recent[-1, 2]
+        recent = recent[:-1]
+    since = fish.tick - waters.settings.memory_s * waters.motion.rate_hz
+    kept = recent[recent[:, 2] + recent[:, 1] - recent[:, 0] > since]
+    return np.vstack([kept, [[first, last, tick]]])

@@ -1,0 +1,58 @@
+"""A decision in words, as the live tank shows it."""
+
+import math
+
+from finloop.animate.edit_list import ENTER, JUMP, NO_WAY, PHASE, PLAY, SPOT, TURNING, WALL
+from finloop.animate.state import Decision
+
+
+def in_words(decision: Decision, goal: str, motion_area: float) -> str:
+    """Why a stretch is swum. goal: its name, "" for none; motion_area: asked of the network."""
+    why = _reason(decision, goal or "a place", motion_area)
+    if not decision.exit:
+        return why
+    gate = "without a gateway"
+    if not math.isnan(decision.seam):
+        gate = f"by a gateway, {decision.seam:.2f} steps"
+    cause = "the mode shows sprites"
+    if decision.exit == NO_WAY:
+        cause = f"no legal way on ({_ways(decision)})"
+    return f"leave the film {gate}: {cause}; {why}"
+
+
+def _reason(decision: Decision, goal: str, motion_area: float) -> str:
+    if decision.reason == TURNING:
+        side, room = "left" if decision.turn_deg > 0 else "right", ""
+        if decision.room < 1:
+            room = ", little room" if decision.room > 0 else ", on the spot"
+        return (
+            f"turn {side} {abs(decision.turn_deg):.0f}° towards {goal}: the network asks for "
+            f"motion area {motion_area:.2f}, the sprites have {decision.sprite_area:.2f}{room}"
+        )
+    sprites = {
+        PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
+        WALL: "a wall is ahead",
+        SPOT: "no way on: turn on the spot",
+    }
+    if decision.reason in sprites:
+        return sprites[decision.reason]
+    how = {
+        PLAY: "play on",
+        JUMP: f"jump, {decision.seam:.2f} steps",
+        ENTER: f"enter the film by a gateway, {decision.seam:.2f} steps",
+    }
+    return (
+        f"{how[decision.reason]}: quadrant {decision.quadrant} towards {goal}; "
+        f"{_ways(decision)}; {decision.value_s:.1f} s"
+    )
+
+
+def _ways(decision: Decision) -> str:
+    """How many ways there were, and how many of them fail which test of Fig. 19."""
+    failed = {
+        "leave the tank or end": decision.ways_tank,
+        "lead away": decision.ways_quadrant,
+        "head away": decision.ways_heading,
+    }
+    told = [f"{count} {what}" for what, count in failed.items() if count]
+    return ", ".join([f"{decision.ways} way{'s' * (decision.ways != 1)}", *told])

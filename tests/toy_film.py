@@ -1,0 +1,264 @@
+"""Made-up films to swim by, their sprites, tanks, and players: shared by the tests of the planner.
+
+One film teaches how to swim: glides, bursts, turns. Another is swum by: a fish of constant speed on
+circles and straight lines; every picture of it is alike, so a loop may join any two of its rows.
+Positions are px, y down; angles degrees, anticlockwise.
+"""
+
+from functools import cache
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.arena import Tank, tank
+from finloop.animate.film import Film, film
+from finloop.animate.motion import Motion, learn
+from finloop.animate.players import players
+from finloop.animate.sprites import Sprites, arrange
+from finloop.animate.state import Decision, Waters
+from finloop.animate.swim import Cast, Player
+from finloop.distance.picture import BODY
+from finloop.features.table import wrap_deg
+from finloop.gateways.find import GATEWAYS
+from finloop.loops.graph import loop_graph
+from finloop.settings import settings
+
+ORIENTATIONS = 24
+RATE, DELTA, LENGTH = 25.0, 5, 40.0
+TOUCH, HEAD = 0.5 * LENGTH, 0.4 * LENGTH
+SPEED = 2.0  # body lengths/s
+STEP = SPEED * LENGTH / RATE  # px per tick
+
+ARENA = np.zeros((600, 800), bool)
+ARENA[20:580, 30:770] = True
+
+
+# --- what the film teaches: glides, bursts, turns
+
+
+def track(number: int, seed: int, mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
+    """A fish that glides, beats its tail and turns by 40-140°, as a feature table."""
+    rng = np.random.default_rng(seed)
+    speed, turn, bend, kind = [], [], [], []
+    v = 2.0
+    for _ in range(8):
+        n = int(rng.integers(8, 20))  # glide
+        speed += list(v * 0.97 ** np.arange(n))
+        turn += list(rng.normal(0, 0.3, n))
+        bend += list(rng.normal(0, 0.0005, n))
+        kind += [0] * n
+        v = speed[-1]
+        n = int(rng.integers(6, 14))  # burst
+        speed += list(v * 1.05 ** np.arange(n))
+        turn += list(rng.normal(0, 0.5, n))
+        bend += list(0.02 * np.sin(2 * np.pi * np.arange(n) / 5))
+        kind += [0] * n
+        v = min(speed[-1], 3.0)
+        n, side = int(rng.integers(7, 12)), int(rng.choice((-1, 1)))
+        shape = np.sin(np.pi * (np.arange(n) + 0.5) / n)
+        angle = rng.uniform(40, 140)
+        speed += list(v * (1 - 0.3 * shape))
+        turn += list(side * angle * shape / shape.sum())
+        bend += list(side * 0.1 * shape * angle / 140)
+        kind += [side] * n
+    turned, bent, typed = (mirror * np.array(a, float) for a in (turn, bend, kind))
+    heading = wrap_deg(30.0 * mirror + np.cumsum(turned))
+    angle = np.radians(heading)
+    length = LENGTH * scale
+    way = np.array(speed)[:, None] / RATE * length * np.stack([np.cos(angle), -np.sin(angle)], 1)
+    place = 500 + np.cumsum(way, axis=0)
+    return pd.DataFrame(
+        {
+            "track_id": number,
+            "frame": np.arange(len(place)),
+            "x_px": place[:, 0],
+            "y_px": place[:, 1],
+            "heading_deg": heading,
+            "body_length_px": length,
+            "bend": bent,
+            "motion_area_rel": np.abs(bent) / 0.1,
+            "swimming_type": typed.astype(int),
+        }
+    )
+
+
+def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
+    """Four such tracks."""
+    return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
+
+
+def learnt(table: pd.DataFrame) -> Motion:
+    """What a feature table teaches."""
+    return learn(table, RATE, DELTA, settings("animate"))
+
+
+@cache
+def lesson() -> Motion:
+    """What the lessons teach."""
+    return learnt(lessons())
+
+
+# --- sprites
+
+
+def sprites() -> pd.DataFrame:
+    """Eight frames of a tail beat, six of a glide, a turn of 120° to either side."""
+    rows = []
+    for sequence, count in (("straight", 8), ("slide", 6), ("left", 9), ("right", 9)):
+        side = {"left": 1, "right": -1}.get(sequence, 0)
+        shape = np.sin(np.pi * (np.arange(count) + 0.5) / count)
+        for i in range(count):
+            cycle = side == 0
+            phase = "cycle" if cycle else "in" if i < 4 else "hold" if i == 4 else "out"
+            rows.append(
+                {
+                    "sequence": sequence,
+                    "step": i,
+                    "phase": phase,
+                    "frame": 100 * len({r["sequence"] for r in rows} | {sequence}) + i,
+                    "scale": 1.0,
+                    "head_offset_deg": 0.0,
+                    "motion_area_rel": 0.05 if cycle else shape[i],
+                    "forward": 0.08,
+                    "sideways": 0.0,
+                    "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
+                    "orientations": ORIENTATIONS,
+                }
+            )
+    return pd.DataFrame(rows)
+
+
+class Model:
+    """A stand-in for the trained network: the area is in proportion to the included angle."""
+
+    def predict(self, inputs: np.ndarray) -> np.ndarray:
+        """Motion area and swimming type (n, 2)."""
+        assert inputs.shape[1] == 4
+        angle = inputs[:, 3]
+        return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
+
+
+def order() -> Sprites:
+    """The sprites as they are played; any of them may follow on any other."""
+    table = sprites()
+    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), RATE)
+
+
+# --- a film to swim by
+
+
+def swum(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
+    """A track that turns by so many degrees from row to row, at a constant speed."""
+    headings = heading + np.cumsum([0.0, *turns])
+    angle = np.radians(headings)
+    step = SPEED * length / RATE * np.stack([np.cos(angle), -np.sin(angle)], axis=1)
+    place = np.array(at) + np.cumsum(np.vstack([[0, 0], step[:-1]]), axis=0)
+    n = len(headings)
+    return pd.DataFrame(
+        {
+            "track_id": track, "frame": np.arange(n), "x_px": place[:, 0], "y_px": place[:, 1],
+            "heading_deg": wrap_deg(headings), "body_length_px": length,
+            "motion_area_rel": 0.1, "swimming_type": 0, "bend": 0.0,
+        }
+    )  # fmt: skip
+
+
+def table_of(*tracks):
+    """Tracks one after the other."""
+    return pd.concat([t.assign(track_id=i) for i, t in enumerate(tracks)], ignore_index=True)
+
+
+def loops(*pairs):
+    """A table of loops: (a, b) or (a, b, distance) each."""
+    rows = [(min(p[:2]), max(p[:2]), p[2] if len(p) > 2 else 0.5) for p in pairs]
+    made = pd.DataFrame(rows, columns=["a", "b", "distance"])
+    return made.astype({"a": int, "b": int, "distance": float})
+
+
+def film_of(features, found, pose=BODY, step=1.0, barred=None) -> Film:
+    """A film with its loops; its drawn length is the median of its own."""
+    n = len(features)
+    graph = loop_graph(found, features["track_id"].to_numpy())
+    barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
+    length = float(features["body_length_px"].median())
+    sized = lesson().__class__(**{**vars(lesson()), "body_length_px": length})
+    return film(features, graph, sized, pose, step, barred)
+
+
+def rich(seed=0, heading=True):
+    """Circles to both sides and straight lines, 150 rows each; loops between any of them."""
+    rng = np.random.default_rng(seed)
+    rates = (0.0, 2.0, -2.0, 4.0, -4.0, 7.0, -7.0, 0.5)
+    tracks = table_of(*(swum([rate] * 149, rng.uniform(-180, 180)) for rate in rates))
+    ends = np.concatenate([150 * i + np.arange(4, 146, 6) for i in range(len(rates))])
+    pairs = {(a, b) for a in ends for b in rng.choice(ends, 4) if abs(int(a) - b) > 12}
+    if not heading:  # FILM: both fish of a loop must head alike
+        angle = tracks["heading_deg"].to_numpy()
+        every = np.array([(a, b) for a in ends for b in ends if b - a > 12])
+        alike = np.abs(wrap_deg(angle[every[:, 0]] - angle[every[:, 1]])) < 7.5
+        pairs = {tuple(pair) for pair in every[alike]}
+    far = rng.uniform(0.1, 0.7, len(pairs))
+    return tracks, loops(*((a, b, d) for (a, b), d in zip(sorted(pairs), far, strict=True)))
+
+
+@cache
+def rich_table() -> pd.DataFrame:
+    """The rows of the rich film."""
+    return rich()[0]
+
+
+@cache
+def rich_film() -> Film:
+    """The rich film."""
+    return film_of(*rich())
+
+
+def gateways(features=None, every=7, seed=1) -> pd.DataFrame:
+    """Ways in from every sprite of a cycle, ways out to every one, the headings fitting exactly."""
+    features = rich_table() if features is None else features
+    rng = np.random.default_rng(seed)
+    heading = features["heading_deg"].to_numpy()
+    last = np.append(np.diff(features["track_id"]) != 0, True)
+    rows = [
+        (sprite, 0, "in", row, rank, rng.uniform(0.2, 1.0), wrap_deg(-heading[row]))
+        for sprite in range(14)
+        for rank, row in enumerate(np.arange(1 + sprite % 5, len(features) - 1, 97), 1)
+    ] + [
+        (sprite, 0, "out", row, sprite + 1, rng.uniform(0.2, 1.0), wrap_deg(-heading[row + 1]))
+        for row in np.flatnonzero(~last)[::every]
+        for sprite in range(14)
+    ]
+    return pd.DataFrame(rows, columns=[c.name for c in GATEWAYS.columns])
+
+
+# --- players
+
+
+@cache
+def open_tank() -> Tank:
+    """The tank that the toy fish fits in."""
+    return tank(ARENA, 0.6 * LENGTH)
+
+
+def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
+    """A film in a tank, with some parameters changed."""
+    return Waters(
+        open_tank() if room_ is None else room_, rich_film() if film_ is None else film_, order(),
+        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **changes),
+    )  # fmt: skip
+
+
+HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
+
+
+def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]:
+    """A player a mode; every sprite has the first outline, every frame the second."""
+    waters = waters_of() if waters is None else waters
+    frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
+    cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
+    return players(waters, cast, Model(), gateways() if gates is None else gates, 1.0)
+
+
+def undecided() -> dict[str, None]:
+    """The columns that say why, empty, as on most ticks of an edit list."""
+    return dict.fromkeys(Decision._fields)

@@ -1,0 +1,62 @@
+"""The live tank of the made-up fish, and frames taken apart, for the tests of the tank and page."""
+
+import json
+from functools import cache
+
+import cv2
+import numpy as np
+from toy_film import ARENA, players_of, rich_film, waters_of
+
+from finloop.animate.edit_list import FRAME, HYBRID, SPRITE
+from finloop.base.cutout import Cutout
+from finloop.live.fish import ROW
+from finloop.live.tank import LiveTank
+from finloop.live.view import View
+from finloop.render.painter import Gallery, Painter, Shelf
+
+
+@cache
+def toy_players():
+    return players_of(waters_of(fade_s=0.12))
+
+
+def drop() -> np.ndarray:
+    """A soft round drop of grey with its alpha."""
+    y, x = np.mgrid[:31, :31] - 15
+    alpha = 255 * np.exp(-((x / 4) ** 2) - (y / 4) ** 2)
+    return np.round(np.dstack([alpha, alpha])).astype(np.uint8)
+
+
+class Drops:
+    """A store of which every picture is the same drop."""
+
+    def __init__(self, count):
+        self.count = count
+
+    def __len__(self):
+        return self.count
+
+    def __getitem__(self, row):
+        return Cutout(0, 0, 0, 0, drop())
+
+
+def view_of(mode=HYBRID, fish=1, seed=0, colour=False):
+    floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
+    counts = {FRAME: len(rich_film().more), SPRITE: 24 * 60}
+    gallery = Gallery({kind: Shelf(Drops(n), np.full((n, 2), 15.0)) for kind, n in counts.items()})
+    return View(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
+
+
+def read(frame):
+    """A frame as the page takes it apart: the state, the picture."""
+    length = int.from_bytes(frame[:4], "little")
+    picture = cv2.imdecode(np.frombuffer(frame[4 + length :], np.uint8), cv2.IMREAD_UNCHANGED)
+    return json.loads(frame[4 : 4 + length]), picture
+
+
+def played(tank, ticks, fish=0):
+    rows = []
+    for _ in range(ticks):
+        tank.on()
+        rows.append(tank.fish[fish].at(tank.tick))
+    return np.array(rows, ROW)
