@@ -24,9 +24,11 @@ from finloop.gait.record import record_of
 from finloop.gait.tool import load_gait
 from finloop.io.record import save_json
 
-RNG = np.random.default_rng(5)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right", "body")
-ONE, TWO = ({name: RNG.normal(size=(32, 2)) for name in LIMBS} for _ in range(2))
+ONE, TWO = (
+    dict(zip(LIMBS, np.random.default_rng(seed).normal(size=(len(LIMBS), 32, 2)), strict=True))
+    for seed in (5, 6)
+)
 GAMMA = {
     "*": {"A": (0.5,), "B": (-0.5,)},
     "fore_left": {"A": (-0.9, 0.3, 0.1), "B": (1.0,)},
@@ -55,7 +57,7 @@ def test_partner_is_the_other_side_if_it_is_there():
 
 
 def test_a_mirror_keeps_the_direction_and_twice_is_the_identity():
-    points = RNG.normal(size=(3, 16, 2))
+    points = np.random.default_rng(7).normal(size=(3, 16, 2))
     flipped = mirrored(points, 2.0, reversal(16, 3))
     np.testing.assert_allclose(mirrored(flipped, 2.0, reversal(16, 3)), points, atol=1e-15)
     x, y = points[0].T

@@ -14,7 +14,6 @@ from finloop.gait.film import Film, keys_of
 from finloop.gait.fit import fit
 from finloop.gait.model import Gait, Layout, at_phases, four_keys, mirrored
 
-RNG = np.random.default_rng(6)
 LIMBS = ("fore_left", "fore_right", "hind_left", "hind_right")
 TRUE = {
     "fore_left": {"A": (0.1,), "B": (-0.8,)},
@@ -50,11 +49,12 @@ def _film(phases, gamma=TRUE, split=0.25, symmetry="swap", offsets=None, one=ONE
 
 @pytest.mark.parametrize("gamma", [-1.0, -0.3, 0.0, 0.7, 1.0, 2.5])
 def test_closed_form_finds_what_made_the_frames_and_is_a_minimum(gamma):
-    source, to = RNG.normal(size=(2, 9))
-    tau = RNG.uniform(size=12)
+    rng = np.random.default_rng(6)
+    source, to = rng.normal(size=(2, 9))
+    tau = rng.uniform(size=12)
     frames = to + clock(tau, gamma)[:, None] * (source - to)
     assert gamma_fit([gamma_sums(tau, frames, source, to)]) == pytest.approx(gamma, abs=1e-12)
-    noisy = frames + 0.1 * RNG.normal(size=frames.shape)
+    noisy = frames + 0.1 * rng.normal(size=frames.shape)
     best = gamma_fit([gamma_sums(tau, noisy, source, to)])
     error = [
         float(((noisy - to - clock(tau, g)[:, None] * (source - to)) ** 2).sum())
@@ -142,7 +142,7 @@ def test_a_mirrored_cycle_and_another_split():
 def test_keys_lie_between_the_frames_beside_and_over_cycles_are_their_mean():
     straight = {name: {"A": (0.0,), "B": (0.0,)} for name in LIMBS}
     film = _film(np.arange(32) / 16, straight)
-    noise = RNG.normal(size=film.contours["fore_left"].shape)
+    noise = np.random.default_rng(6).normal(size=film.contours["fore_left"].shape)
     noisy = replace(
         film, contours={**film.contours, "fore_left": film.contours["fore_left"] + noise}
     )
@@ -208,7 +208,8 @@ def test_clocks_on_frames_left_out_stand_in_their_order():
 
 def test_noise_makes_gamma_buy_nothing_where_there_is_none():
     film = _film(np.arange(80) / 20, {"*": {"A": (0.0,), "B": (0.8,)}})
-    noisy = {k: v + 0.02 * RNG.normal(size=v.shape) for k, v in film.contours.items()}
+    rng = np.random.default_rng(6)
+    noisy = {k: v + 0.02 * rng.normal(size=v.shape) for k, v in film.contours.items()}
     found = compare(replace(film, contours=noisy))
     limbs = found.by_contour.set_index(["contour", "subcycle"])
     for name in LIMBS:
