@@ -25,8 +25,9 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import THREADS
+from finloop.render.gallery import Gallery, Shelf
 from finloop.render.marks import COLOURS, Marks
-from finloop.render.painter import Gallery, Painter, Placed, Shelf
+from finloop.render.painter import Painter, Placed
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
 TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)

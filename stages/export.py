@@ -26,7 +26,8 @@ from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.render.painter import Box, Gallery, Placed, placed
+from finloop.render.gallery import Gallery, placed
+from finloop.render.painter import Box, Placed
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.pick import SIDES, WORDS
 from stages.gallery import open_gallery

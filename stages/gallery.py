@@ -8,8 +8,7 @@ import pandas as pd
 
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.io.cutouts import open_cutouts
-from finloop.render.gallery import shelves
-from finloop.render.painter import Gallery
+from finloop.render.gallery import Gallery, shelves
 
 
 @contextmanager

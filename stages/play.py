@@ -26,8 +26,8 @@ from finloop.live.message import MOST_FISH
 from finloop.live.server import HOST, Server, bound
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
-from finloop.render.gallery import PLACE, shelves
-from finloop.render.painter import Gallery, Painter
+from finloop.render.gallery import PLACE, Gallery, shelves
+from finloop.render.painter import Painter
 from stages.animate import DATA, bring
 from stages.settings import load
 

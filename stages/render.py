@@ -18,9 +18,11 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.render.gallery import Gallery, placed
 from finloop.render.marks import Marks
-from finloop.render.painter import Gallery, Painter, Steps, film_steps, placed, step_numbers
+from finloop.render.painter import Painter
 from finloop.render.settings import Settings
+from finloop.render.steps import Steps, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
 from stages.gallery import open_gallery
 from stages.settings import load

@@ -31,7 +31,8 @@ from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.record import save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
-from finloop.render.painter import Box, Gallery, Painter, Placed, Shelf, Turned, picture
+from finloop.render.gallery import Gallery, Shelf
+from finloop.render.painter import Box, Painter, Placed, Turned, picture
 from finloop.sprites.orient import SPRITES
 
 ORIENTATIONS = 24  # conf/features/default.yaml

@@ -13,8 +13,6 @@ MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS = 350, 60, 6
 EXCEPTIONS: set[str] = {
     "finloop/bpn/train.py::train",
     "finloop/live/server.py::app",
-    "finloop/render/painter.py",
-    "finloop/render/painter.py::_lay",
     "finloop/sprites/pick.py",
 }
 

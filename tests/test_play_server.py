@@ -26,7 +26,7 @@ from finloop.errors import FinloopError
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, parsed
 from finloop.live.server import BEHIND, Host, Page, Server, bound
-from finloop.render.painter import Gallery
+from finloop.render.gallery import Gallery
 from stages.play import PAGE, _parser
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")

@@ -44,21 +44,10 @@ from finloop.plots.render import (
     trajectory,
     window,
 )
+from finloop.render.gallery import Gallery, Shelf, placed
 from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
-from finloop.render.painter import (
-    Box,
-    Gallery,
-    Painter,
-    Picture,
-    Shelf,
-    Steps,
-    Turned,
-    _sample,
-    film_steps,
-    picture,
-    placed,
-    step_numbers,
-)
+from finloop.render.painter import Box, Painter, Picture, Turned, _sample, picture
+from finloop.render.steps import Steps, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
 
 BLACK = np.zeros((90, 120), np.uint8)

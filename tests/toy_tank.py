@@ -12,7 +12,8 @@ from finloop.base.cutout import Cutout
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
-from finloop.render.painter import Gallery, Painter, Shelf
+from finloop.render.gallery import Gallery, Shelf
+from finloop.render.painter import Painter
 
 
 @cache

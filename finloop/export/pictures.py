@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from finloop.animate.edit_list import EDIT, SPRITE
 from finloop.base.schema import Column, Schema
 from finloop.features.table import orientations_of
-from finloop.render.painter import Box, Gallery, Painter, Placed
+from finloop.render.gallery import Gallery
+from finloop.render.painter import Box, Painter, Placed
 
 Image = NDArray[np.uint8]
 _WHITE = 255

@@ -30,7 +30,8 @@ from finloop.live.message import (
     Wish,
 )
 from finloop.live.tank import LiveTank
-from finloop.render.painter import Gallery, Painter, Placed
+from finloop.render.gallery import Gallery
+from finloop.render.painter import Painter, Placed
 
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # of the way behind a fish; every so many ticks
 _WAY_S, _WAY_EVERY = 1.5, 2  # of a way that was weighed

@@ -1,16 +1,51 @@
-"""Stores of pictures beside the mass centres of what they show: what an edit list is drawn from."""
+"""The pictures that an edit list names, and what its rows want drawn."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from functools import lru_cache
+from typing import NamedTuple, Protocol
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
-from finloop.base.cutout import Cutouts
+from finloop.base.cutout import Cutout, Cutouts
 from finloop.errors import FinloopError
 from finloop.features.table import orientations_of
-from finloop.render.painter import Shelf
+from finloop.render.painter import Picture, Placed, Turned, picture
 
 PLACE = ["x_px", "y_px"]
+
+
+class Store(Protocol):
+    """Cut-outs by number, see `finloop.base.cutout.Cutouts`."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, row: int) -> Cutout: ...
+
+
+class Shelf(NamedTuple):
+    """Cut-outs of one kind with their mass centres in the film, (n, 2) px."""
+
+    store: Store
+    centres_px: NDArray[np.float64]
+
+
+class Gallery:
+    """Pictures by kind and number, the most recent `keep` of them held."""
+
+    def __init__(self, shelves: Mapping[str, Shelf], keep: int = 512) -> None:
+        self.shelves = shelves
+        self.picture = lru_cache(keep)(self._picture)
+
+    def _picture(self, kind: str, number: int) -> Picture:
+        cutout = self.shelves[kind].store[number]
+        x, y = self.shelves[kind].centres_px[number]
+        return picture(cutout.pixels, x - cutout.x0_px, y - cutout.y0_px)
+
+    def turned(self, kind: str, number: int, rotation_deg: float, scale: float) -> Turned:
+        """A picture, turned."""
+        return Turned(self.picture(kind, number), rotation_deg, scale)
 
 
 def shelves(
@@ -36,3 +71,66 @@ def shelves(
                 "make both again: `dvc repro --force extract sprites`",
             )
     return {kind: Shelf(store, centres[kind][PLACE].to_numpy()) for kind, store in stores.items()}
+
+
+def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
+    """Row by row what an edit list (schema EDIT) wants drawn.
+
+    Raises
+    ------
+    FinloopError
+        At once, listing all that cannot be drawn.
+    """
+    _refuse(edit, gallery.shelves)
+
+    def given() -> Iterator[Placed]:
+        own = ("kind", "source", "rotation_deg", "scale")
+        other = ("partner_kind", "partner", "partner_rotation_deg", "partner_scale")
+        columns = (edit[list(names)].itertuples(index=False) for names in (own, other))
+        where = edit[["x_px", "y_px", "weight"]].itertuples(index=False)
+        for fish, partner, (x, y, weight) in zip(*columns, where, strict=True):
+            second = gallery.turned(*partner) if weight > 0 else None
+            yield Placed(x, y, gallery.turned(*fish), second, weight)
+
+    return given()
+
+
+def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
+    """Raise if an edit list cannot be drawn: every kind of problem, each with its first tick."""
+    do = "make the edit list again: `dvc repro --force animate`"
+    if edit.empty:
+        raise FinloopError("the edit list is empty", "at least one tick", do)
+    problems: list[str] = []
+
+    def refuse(bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
+        wrong = edit[np.asarray(bad, bool)]
+        if len(wrong):
+            tick, value = wrong.iloc[0]["tick"], wrong.iloc[0][column]
+            more = f" (and at {len(wrong) - 1} more ticks)" if len(wrong) > 1 else ""
+            problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
+
+    sizes = {kind: len(shelf.store) for kind, shelf in shelves.items()}
+    refuse(edit["tick"] != np.arange(len(edit)), "tick", "0, 1, 2, …")
+    for column in ("x_px", "y_px"):
+        refuse(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
+    refuse(~edit["weight"].between(0, 1), "weight", "0 … 1")
+    fades = (edit["weight"] > 0).to_numpy()
+    for prefix, number, used in (
+        ("", "source", np.full(len(edit), True)),
+        ("partner_", "partner", fades),
+    ):
+        kind, row = edit[f"{prefix}kind"], edit[number].fillna(-1).to_numpy(int)
+        refuse(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
+        for name, size in sizes.items():
+            bad = used & (kind == name) & ((row < 0) | (row >= size))
+            refuse(bad, number, f"a {name}, 0 … {size - 1}")
+        scale = edit[f"{prefix}scale"].to_numpy(float)
+        refuse(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
+        angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
+        refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
+    if problems:
+        raise FinloopError(
+            "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
+            "pictures that exist, at places and of sizes that can be drawn",
+            do,
+        )

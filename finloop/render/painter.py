@@ -15,18 +15,13 @@ Coordinates in px, x right, y down, pixel centres at integers; angles anticlockw
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import lru_cache
-from typing import NamedTuple, Protocol
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import cv2
 import numpy as np
-import pandas as pd
 from numba import njit
 from numpy.typing import NDArray
-
-from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
 
 Image = NDArray[np.uint8]
 _ONE = np.float32(1)
@@ -94,6 +89,16 @@ def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
     return Picture(padded, near, x_px + _PAD, y_px + _PAD)
 
 
+class Placed(NamedTuple):
+    """What a row of an edit list wants drawn; the arguments of `Painter.draw`."""
+
+    x_px: float
+    y_px: float
+    fish: Turned
+    partner: Turned | None
+    weight: float
+
+
 class Painter:
     """A canvas to draw on, again and again; only what was drawn is wiped.
 
@@ -131,7 +136,7 @@ class Painter:
             self.canvas[box.of] = self.floor[box.of]
         self._touched.clear()
 
-    def show(self, one: "Placed") -> Box:
+    def show(self, one: Placed) -> Box:
         """The floor with this fish alone; where it is."""
         self.wipe()
         return self.draw(*one)
@@ -157,11 +162,7 @@ class Painter:
         shown = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
         box = Box.around(_extent(x_px, y_px, one) for one in shown).within(self.canvas.shape)
         if not box.empty:
-            _lay(
-                self.canvas, box,
-                fish.picture.pixels, fish.picture.near, _inverse(x_px, y_px, fish),
-                other.picture.pixels, other.picture.near, _inverse(x_px, y_px, other), share,
-            )  # fmt: skip
+            _lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
             self.touch(box)
         return box
 
@@ -172,11 +173,25 @@ def _axes(fish: Turned) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-def _inverse(x_px: float, y_px: float, fish: Turned) -> tuple[float, ...]:
-    """u = m0 x + m1 y + m2, v = m3 x + m4 y + m5: the picture's pixel (u, v) seen at (x, y)."""
+class _Layer(NamedTuple):
+    """A picture, see `Picture`, and where it is drawn.
+
+    Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
+    """
+
+    pixels: Image
+    near: Image
+    m: tuple[float, float, float, float, float, float]
+
+
+def _layer(x_px: float, y_px: float, fish: Turned) -> _Layer:
+    """A fish with its mass centre at (x_px, y_px)."""
     cos, sin = (part / fish.scale for part in _axes(fish))
-    u, v = fish.picture.x_px, fish.picture.y_px
-    return cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px
+    pixels, near, u, v = fish.picture
+    return _Layer(
+        pixels, near,
+        (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
+    )  # fmt: skip
 
 
 def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
@@ -238,20 +253,21 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _lay(canvas, box, fish, fish_near, m, partner, partner_near, n, share):  # type: ignore[no-untyped-def]
-    """Lay (1 − share) fish + share partner over the canvas; m, n: see `_inverse`."""
+def _lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
+    """Lay (1 − share) fish + share partner, both `_Layer`, over the canvas."""
     top, left, bottom, right = box
+    m, n = fish.m, partner.m
     keep, share = np.float32(1 - share), np.float32(share)
     for y in range(top, bottom):
         for x in range(left, right):
             red = green = blue = alpha = np.float32(0)
             if keep > 0:
                 u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
-                r, g, b, a = _sample(fish, fish_near, u, v)
+                r, g, b, a = _sample(fish.pixels, fish.near, u, v)
                 red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
             if share > 0:
                 u, v = n[0] * x + n[1] * y + n[2], n[3] * x + n[4] * y + n[5]
-                r, g, b, a = _sample(partner, partner_near, u, v)
+                r, g, b, a = _sample(partner.pixels, partner.near, u, v)
                 red += share * r
                 green += share * g
                 blue += share * b
@@ -263,177 +279,3 @@ def _lay(canvas, box, fish, fish_near, m, partner, partner_near, n, share):  # t
                 if canvas.shape[2] == 3:
                     pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
                     pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
-
-
-class Store(Protocol):
-    """Cut-outs by number, see `finloop.base.cutout.Cutouts`."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, row: int) -> Cutout: ...
-
-
-class Shelf(NamedTuple):
-    """Cut-outs of one kind with their mass centres in the film, (n, 2) px."""
-
-    store: Store
-    centres_px: NDArray[np.float64]
-
-
-class Gallery:
-    """Pictures by kind and number, the most recent `keep` of them held."""
-
-    def __init__(self, shelves: Mapping[str, Shelf], keep: int = 512) -> None:
-        self.shelves = shelves
-        self.picture = lru_cache(keep)(self._picture)
-
-    def _picture(self, kind: str, number: int) -> Picture:
-        cutout = self.shelves[kind].store[number]
-        x, y = self.shelves[kind].centres_px[number]
-        return picture(cutout.pixels, x - cutout.x0_px, y - cutout.y0_px)
-
-    def turned(self, kind: str, number: int, rotation_deg: float, scale: float) -> Turned:
-        """A picture, turned."""
-        return Turned(self.picture(kind, number), rotation_deg, scale)
-
-
-class Placed(NamedTuple):
-    """What a row of an edit list wants drawn; the arguments of `Painter.draw`."""
-
-    x_px: float
-    y_px: float
-    fish: Turned
-    partner: Turned | None
-    weight: float
-
-
-def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
-    """Row by row what an edit list (schema EDIT) wants drawn.
-
-    Raises
-    ------
-    FinloopError
-        At once, listing all that cannot be drawn.
-    """
-    _refuse(edit, gallery.shelves)
-
-    def given() -> Iterator[Placed]:
-        own = ("kind", "source", "rotation_deg", "scale")
-        other = ("partner_kind", "partner", "partner_rotation_deg", "partner_scale")
-        columns = (edit[list(names)].itertuples(index=False) for names in (own, other))
-        where = edit[["x_px", "y_px", "weight"]].itertuples(index=False)
-        for fish, partner, (x, y, weight) in zip(*columns, where, strict=True):
-            second = gallery.turned(*partner) if weight > 0 else None
-            yield Placed(x, y, gallery.turned(*fish), second, weight)
-
-    return given()
-
-
-def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
-    """Raise if an edit list cannot be drawn: every kind of problem, each with its first tick."""
-    do = "make the edit list again: `dvc repro --force animate`"
-    if edit.empty:
-        raise FinloopError("the edit list is empty", "at least one tick", do)
-    problems: list[str] = []
-
-    def refuse(bad: NDArray[np.bool_] | pd.Series, column: str, wanted: str) -> None:
-        wrong = edit[np.asarray(bad, bool)]
-        if len(wrong):
-            tick, value = wrong.iloc[0]["tick"], wrong.iloc[0][column]
-            more = f" (and at {len(wrong) - 1} more ticks)" if len(wrong) > 1 else ""
-            problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
-
-    sizes = {kind: len(shelf.store) for kind, shelf in shelves.items()}
-    refuse(edit["tick"] != np.arange(len(edit)), "tick", "0, 1, 2, …")
-    for column in ("x_px", "y_px"):
-        refuse(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
-    refuse(~edit["weight"].between(0, 1), "weight", "0 … 1")
-    fades = (edit["weight"] > 0).to_numpy()
-    for prefix, number, used in (
-        ("", "source", np.full(len(edit), True)),
-        ("partner_", "partner", fades),
-    ):
-        kind, row = edit[f"{prefix}kind"], edit[number].fillna(-1).to_numpy(int)
-        refuse(used & ~kind.isin(list(sizes)), f"{prefix}kind", " or ".join(sizes))
-        for name, size in sizes.items():
-            bad = used & (kind == name) & ((row < 0) | (row >= size))
-            refuse(bad, number, f"a {name}, 0 … {size - 1}")
-        scale = edit[f"{prefix}scale"].to_numpy(float)
-        refuse(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
-        angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
-        refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
-    if problems:
-        raise FinloopError(
-            "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
-            "pictures that exist, at places and of sizes that can be drawn",
-            do,
-        )
-
-
-class Steps:
-    """How much the picture changes from one drawn frame to the next (Eq. 5 on what is shown).
-
-    ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
-    grows with the way swum as with the change of shape. `film_steps` measures the film so.
-    """
-
-    def __init__(self, painter: Painter) -> None:
-        self._painter = painter
-        self._last: tuple[Box, Image] | None = None
-
-    def to(self, box: Box) -> float:
-        """The step to what is on the canvas now, a fish in `box` alone; NaN at the first."""
-        canvas, last = self._painter.canvas, self._last
-        self._last = box, canvas[box.of].copy()
-        if last is None:
-            return math.nan
-        before, patch = last
-        filled = [one for one in (before, box) if not one.empty]
-        if not filled:
-            return 0.0
-        both = Box.around(filled)
-        was = self._painter.floor[both.of].copy()
-        if not before.empty:
-            was[before.top - both.top :, before.left - both.left :][
-                : patch.shape[0], : patch.shape[1]
-            ] = patch
-        change = canvas[both.of].astype(np.float32) - was
-        return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
-
-
-def film_steps(
-    painter: Painter, gallery: Gallery, kind: str, tracks: pd.DataFrame, most: int = 400
-) -> NDArray[np.float64]:
-    """The steps of the film itself: its fish drawn alone at their own places, frame after frame.
-
-    tracks: track_id, frame and mass centre, a row per picture of this `kind`; at most so many pairs
-    of consecutive frames, spread over the film.
-    """
-    track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
-    first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
-    chosen = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
-    places = tracks[["x_px", "y_px"]].to_numpy(float)
-    found = []
-    for pair in zip(chosen, chosen + 1, strict=True):
-        steps = Steps(painter)
-        for row in pair:
-            x, y = places[row]
-            painter.wipe()
-            step = steps.to(painter.draw(x, y, Turned(gallery.picture(kind, int(row)))))
-        found.append(step)
-    painter.wipe()
-    return np.array(found)
-
-
-def step_numbers(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
-    """Metrics: the steps of an animation beside those of the film itself."""
-    steps = np.asarray(drawn)[1:]
-    if not len(steps) or not len(film):
-        return {}
-    return {
-        "picture_step_median_grey": float(np.median(steps)),
-        "picture_step_p95_grey": float(np.quantile(steps, 0.95)),
-        "film_picture_step_median_grey": float(np.median(film)),
-        "film_picture_step_p95_grey": float(np.quantile(film, 0.95)),
-        "picture_step_ratio": float(np.median(steps) / np.median(film)),
-        "picture_steps_above_film_p95_share": float(np.mean(steps > np.quantile(film, 0.95))),
-    }

@@ -11,7 +11,8 @@ from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
 from finloop.plots.render import contact_sheet, ticks_drawn, tiles, trajectory
-from finloop.render.painter import Painter, placed
+from finloop.render.gallery import placed
+from finloop.render.painter import Painter
 from finloop.render.settings import Settings
 from finloop.sprites.orient import SPRITES
 from stages.gallery import open_gallery

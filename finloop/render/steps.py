@@ -1,0 +1,81 @@
+"""How much a film changes from frame to frame (Eq. 5 on whole pictures), drawn and filmed."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.render.gallery import Gallery
+from finloop.render.painter import Box, Painter, Turned
+
+
+class Steps:
+    """How much the picture changes from one drawn frame to the next (Eq. 5 on what is shown).
+
+    ‖F_t − F_(t−1)‖₂ over the whole picture in grey levels, colours by their root mean square. It
+    grows with the way swum as with the change of shape. `film_steps` measures the film so.
+    """
+
+    def __init__(self, painter: Painter) -> None:
+        self._painter = painter
+        self._last: tuple[Box, NDArray[np.uint8]] | None = None
+
+    def to(self, box: Box) -> float:
+        """The step to what is on the canvas now, a fish in `box` alone; NaN at the first."""
+        canvas, last = self._painter.canvas, self._last
+        self._last = box, canvas[box.of].copy()
+        if last is None:
+            return math.nan
+        before, patch = last
+        filled = [one for one in (before, box) if not one.empty]
+        if not filled:
+            return 0.0
+        both = Box.around(filled)
+        was = self._painter.floor[both.of].copy()
+        if not before.empty:
+            was[before.top - both.top :, before.left - both.left :][
+                : patch.shape[0], : patch.shape[1]
+            ] = patch
+        change = canvas[both.of].astype(np.float32) - was
+        return math.sqrt(float(np.vdot(change, change)) / canvas.shape[2])
+
+
+def film_steps(
+    painter: Painter, gallery: Gallery, kind: str, tracks: pd.DataFrame, most: int = 400
+) -> NDArray[np.float64]:
+    """The steps of the film itself: its fish drawn alone at their own places, frame after frame.
+
+    tracks: track_id, frame and mass centre, a row per picture of this `kind`; at most so many pairs
+    of consecutive frames, spread over the film.
+    """
+    track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
+    first = np.flatnonzero((np.diff(track) == 0) & (np.diff(frame) == 1))
+    chosen = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
+    places = tracks[["x_px", "y_px"]].to_numpy(float)
+    found = []
+    for pair in zip(chosen, chosen + 1, strict=True):
+        steps = Steps(painter)
+        for row in pair:
+            x, y = places[row]
+            painter.wipe()
+            step = steps.to(painter.draw(x, y, Turned(gallery.picture(kind, int(row)))))
+        found.append(step)
+    painter.wipe()
+    return np.array(found)
+
+
+def step_numbers(drawn: Sequence[float], film: NDArray[np.float64]) -> dict[str, float]:
+    """Metrics: the steps of an animation beside those of the film itself."""
+    steps = np.asarray(drawn)[1:]
+    if not len(steps) or not len(film):
+        return {}
+    return {
+        "picture_step_median_grey": float(np.median(steps)),
+        "picture_step_p95_grey": float(np.quantile(steps, 0.95)),
+        "film_picture_step_median_grey": float(np.median(film)),
+        "film_picture_step_p95_grey": float(np.quantile(film, 0.95)),
+        "picture_step_ratio": float(np.median(steps) / np.median(film)),
+        "picture_steps_above_film_p95_share": float(np.mean(steps > np.quantile(film, 0.95))),
+    }
