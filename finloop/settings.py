@@ -1,7 +1,7 @@
 """Parameters: what a stage word declares, the values in conf/, and the check of both.
 
 A parameter is declared once, in the frozen dataclass `Settings` of `finloop/<word>/settings.py`:
-its type and range as an annotation, its unit and meaning in the docstring. It has no default there;
+its type and range as an annotation, its unit and meaning as a comment. It has no default there;
 its value stands in `conf/<word>/default.yaml`. Where a word has several variants, `Settings` is the
 union of their dataclasses, each with a field `source` that names its file in `conf/<word>/`.
 `__post_init__` may raise ValueError for values that must not be together. A dataclass is flat.

@@ -11,37 +11,19 @@ from finloop.settings import Crf, NotNegative, Positive
 
 @dataclass(frozen=True)
 class Zebrafish:
-    """Eight real zebrafish from above: two clips of a Python package, downloaded once.
+    """Eight real zebrafish from above: two clips of a Python package, downloaded once."""
 
-    Attributes
-    ----------
-    source : zebrafish
-        Names this variant.
-    parts : A, B or AB
-        501, 508 or all 1009 frames.
-    crf : 0 = lossless, 51 = worst
-        Quality of the normalised clip.
-    """
-
-    source: Literal["zebrafish"]
-    parts: Literal["A", "B", "AB"]
-    crf: Crf
+    source: Literal["zebrafish"]  # names this variant
+    parts: Literal["A", "B", "AB"]  # 501, 508 or all 1009 frames
+    crf: Crf  # of the normalised clip
 
 
 @dataclass(frozen=True)
 class Carp(CarpFilm):
-    """Drawn carp from above, with exact ground truth, from a seed.
+    """Drawn carp from above, with exact ground truth, from a seed."""
 
-    Attributes
-    ----------
-    source : carp
-        Names this variant.
-    crf : 0 = lossless, 51 = worst
-        Above 0, so that the drawing has gone through a codec as film has.
-    """
-
-    source: Literal["carp"]
-    crf: Crf
+    source: Literal["carp"]  # names this variant
+    crf: Crf  # above 0: the drawing goes through a codec, as film does
 
 
 @dataclass(frozen=True)
@@ -49,49 +31,25 @@ class File:
     """Own footage: a film, a folder of pictures, or a TIFF stack.
 
     Pixels are those of the upright picture: x right, y down from the centre of the upper left one.
-
-    Attributes
-    ----------
-    source : file
-        Names this variant.
-    path : path
-        Whatever FFmpeg opens, a folder of pictures, or a TIFF stack.
-    start_s : seconds, >= 0
-        The clip begins there.
-    end_s : seconds, > start_s, or null = to the end
-        The clip ends there.
-    frame_rate_hz : frames per second, 0-1e6, or null = the file's own
-        A value keeps every frame and re-reads its time.
-    colour : auto, always or never
-        Whether the clip keeps colours.
-    arena : none, rectangle, circle or mask
-        Shape of the place where animals can be.
-    arena_left_px, arena_top_px, arena_width_px, arena_height_px : pixels, or null
-        The rectangle.
-    arena_x_px, arena_y_px, arena_radius_px : pixels, or null
-        Centre and radius of the circle.
-    arena_mask : path of a picture, or null
-        The mask: of the film's size, bright inside.
-    crf : 0 = lossless, 51 = worst
-        Quality of the normalised clip.
     """
 
-    source: Literal["file"]
-    path: str
-    start_s: NotNegative
-    end_s: Positive | None
+    source: Literal["file"]  # names this variant
+    path: str  # whatever FFmpeg opens, a folder of pictures, or a TIFF stack
+    start_s: NotNegative  # s; the clip begins there
+    end_s: Positive | None  # s; the clip ends there; null = to the end
+    # frames/s, null = the file's own; a value keeps every frame and re-reads its time
     frame_rate_hz: Annotated[float, Field(gt=0, le=1e6)] | None
-    colour: Literal["auto", "always", "never"]
-    arena: Literal["none", "rectangle", "circle", "mask"]
-    arena_left_px: float | None
-    arena_top_px: float | None
-    arena_width_px: Positive | None
-    arena_height_px: Positive | None
-    arena_x_px: float | None
-    arena_y_px: float | None
-    arena_radius_px: Positive | None
-    arena_mask: str | None
-    crf: Crf
+    colour: Literal["auto", "always", "never"]  # whether the clip keeps colours
+    arena: Literal["none", "rectangle", "circle", "mask"]  # where animals can be
+    arena_left_px: float | None  # px, of the rectangle
+    arena_top_px: float | None  # px, of the rectangle
+    arena_width_px: Positive | None  # px, of the rectangle
+    arena_height_px: Positive | None  # px, of the rectangle
+    arena_x_px: float | None  # px, centre of the circle
+    arena_y_px: float | None  # px, centre of the circle
+    arena_radius_px: Positive | None  # px, of the circle
+    arena_mask: str | None  # path of a picture of the film's size, bright inside
+    crf: Crf  # of the normalised clip
 
     def __post_init__(self) -> None:
         """Refuse an empty range of time, and an arena of which too little or too much is given."""

@@ -10,24 +10,15 @@ from finloop.settings import Positive
 
 @dataclass(frozen=True)
 class Settings:
-    """How pictures of two frames are compared.
+    """How pictures of two frames are compared."""
 
-    Attributes
-    ----------
-    pose : body or film
-        body: every fish turned to heading 0°; film: as filmed, the paper's way.
-    size : pixels, 8-256
-        Width and height of a compared picture, 1.5 body lengths.
-    area_threshold : motion area, 0-1
-        Frames whose motion areas differ by more are not compared (Eq. 8).
-    keep : median natural steps, > 0, or null = all
-        Pairs that are farther apart are not stored.
-    picture_frames : frames, 2-8000
-        At most so many frames in the pictures of both maps (Fig. 9).
-    """
-
+    # body: every fish turned to heading 0°; film: as filmed, the paper's way
     pose: Literal["body", "film"]
+    # px, width and height of a compared picture, which is 1.5 body lengths
     size: Annotated[int, Field(ge=8, le=256)]
+    # frames whose relative motion areas differ by more are not compared (Eq. 8)
     area_threshold: Annotated[float, Field(ge=0, le=1)]
+    # median natural steps; pairs farther apart are not stored; null = all are
     keep: Positive | None
+    # at most so many frames in the pictures of both maps (Fig. 9)
     picture_frames: Annotated[int, Field(ge=2, le=8000)]

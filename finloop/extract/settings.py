@@ -12,52 +12,27 @@ Ratio = Annotated[float, Field(ge=1)]
 
 @dataclass(frozen=True)
 class Settings:
-    """How fish are told from the tank, and linked into tracks.
+    """How fish are told from the tank, and linked into tracks."""
 
-    Attributes
-    ----------
-    background : median, threshold or mog2
-        The empty tank: the median of spread-out frames; one even tone, for a fish that stays in
-        its place; or a tank that changes slowly.
-    polarity : auto, dark, bright or both
-        How fish stand out of the tank.
-    noise_sigmas : noise levels, > 0
-        What differs from the tank by more is no noise.
-    least_contrast : grey levels, > 0
-        The threshold is never below.
-    outline_share : share of the fish's contrast, 0-1
-        A silhouette ends where the difference falls to this.
-    least_area_px : square pixels, >= 4
-        Smaller patches are never looked at.
-    least_area_ratio : of a typical fish's area, 0-1
-        A smaller silhouette is no fish.
-    most_area_ratio : of a typical fish's area, >= 1
-        A larger silhouette is several fish that touch.
-    least_contrast_ratio : of a typical fish's contrast, 0-1
-        A paler silhouette is a reflection or a shadow.
-    gate_body_lengths : body lengths, > 0
-        A fish farther than this from where it was expected is another fish.
-    step_area_ratio : ratio of areas, >= 1
-        From frame to frame a silhouette changes by less.
-    samples : frames, >= 3
-        Frames over the clip from which tank, noise and a typical fish are learnt.
-    least_frames : frames, >= 1
-        Shorter tracks are dropped.
-    points : points, >= 13
-        Points of the backbone.
-    """
-
+    # the empty tank: the median of spread-out frames; one even tone, for a fish that stays in
+    # its place; or mog2, a tank that changes slowly
     background: Literal["median", "threshold", "mog2"]
-    polarity: Literal["auto", "dark", "bright", "both"]
-    noise_sigmas: Positive
-    least_contrast: Positive
+    polarity: Literal["auto", "dark", "bright", "both"]  # fish against the tank
+    noise_sigmas: Positive  # noise levels; what differs from the tank by more is no noise
+    least_contrast: Positive  # grey levels; the threshold is never below
+    # a silhouette ends where the difference falls to this share of the fish's contrast
     outline_share: Share
-    least_area_px: Annotated[float, Field(ge=4)]
-    least_area_ratio: Share
+    least_area_px: Annotated[float, Field(ge=4)]  # px²; smaller patches are never looked at
+    least_area_ratio: Share  # of a typical fish's area; a smaller silhouette is no fish
+    # of a typical fish's area; a larger silhouette is several fish that touch
     most_area_ratio: Ratio
+    # of a typical fish's; a paler one is a reflection
     least_contrast_ratio: Annotated[float, Field(ge=0, lt=1)]
+    # body lengths; a fish farther than this from where it was expected is another
     gate_body_lengths: Positive
+    # from frame to frame a silhouette's area changes by less than this factor
     step_area_ratio: Ratio
+    # frames over the clip from which tank, noise and a typical fish are learnt
     samples: Annotated[int, Field(ge=3)]
-    least_frames: Count
-    points: Annotated[int, Field(ge=13)]
+    least_frames: Count  # frames; shorter tracks are dropped
+    points: Annotated[int, Field(ge=13)]  # of the backbone

@@ -10,71 +10,34 @@ from finloop.settings import Positive, Seed
 
 @dataclass(frozen=True)
 class Settings:
-    """Where limbs come from, how their gait is fitted, and what it then drives.
+    """Where limbs come from, how their gait is fitted, and what it then drives."""
 
-    Attributes
-    ----------
-    limbs : dog or regions
-        dog: the drawn dog, whose truth is known; regions: limbs of one's own film.
-    regions : path, or null
-        A folder of masks (fore_left/0007.png …) or of traces (0007.svg …).
-    regions_rate_hz : frames per second, > 0, or null
-        Of the film of the regions.
-    dog_frames : frames, 24-10000
-        Of the drawn dog's film.
-    dog_rate_hz : frames per second, > 0
-        Of the drawn dog's film.
-    dog_cycles : cycles, > 0
-        How often the dog steps in its film.
-    dog_width_px : pixels, 160-1920
-        Width of the drawn dog's film.
-    dog_noise : grey levels, 0-60
-        Deviation of the noise in the drawn dog's film.
-    seed : >= 0
-        For the drawn dog's film.
-    points : points, 64-1024, a power of two
-        Of a contour (Fig. 14).
-    split : phase, 0-0.5
-        Of key 2: subcycle A ends there, and C half a cycle later.
-    wavelet : a name of PyWavelets
-        Of the descriptor.
-    coarse : coefficients, 1-64, a power of two
-        In the coarsest scale.
-    per_scale : true or false
-        One gamma a scale in the gaits that are written.
-    dog_1, dog_2 : paths of SVG files
-        Key poses that the limbs' gait drives.
-    fish_1, fish_2 : paths of SVG files
-        Key poses of a fish.
-    fish_gait : path of a gait, or null
-        What drives the fish; null: the outlines' own gait, fitted from the clip.
-    frame_rate_hz : frames per second, 0-240
-        Of a drawing in motion, about: whole frames make up a cycle.
-    size_px : pixels, 16-2048
-        Longer side of the films.
-    """
-
+    # the drawn dog, whose truth is known | limbs of one's own film
     limbs: Literal["dog", "regions"]
-    regions: str | None
-    regions_rate_hz: Positive | None
-    dog_frames: Annotated[int, Field(ge=24, le=10_000)]
-    dog_rate_hz: Positive
-    dog_cycles: Positive
-    dog_width_px: Annotated[int, Field(ge=160, le=1920)]
+    regions: str | None  # a folder of masks (fore_left/0007.png …) or of traces (0007.svg …)
+    regions_rate_hz: Positive | None  # frames/s, of the film of the regions
+    dog_frames: Annotated[int, Field(ge=24, le=10_000)]  # length of the drawn dog's film
+    dog_rate_hz: Positive  # frames/s, of the drawn dog's film
+    dog_cycles: Positive  # how often the dog steps in its film
+    dog_width_px: Annotated[int, Field(ge=160, le=1920)]  # px, of the drawn dog's film
+    # grey levels, standard deviation in the drawn dog's film
     dog_noise: Annotated[float, Field(ge=0, le=60)]
-    seed: Seed
-    points: Annotated[int, Field(ge=64, le=1024)]
+    seed: Seed  # for the drawn dog's film
+    points: Annotated[int, Field(ge=64, le=1024)]  # of a contour (Fig. 14); a power of two
+    # phase of key 2: subcycle A ends there, and C half a cycle later
     split: Annotated[float, Field(gt=0, lt=0.5)]
-    wavelet: str
-    coarse: Annotated[int, Field(ge=1, le=64)]
-    per_scale: bool
-    dog_1: str
-    dog_2: str
-    fish_1: str
-    fish_2: str
+    wavelet: str  # of the descriptor, a name of PyWavelets
+    coarse: Annotated[int, Field(ge=1, le=64)]  # coefficients in the coarsest scale; a power of two
+    per_scale: bool  # one γ a scale in the gaits that are written
+    dog_1: str  # path of an SVG: a key pose that the limbs' gait drives
+    dog_2: str  # path of an SVG: the other one
+    fish_1: str  # path of an SVG: a key pose of a fish
+    fish_2: str  # path of an SVG: the other one
+    # path of what drives the fish; null = the outlines' own gait, fitted from the clip
     fish_gait: str | None
+    # frames/s of a drawing in motion, about: whole frames make up a cycle
     frame_rate_hz: Annotated[float, Field(gt=0, le=240)]
-    size_px: Annotated[int, Field(ge=16, le=2048)]
+    size_px: Annotated[int, Field(ge=16, le=2048)]  # px, longer side of the films
 
     def __post_init__(self) -> None:
         """Refuse sizes that cannot be halved, and regions without their rate."""

@@ -10,27 +10,12 @@ from finloop.settings import Crf, NotNegative, Quality
 
 @dataclass(frozen=True)
 class Settings:
-    """Which edit list is filmed, and how.
+    """Which edit list is filmed, and how."""
 
-    Attributes
-    ----------
-    mode : nn, loops or hybrid
-        The edit list.
-    marks : true or false
-        Make a second film with goals, way, state and time.
-    crf : 0 = best, 51 = worst
-        Quality of the films, H.264.
-    webp_width_px : pixels, 16-16383
-        Width of the animated WebP; with marks if there are.
-    webp_seconds : seconds, >= 0
-        Its duration; 0 = none.
-    webp_quality : 0 = worst, 100 = best
-        Its quality.
-    """
-
-    mode: Literal["nn", "loops", "hybrid"]
-    marks: bool
-    crf: Crf
+    mode: Literal["nn", "loops", "hybrid"]  # the edit list
+    marks: bool  # a second film, with goals, way, state and time
+    crf: Crf  # quality of the films, H.264
+    # px, of the animated WebP; it has marks if there are
     webp_width_px: Annotated[int, Field(ge=16, le=16383)]
-    webp_seconds: NotNegative
-    webp_quality: Quality
+    webp_seconds: NotNegative  # s, its duration; 0 = none
+    webp_quality: Quality  # of WebP

@@ -12,43 +12,17 @@ SizePx = Annotated[int, Field(ge=32, le=8192)]
 
 @dataclass(frozen=True)
 class CarpFilm:
-    """What to film.
+    """What to film."""
 
-    Attributes
-    ----------
-    frames : frames, >= 2
-        Duration of the film.
-    fish : fish, >= 1
-        How many swim.
-    width_px, height_px : pixels, 32-8192
-        Size of the film.
-    body_length_px : pixels, >= 12
-        Length of a carp.
-    frame_rate_hz : frames per second, 1-1000
-        Of the film.
-    noise : grey levels, >= 0
-        Deviation of the grey level.
-    light_drift : relative, 0-1
-        Largest change of the light.
-    fins : share of the time, 0-1
-        How long the pectoral fins are open.
-    shadow : share of the light, 0-1
-        What the shadow takes away.
-    seed : >= 0
-        For motion, floor, skin, noise and light.
-    colour : true or false
-        Colours, or grey.
-    """
-
-    frames: Annotated[int, Field(ge=2)]
-    fish: Count
-    width_px: SizePx
-    height_px: SizePx
-    body_length_px: Annotated[float, Field(ge=12)]
-    frame_rate_hz: Annotated[float, Field(ge=1, le=1000)]
-    noise: NotNegative
-    light_drift: Annotated[float, Field(ge=0, lt=1)]
-    fins: Annotated[float, Field(ge=0, le=1)]
-    shadow: Annotated[float, Field(ge=0, lt=1)]
-    seed: Seed
-    colour: bool
+    frames: Annotated[int, Field(ge=2)]  # length of the film
+    fish: Count  # how many swim
+    width_px: SizePx  # px, of the film
+    height_px: SizePx  # px, of the film
+    body_length_px: Annotated[float, Field(ge=12)]  # px, of a carp
+    frame_rate_hz: Annotated[float, Field(ge=1, le=1000)]  # frames/s, of the film
+    noise: NotNegative  # grey levels, standard deviation
+    light_drift: Annotated[float, Field(ge=0, lt=1)]  # largest change of the light, as a share
+    fins: Annotated[float, Field(ge=0, le=1)]  # share of the time that the pectoral fins are open
+    shadow: Annotated[float, Field(ge=0, lt=1)]  # share of the light that the shadow takes away
+    seed: Seed  # for motion, floor, skin, noise and light
+    colour: bool  # colours, or grey
