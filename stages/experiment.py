@@ -15,24 +15,17 @@ Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]
 
 @dataclass(frozen=True)
 class Experiment:
-    """The values of `hydra.sweeper` in conf/experiment/<name>.yaml.
+    """The values of `hydra.sweeper` in conf/experiment/<name>.yaml."""
 
-    Attributes
-    ----------
-    title, why : text
-        What the page that compares the runs says.
-    params : parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)"
-        What varies; every combination is a run.
-    until : a stage word
-        The last stage that a run needs.
-    measures : <stage>.<number> of its metrics
-        What is compared, beside the measures that every comparison has.
-    """
-
+    # title, why: text. What the page that compares the runs says
     title: str
     why: str
+    # parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)". What varies; every
+    # combination is a run
     params: Annotated[dict[Name, Annotated[str, Field(min_length=1)]], Field(min_length=1)]
-    until: str
+    until: str  # a stage word. The last stage that a run needs
+    # <stage>.<number> of its metrics. What is compared, beside the measures that every comparison
+    # has
     measures: list[Name]
 
     def __post_init__(self) -> None:

@@ -78,33 +78,19 @@ def checked(curve: Curve, name: str) -> Curve:
 
 @dataclass(frozen=True)
 class Morph:
-    """Contours of every frame.
+    """Contours of every frame."""
 
-    Attributes
-    ----------
-    tau
-        (f,), 0 = the first drawing, 1 = the second.
-    layers
-        (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals.
-    closed, styles
-        By id; `styles` may lack some.
-    folds
-        (f,) by id: pairs of edges that meet; 0 = that contour is simple.
-    continuous
-        By id: whether the contour is proved simple between the frames too, where its points move
-        straight from each frame to the next.
-    width, height
-        Of the picture.
-    decimals
-        Digits after the point that coordinates have.
-    """
-
-    tau: Points
+    tau: Points  # (f,), 0 = the first drawing, 1 = the second
+    # (f, n, 2) by id, in drawing order; units of the first drawing, multiples of 10^-decimals
     layers: dict[str, Points]
+    # closed, styles: by id; `styles` may lack some
     closed: dict[str, bool]
-    folds: dict[str, Ints]
+    folds: dict[str, Ints]  # (f,) by id: pairs of edges that meet; 0 = that contour is simple
+    # by id: whether the contour is proved simple between the frames too, where its points move
+    # straight from each frame to the next
     continuous: dict[str, bool]
     styles: dict[str, str]
+    # width, height: of the picture
     width: float
     height: float
-    decimals: int
+    decimals: int  # digits after the point that coordinates have

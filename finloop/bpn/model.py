@@ -36,30 +36,19 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
-    """A trained network 4-hidden-2, sigmoid in both layers; scaling is part of it.
+    """A trained network 4-hidden-2, sigmoid in both layers; scaling is part of it."""
 
-    Attributes
-    ----------
-    delta_s
-        The time Δ in seconds from the state that goes in to the state that comes out.
-    input_low, input_high
-        (4,) what becomes -1 and 1 before the first layer; inputs beyond are clipped to it.
-    output_low, output_high
-        (2,) the range of the outputs; margin: low is learnt as `margin`, high as 1 - `margin`.
-    hidden_weights, hidden_bias, output_weights, output_bias
-        (4, hidden), (hidden,), (hidden, 2), (2,).
-    """
-
-    delta_s: float
+    delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
+    # (4,) what becomes -1 and 1 before the first layer; inputs beyond are clipped to it
     input_low: Numbers
     input_high: Numbers
-    output_low: Numbers
+    output_low: Numbers  # (2,) the range of the outputs
     output_high: Numbers
-    margin: float
-    hidden_weights: Numbers
-    hidden_bias: Numbers
-    output_weights: Numbers
-    output_bias: Numbers
+    margin: float  # output_low is learnt as `margin`, output_high as 1 - `margin`
+    hidden_weights: Numbers  # (4, hidden)
+    hidden_bias: Numbers  # (hidden,)
+    output_weights: Numbers  # (hidden, 2)
+    output_bias: Numbers  # (2,)
 
     def record(self) -> dict[str, Any]:
         """Every number, unit and name as plain values; `motion_model` reads them, to the bit."""

@@ -32,25 +32,14 @@ LEAST_ERROR = 1e-4
 
 @dataclass(frozen=True)
 class Comparison:
-    """Errors on held-out frames.
+    """Errors on held-out frames."""
 
-    Attributes
-    ----------
-    scheme
-        What is held out at a time: "cycles" or "every other frame".
-    rms
-        By clock: RMS distance of contours / body length.
-    by_contour
-        Columns contour, subcycle, frames, and rms_<clock>.
-    by_scale
-        Columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (of all
-        frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
-        gamma_buys_pct (of the squared error), verdict.
-    """
-
-    scheme: str
-    rms: dict[str, float]
-    by_contour: pd.DataFrame
+    scheme: str  # what is held out at a time: "cycles" or "every other frame"
+    rms: dict[str, float]  # by clock: RMS distance of contours / body length
+    by_contour: pd.DataFrame  # columns contour, subcycle, frames, and rms_<clock>
+    # columns contour, subcycle, scale (0 = the approximation), coefficients, gamma (of all
+    # frames), energy_share (of the motion between the keys), rms_linear, rms_gamma_scale,
+    # gamma_buys_pct (of the squared error), verdict
     by_scale: pd.DataFrame
 
 

@@ -21,24 +21,14 @@ WIDEST = 0.125
 
 @dataclass(frozen=True)
 class Film:
-    """Contours of a film in the frame of the body.
+    """Contours of a film in the frame of the body."""
 
-    Attributes
-    ----------
-    contours
-        Closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those
-        of a mirror begin at the snout.
-    phase
-        (frames,) in cycles, rising; the whole part counts the cycles.
-    body_length
-        In the unit of the contours.
-    symmetry, offsets
-        As in `gait.model.Layout`.
-    """
-
+    # closed, (frames, n, 2) by id, n a power of two; NaN in frames where one is missing. Those of
+    # a mirror begin at the snout
     contours: Mapping[str, Points]
-    phase: Points
-    body_length: float
+    phase: Points  # (frames,) in cycles, rising; the whole part counts the cycles
+    body_length: float  # in the unit of the contours
+    # symmetry, offsets: as in `gait.model.Layout`
     symmetry: Symmetry
     offsets: Mapping[str, Points] | None = None
 

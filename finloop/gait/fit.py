@@ -27,22 +27,13 @@ LEAST_MOTION = 1e-9
 
 @dataclass(frozen=True)
 class Subcycle:
-    """One contour in one subcycle, as coefficients.
+    """One contour in one subcycle, as coefficients."""
 
-    Attributes
-    ----------
-    samples
-        The frames of the film that fall into it.
-    start, end
-        The key frames at its ends, (n, 2).
-    scales
-        The slice of each scale in the n coefficients.
-    """
-
-    samples: Samples
+    samples: Samples  # the frames of the film that fall into it
+    # start, end: the key frames at its ends, (n, 2)
     start: Points
     end: Points
-    scales: list[slice]
+    scales: list[slice]  # the slice of each scale in the n coefficients
 
     def sums(self, scale: slice = slice(None)) -> tuple[float, float]:
         """`gamma_sums` of a scale, by default of all scales together."""

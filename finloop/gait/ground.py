@@ -34,18 +34,12 @@ Paths = dict[str, list[tuple[Ints, Points]]]
 
 
 class Ground(NamedTuple):
-    """Where feet stand.
+    """Where feet stand."""
 
-    Attributes
-    ----------
-    speed
-        Of the ground in the body's frame, drawing units a frame; below 0 if it goes to the left.
-    slide
-        By id: how far the foot strays from the ground's motion in a support, peak to peak, the
-        most of all its supports; drawing units.
-    """
-
+    # of the ground in the body's frame, drawing units a frame; below 0 if it goes to the left
     speed: float
+    # by id: how far the foot strays from the ground's motion in a support, peak to peak, the most
+    # of all its supports; drawing units
     slide: dict[str, float]
 
 

@@ -38,24 +38,13 @@ Region = Curve | str
 
 @dataclass(frozen=True)
 class Limbs:
-    """Contours of limbs in the body frame, px: x right, y down, 0 where the body is.
+    """Contours of limbs in the body frame, px: x right, y down, 0 where the body is."""
 
-    Attributes
-    ----------
-    points
-        By id, (frames, n, 2); NaN in frames that lack the limb.
-    course
-        Where the body is in the picture, (frames, 2), smoothed.
-    length_px
-        Of the body from end to end (its region's width), or of all limbs together without one.
-    notes
-        Sentences about what is left out.
-    """
-
-    points: dict[str, Array]
-    course: Array
+    points: dict[str, Array]  # by id, (frames, n, 2); NaN in frames that lack the limb
+    course: Array  # where the body is in the picture, (frames, 2), smoothed
+    # of the body from end to end (its region's width), or of all limbs together without one
     length_px: float
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # sentences about what is left out
 
 
 def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> Region:

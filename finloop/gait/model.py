@@ -30,37 +30,27 @@ POOLED = "*"
 
 @dataclass(frozen=True)
 class Gait:
-    """A gait as fitted to film. It holds no contours, so it can drive any drawing.
-
-    Attributes
-    ----------
-    gamma
-        By id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine,
-        as `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. The last
-        γ holds for all finer scales.
-    support
-        By id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1.
-        Swap only.
-    confidence
-        0…1, of the period.
-    cycles, frames
-        Of the film that it was fitted to.
-    residuals
-        By clock: RMS distance of contours / body length, on frames held out of the fit.
-    """
+    """A gait as fitted to film. It holds no contours, so it can drive any drawing."""
 
     name: str
     symmetry: Symmetry
     frequency_hz: float
+    # by id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine, as
+    # `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. The last γ
+    # holds for all finer scales
     gamma: Mapping[str, Mapping[str, tuple[float, ...]]]
     split: float = 0.25
     wavelet: str = "coif2"
     coarse: int = 4
+    # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Swap
+    # only
     support: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     source: str = ""
-    confidence: float = 1.0
+    confidence: float = 1.0  # 0…1, of the period
+    # cycles, frames: of the film that it was fitted to
     cycles: float = 0.0
     frames: int = 0
+    # by clock: RMS distance of contours / body length, on frames held out of the fit
     residuals: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -89,21 +79,13 @@ def mirrored(points: Points, middle: float = 0.0, order: Ints | None = None) -> 
 
 @dataclass(frozen=True)
 class Layout:
-    """How the second half of a cycle lies in the picture, compared with the first.
+    """How the second half of a cycle lies in the picture, compared with the first."""
 
-    Attributes
-    ----------
-    middle
-        Mirror: y of the axis.
-    orders
-        Mirror, by id: the points' order, see `mirrored`; an id and its partner share one.
-    offsets
-        Swap, by id, (2,): how much farther right and down the id hangs on the body than its
-        partner; the partner's is the negative. A limb then keeps its hip.
-    """
-
-    middle: float = 0.0
+    middle: float = 0.0  # mirror: y of the axis
+    # mirror, by id: the points' order, see `mirrored`; an id and its partner share one
     orders: Mapping[str, Ints] | None = None
+    # swap, by id, (2,): how much farther right and down the id hangs on the body than its
+    # partner; the partner's is the negative. A limb then keeps its hip
     offsets: Mapping[str, Points] | None = None
 
 

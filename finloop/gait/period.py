@@ -35,24 +35,15 @@ _SMOOTHED = 0.75  # cycles before and after a frame that its course is taken fro
 
 @dataclass(frozen=True)
 class Period:
-    """Frequency and phase of a repeating motion, and the confidence in it.
+    """Frequency and phase of a repeating motion, and the confidence in it."""
 
-    Attributes
-    ----------
-    frequency_hz : cycles a second over the steady frames; NaN if there is none
-    phase : (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
-    steady : (frames,) bool, where the motion repeats and the phase means something
-    confidence : 0-1, share of the variance of a steady cycle that the others predict; 0 if few
-    cycles : how many are steady
-    why : why the motion is not periodic; empty if it is
-    """
-
-    frequency_hz: float
-    phase: Float
-    steady: Mask
+    frequency_hz: float  # cycles a second over the steady frames; NaN if there is none
+    phase: Float  # (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
+    steady: Mask  # (frames,) bool, where the motion repeats and the phase means something
+    # 0-1, share of the variance of a steady cycle that the others predict; 0 if few
     confidence: float
-    cycles: float
-    why: str
+    cycles: float  # how many are steady
+    why: str  # why the motion is not periodic; empty if it is
 
 
 def period(

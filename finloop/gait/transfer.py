@@ -30,25 +30,17 @@ Ints = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Transfer:
-    """A drawing set in motion.
+    """A drawing set in motion."""
 
-    Attributes
-    ----------
-    morph
-        One cycle, frame k at phase k / frames. Its tau is 0 at key 1, 1 at key 1', 0 again.
-    before, after
-        The ground before and after the feet are planted, lengths in widths of the drawing (key 1,
-        all contours); None if the gait or the drawing has no feet.
-    outside
-        Number of frames in which a contour leaves the picture, by id; 0 is left out.
-    lifted
-        Feet that should stand in key 2 but are drawn higher than their lifted partners.
-    """
-
+    # one cycle, frame k at phase k / frames. Its tau is 0 at key 1, 1 at key 1', 0 again
     morph: Morph
+    # before, after: the ground before and after the feet are planted, lengths in widths of the
+    # drawing (key 1, all contours); None if the gait or the drawing has no feet
     before: Ground | None
     after: Ground | None
+    # number of frames in which a contour leaves the picture, by id; 0 is left out
     outside: dict[str, int]
+    # feet that should stand in key 2 but are drawn higher than their lifted partners
     lifted: tuple[str, ...]
 
 

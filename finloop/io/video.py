@@ -39,55 +39,33 @@ CLIP_NAME, FACTS_NAME, ARENA_NAME, TRUTH_NAME = (
 
 @dataclass(frozen=True)
 class VideoFacts:
-    """Facts about the normalised clip, kept beside it as `facts.json`.
+    """Facts about the normalised clip, kept beside it as `facts.json`."""
 
-    Attributes
-    ----------
-    source
-        "zebrafish", "carp" or "file".
-    width_px, height_px, frames
-        Size of the clip.
-    frame_rate
-        Frames per second, exact.
-    colour
-        Whether the clip carries colour; mono film has a Y plane alone.
-    segments
-        Half-open frame ranges [start, stop) filmed without a cut.
-    frames_repeated, frames_dropped
-        Frames that re-timing to a constant rate repeated and dropped.
-    frames_missing
-        Frames that the file promises and that could not be decoded.
-    rotation_deg
-        How far the coded picture was turned anticlockwise to be upright.
-    mirrored
-        Whether the picture was also mirrored (left and right exchanged, before turning).
-    pixel_aspect
-        Width : height of one pixel as the file states it; pictures are not resampled.
-    level_low, level_high
-        Grey levels of a source of more than 8 bits that became 0 and 255; 0 and 255 for 8 bits.
-    crf
-        Quality of the coding, 0 = lossless.
-    notes
-        Sentences about the source that a person should read.
-    """
-
-    source: str
+    source: str  # "zebrafish", "carp" or "file"
+    # width_px, height_px, frames: size of the clip
     width_px: int
     height_px: int
     frames: int
-    frame_rate: Fraction
-    colour: bool
+    frame_rate: Fraction  # frames per second, exact
+    colour: bool  # whether the clip carries colour; mono film has a Y plane alone
+    # half-open frame ranges [start, stop) filmed without a cut
     segments: tuple[tuple[int, int], ...]
+    # frames_repeated, frames_dropped: frames that re-timing to a constant rate repeated and
+    # dropped
     frames_repeated: int = 0
     frames_dropped: int = 0
-    frames_missing: int = 0
-    rotation_deg: int = 0
+    frames_missing: int = 0  # frames that the file promises and that could not be decoded
+    rotation_deg: int = 0  # how far the coded picture was turned anticlockwise to be upright
+    # whether the picture was also mirrored (left and right exchanged, before turning)
     mirrored: bool = False
+    # width : height of one pixel as the file states it; pictures are not resampled
     pixel_aspect: Fraction = Fraction(1)
+    # level_low, level_high: grey levels of a source of more than 8 bits that became 0 and 255; 0
+    # and 255 for 8 bits
     level_low: float = 0.0
     level_high: float = 255.0
-    crf: int = 0
-    notes: tuple[str, ...] = ()
+    crf: int = 0  # quality of the coding, 0 = lossless
+    notes: tuple[str, ...] = ()  # sentences about the source that a person should read
 
     @property
     def frame_rate_hz(self) -> float:

@@ -23,35 +23,22 @@ _FREE = 1e-9  # frames: a sparse graph cannot hold an edge that costs nothing
 
 @dataclass(frozen=True)
 class LoopGraph:
-    """m ends and e jumps; both directions of a loop are jumps.
+    """m ends and e jumps; both directions of a loop are jumps."""
 
-    Attributes
-    ----------
-    ends
-        (m,) rows of the feature table, rising.
-    ahead
-        (m,) index of the next end of the same track, −1 where there is none.
-    start, to, distance
-        Instead of end k the film can show any end `to[start[k]:start[k + 1]]`, nearest first;
-        `distance` is D of the two. (m + 1,), (e,), (e,).
-    component
-        (m,) strongly connected component of the segment that begins at the end; 0 holds the most
-        film. After segment k comes segment `ahead[k]`, or one to which there is a jump from there.
-        A segment that cannot be reached again has a component of its own.
-    cyclic
-        (m,) whether the segment can be reached again from itself.
-    endless
-        (m,) whether one can play on for ever from the segment that begins at the end. So at end k:
-        play on if `endless[k]`, jump to t if `endless[t]`.
-    """
-
-    ends: NDArray[np.int32]
-    ahead: NDArray[np.int32]
+    ends: NDArray[np.int32]  # (m,) rows of the feature table, rising
+    ahead: NDArray[np.int32]  # (m,) index of the next end of the same track, −1 where there is none
+    # start, to, distance: instead of end k the film can show any end `to[start[k]:start[k + 1]]`,
+    # nearest first; `distance` is D of the two. (m + 1,), (e,), (e,)
     start: NDArray[np.int32]
     to: NDArray[np.int32]
     distance: NDArray[np.float32]
+    # (m,) strongly connected component of the segment that begins at the end; 0 holds the most
+    # film. After segment k comes segment `ahead[k]`, or one to which there is a jump from there.
+    # A segment that cannot be reached again has a component of its own
     component: NDArray[np.int32]
-    cyclic: NDArray[np.bool_]
+    cyclic: NDArray[np.bool_]  # (m,) whether the segment can be reached again from itself
+    # (m,) whether one can play on for ever from the segment that begins at the end. So at end k:
+    # play on if `endless[k]`, jump to t if `endless[t]`
     endless: NDArray[np.bool_]
 
     def jumps(self, end: int) -> NDArray[np.int32]:

@@ -32,22 +32,13 @@ NUDGE = 0.1  # edges: how far a proof may stray from the straight way between tw
 
 @dataclass(frozen=True)
 class SimpleMorph:
-    """Frames of a morph, and what is proved of them.
+    """Frames of a morph, and what is proved of them."""
 
-    Attributes
-    ----------
-    frames
-        (f, n, 2), the first and last being the ends.
-    way
-        "linear"; "plain" by way of plainer poses; "joined" by way of the plain last ones.
-    proved
-        Whether a motion from each frame to the next was proved simple for every moment: the
-        straight one; one that strays from it by no more than NUDGE of an edge's mean length; or,
-        with few frames, the way by the poses. The frames themselves are always tested exactly.
-    """
-
-    frames: Points
-    way: str
+    frames: Points  # (f, n, 2), the first and last being the ends
+    way: str  # "linear"; "plain" by way of plainer poses; "joined" by way of the plain last ones
+    # whether a motion from each frame to the next was proved simple for every moment: the
+    # straight one; one that strays from it by no more than NUDGE of an edge's mean length; or,
+    # with few frames, the way by the poses. The frames themselves are always tested exactly
     proved: bool
 
 

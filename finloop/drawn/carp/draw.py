@@ -24,20 +24,13 @@ PELVIC = (0.50, 0.70, 0.095, 0.90, 0.05, 0.72)
 
 @dataclass(frozen=True)
 class Drawing:
-    """A sharp picture of one fish; pixel (0, 0) of the arrays is (x0, y0) of the film's picture.
-
-    Attributes
-    ----------
-    colour : (rows, columns, 3) premultiplied RGB
-    opacity : (rows, columns) 0-1
-    coverage : (rows, columns) share of each pixel inside the silhouette of body and fins
-    """
+    """A sharp picture of one fish; pixel (0, 0) of the arrays is (x0, y0) of the film's picture."""
 
     x0: int
     y0: int
-    colour: Image
-    opacity: Image
-    coverage: Image
+    colour: Image  # (rows, columns, 3) premultiplied RGB
+    opacity: Image  # (rows, columns) 0-1
+    coverage: Image  # (rows, columns) share of each pixel inside the silhouette of body and fins
 
     def area_px(self) -> float:
         """Area of the silhouette."""

@@ -18,29 +18,18 @@ STEP_S = 0.01  # integration steps are at most this long
 
 @dataclass(frozen=True)
 class Motion:
-    """Poses of all fish in all frames; arrays are (frames, fish).
+    """Poses of all fish in all frames; arrays are (frames, fish)."""
 
-    Attributes
-    ----------
-    x, y : mass centre of the midline, body lengths from the picture's upper left pixel centre
-    axis : direction of the body's mean tangent, radians
-    beat : phase of the tail beat, cycles
-    amplitude : of the tail beat, 1 = cruising
-    bend : the C-bend, tangent at the head minus at the tail, radians
-    ripple : (frames, fish, 2) small random curvature
-    fins : opening of the left and right pectoral fin, (frames, fish, 2), 0-1
-    swimming_type : 0 straight, 1 left, -1 right
-    """
-
+    # x, y: mass centre of the midline, body lengths from the picture's upper left pixel centre
     x: Float
     y: Float
-    axis: Float
-    beat: Float
-    amplitude: Float
-    bend: Float
-    ripple: Float
-    fins: Float
-    swimming_type: NDArray[np.int8]
+    axis: Float  # direction of the body's mean tangent, radians
+    beat: Float  # phase of the tail beat, cycles
+    amplitude: Float  # of the tail beat, 1 = cruising
+    bend: Float  # the C-bend, tangent at the head minus at the tail, radians
+    ripple: Float  # (frames, fish, 2) small random curvature
+    fins: Float  # opening of the left and right pectoral fin, (frames, fish, 2), 0-1
+    swimming_type: NDArray[np.int8]  # 0 straight, 1 left, -1 right
 
 
 def room_of(width_px: int, height_px: int, body_length_px: float) -> Room:

@@ -54,18 +54,13 @@ def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Float, Float,
 
 @dataclass(frozen=True)
 class Look:
-    """Colours of one fish.
+    """Colours of one fish."""
 
-    Attributes
-    ----------
-    skin : (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
-    fin : (rows, columns, 5) a paired fin, root at column 0: premultiplied RGB, opacity, coverage
-    girth : width of the fish relative to the standard one
-    """
-
+    # (rows, columns, 4) RGB and opacity 0-1; columns are s, rows v from left to right side
     skin: Image
+    # (rows, columns, 5) a paired fin, root at column 0: premultiplied RGB, opacity, coverage
     fin: Image
-    girth: float
+    girth: float  # width of the fish relative to the standard one
 
 
 def cloud(shape: tuple[int, int], sizes: tuple[float, ...], rng: np.random.Generator) -> Image:

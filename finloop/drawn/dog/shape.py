@@ -26,24 +26,14 @@ BLUNT = 0.02  # added to that distance, so that a point on a bone follows the ot
 
 @dataclass(frozen=True)
 class LimbShape:
-    """A limb at rest.
+    """A limb at rest."""
 
-    Attributes
-    ----------
-    joints
-        (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes.
-    outline
-        (k, 2) nodes of a closed smooth curve.
-    bend
-        Side of the knee: 1 = forward (knee), −1 = backward (elbow).
-    lean
-        Turn of the pastern [rad] for each unit that the foot is ahead, and for each that it is
-        lifted.
-    """
-
+    # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
     joints: tuple[tuple[float, float], ...]
-    outline: tuple[tuple[float, float], ...]
-    bend: int
+    outline: tuple[tuple[float, float], ...]  # (k, 2) nodes of a closed smooth curve
+    bend: int  # side of the knee: 1 = forward (knee), −1 = backward (elbow)
+    # turn of the pastern [rad] for each unit that the foot is ahead, and for each that it is
+    # lifted
     lean: tuple[float, float]
 
     def bones(self) -> Array:

@@ -40,39 +40,23 @@ ROUND = 1.5  # power in the height of a swinging foot: 1 = a corner on top, 2 = 
 
 @dataclass(frozen=True)
 class DogFilm:
-    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names say px.
-
-    Attributes
-    ----------
-    cycles
-        Cycles of the gait in the film, from phase 0, key frame 1.
-    stride
-        Range of a foot under the body; the dog moves on by twice that in a cycle.
-    lift
-        Height of a foot in mid-swing.
-    bob
-        Amplitude of the body's rise and fall; it is lowest with the limbs apart.
-    swing_fore, swing_hind
-        γ of the clocks of the swinging foot in its two halves.
-    pan
-        Share of the dog's motion that the camera follows.
-    noise
-        Deviation of the grey level.
-    """
+    """A film of the dog. Lengths are in trunks (hip to shoulder) unless their names say px."""
 
     frames: int = 72
     frame_rate_hz: float = 24.0
-    cycles: float = 3.0
+    cycles: float = 3.0  # cycles of the gait in the film, from phase 0, key frame 1
     width_px: int = 480
     height_px: int = 320
     trunk_px: float = 170.0
+    # range of a foot under the body; the dog moves on by twice that in a cycle
     stride: float = 0.40
-    lift: float = 0.08
-    bob: float = 0.008
+    lift: float = 0.08  # height of a foot in mid-swing
+    bob: float = 0.008  # amplitude of the body's rise and fall; it is lowest with the limbs apart
+    # swing_fore, swing_hind: γ of the clocks of the swinging foot in its two halves
     swing_fore: tuple[float, float] = (-0.8, 0.8)
     swing_hind: tuple[float, float] = (-0.6, 0.6)
-    pan: float = 0.95
-    noise: float = 2.0
+    pan: float = 0.95  # share of the dog's motion that the camera follows
+    noise: float = 2.0  # deviation of the grey level
     seed: int = 1
 
     @property

@@ -47,59 +47,31 @@ class Loss:
 
 @dataclass(frozen=True)
 class Footage:
-    """A source of frames and what is known of it before they are read.
+    """A source of frames and what is known of it before they are read."""
 
-    Attributes
-    ----------
-    path
-        The film, the folder or the stack.
-    width_px, height_px
-        Of the upright picture.
-    frame_rate
-        The rate that the user sets, else the constant rate nearest to the film's time stamps.
-    colour
-        Whether `frames` gives RGB.
-    frames_expected
-        Ticks of `frame_rate` in the range of time, as far as the file says.
-    reader
-        Streams the frames of the range, see `frames`.
-    turn
-        Turns the coded picture upright.
-    levels
-        Levels of a source of more than 8 bits that become 0 and 255; None for 8 bits.
-    pixel_aspect
-        Width : height of a pixel as the file states it; pictures are not resampled.
-    notes
-        Sentences that a person should read.
-    start_s, end_s
-        Half-open range of time that `frames` gives.
-    full_range
-        Whether Y spans 0 … 255 although the film does not say so.
-    renumbered
-        Whether frame k has the time k / `frame_rate`, whatever its time stamp.
-    stamp_s
-        Time stamp of the first frame.
-    last_s
-        Time of the last frame that the file promises; 0 = the first frame.
-    """
-
-    path: Path
+    path: Path  # the film, the folder or the stack
+    # width_px, height_px: of the upright picture
     width_px: int
     height_px: int
+    # the rate that the user sets, else the constant rate nearest to the film's time stamps
     frame_rate: Fraction
-    colour: bool
-    frames_expected: int
-    reader: Callable[["Footage", Loss], Frames]
-    turn: Turn = UPRIGHT
+    colour: bool  # whether `frames` gives RGB
+    frames_expected: int  # ticks of `frame_rate` in the range of time, as far as the file says
+    reader: Callable[["Footage", Loss], Frames]  # streams the frames of the range, see `frames`
+    turn: Turn = UPRIGHT  # turns the coded picture upright
+    # levels of a source of more than 8 bits that become 0 and 255; None for 8 bits
     levels: tuple[float, float] | None = None
+    # width : height of a pixel as the file states it; pictures are not resampled
     pixel_aspect: Fraction = Fraction(1)
-    notes: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()  # sentences that a person should read
+    # start_s, end_s: half-open range of time that `frames` gives
     start_s: float = 0.0
     end_s: float = math.inf
-    full_range: bool = False
+    full_range: bool = False  # whether Y spans 0 … 255 although the film does not say so
+    # whether frame k has the time k / `frame_rate`, whatever its time stamp
     renumbered: bool = False
-    stamp_s: float = 0.0
-    last_s: float = 0.0
+    stamp_s: float = 0.0  # time stamp of the first frame
+    last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
     def frames(self, loss: Loss) -> Frames:
         """Stream the frames of the range, upright.
