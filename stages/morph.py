@@ -43,20 +43,20 @@ def tables() -> pd.DataFrame:
     """Tables 1 and 2: normalised connection coefficients, and the true scale of the first."""
     rows = []
     for wavelet in TABLES:
-        found = connection(wavelet)
-        for i, (mu, nu) in enumerate(zip(found.mu, found.nu, strict=True)):
-            rows.append((wavelet, i, mu / found.mu[0], nu / found.nu[0], mu, nu))
+        table = connection(wavelet)
+        for i, (mu, nu) in enumerate(zip(table.mu, table.nu, strict=True)):
+            rows.append((wavelet, i, mu / table.mu[0], nu / table.nu[0], mu, nu))
     columns = ["wavelet", "l", "mu_normalised", "nu_normalised", "mu", "nu"]
     return pd.DataFrame(rows, columns=columns)
 
 
 def hoop(p: Settings) -> dict[str, float]:
     """Figs. 6, 7: a bent hoop, round at rest, is let go; how far each way to solve it is off."""
-    drawn = next(iter(load_svg(Path(p.hoop)).curves.values()))
+    outline = next(iter(load_svg(Path(p.hoop)).curves.values()))
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
-    radius = np.sqrt(abs(area(drawn)) / np.pi)
+    radius = np.sqrt(abs(area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    bent, rest = matched(drawn, Curve(ring, True), HOOP_POINTS)
+    bent, rest = matched(outline, Curve(ring, True), HOOP_POINTS)
     bent = bent - bent.mean(axis=0) - rest
     # Mode m swings m √(e₀/ρ) times in a time of 1: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
@@ -80,10 +80,10 @@ def hoop(p: Settings) -> dict[str, float]:
         ).error
     total = energy(problem, exact)
     numbers["hoop_largest_rise_of_energy_share"] = float(np.diff(total).max() / total[0])
-    shown = np.arange(0, 72, 4)
+    ticks = np.arange(0, 72, 4)
     frames = exact.displacement + rest
-    save_figure(REPORT / "fig6.png", figure6(frames[shown], times[shown], rest, "a hoop let go"))
-    few = shown[::2]
+    save_figure(REPORT / "fig6.png", figure6(frames[ticks], times[ticks], rest, "a hoop let go"))
+    few = ticks[::2]
     coarse = [
         (count, truncated(frames[few], p.wavelet, int(np.log2(HOOP_POINTS // count))))
         for count in CONTROL
@@ -94,11 +94,10 @@ def hoop(p: Settings) -> dict[str, float]:
 
 def curves(p: Settings) -> dict[str, float]:
     """Figs. 2 and 3, and how much of K lies off its diagonal."""
-    outline = max(glyph(p.glyph), key=lambda one: len(one.points))
+    outline = max(glyph(p.glyph), key=lambda curve: len(curve.points))
     curve: Curve = resampled(outline, GLYPH_POINTS)
     save_figure(
-        REPORT / "fig2.png",
-        figure2(curve, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")]),
+        REPORT / "fig2.png", figure2(curve, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )
     k = stiffness(p.wavelet, 64, 2)
     save_figure(REPORT / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))

@@ -140,10 +140,7 @@ def main() -> None:
         )
     with whole_file(OUT) as part:
         part.write_bytes(text)
-    save_metrics(
-        METRICS,
-        {"figures": sum(len(one.figures) for one in made)},
-    )
+    save_metrics(METRICS, {"figures": sum(len(one.figures) for one in made)})
 
 
 if __name__ == "__main__":

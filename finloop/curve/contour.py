@@ -72,12 +72,10 @@ def resampled(curve: Curve, n: int) -> Curve:
     least = 3 if curve.closed else 2
     if n < least:
         raise FinloopError(
-            f"a curve was to be resampled to {n} points",
-            f"at least {least}",
-            "ask for more points",
+            f"a curve was to be resampled to {n} points", f"at least {least}", "ask for more points"
         )
     points = np.concatenate([curve.points, curve.points[:1]]) if curve.closed else curve.points
     along = np.concatenate([[0.0], np.cumsum(steps(curve))])
-    wanted = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
-    x, y = (np.interp(wanted, along, values) for values in points.T)
+    marks = np.linspace(0.0, along[-1], n, endpoint=not curve.closed)
+    x, y = (np.interp(marks, along, values) for values in points.T)
     return Curve(np.stack([x, y], axis=1), curve.closed)

@@ -48,11 +48,11 @@ def solve(problem: Problem, method: str = "modal", options: Options | None = Non
     exact = modal(problem, options)
     if method == "modal":
         return Motion(problem.times, *exact[:2], exact.facts["estimate"], exact.facts)
-    found = {"decoupled": decoupled, **METHOD}[method](problem, options)
-    off = np.abs(found.displacement - exact.displacement).max()
+    solution = {"decoupled": decoupled, **METHOD}[method](problem, options)
+    off = np.abs(solution.displacement - exact.displacement).max()
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
-    return Motion(problem.times, found.displacement, found.velocity, error, found.facts)
+    return Motion(problem.times, solution.displacement, solution.velocity, error, solution.facts)
 
 
 def oscillators(material: Material, k: Array) -> Oscillators:

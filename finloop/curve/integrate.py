@@ -71,7 +71,7 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
     state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
     # From time to time: what scipy puts between its steps is less exact than they are.
     for begin, end in pairwise(problem.times):
-        found = solve_ivp(
+        result = solve_ivp(
             slope,
             (begin, end),
             state,
@@ -80,14 +80,14 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
             atol=options.rtol * scale,
             first_step=None if step is None else min(step, end - begin),
         )
-        if not found.success:
+        if not result.success:
             raise FinloopError(
-                f"{options.integrator} gave up: {found.message}",
+                f"{options.integrator} gave up: {result.message}",
                 "an equation that it can follow",
                 "take the method modal, or a larger options.rtol",
             )
-        state, step = found.y[:, -1], float(np.diff(found.t).max())
-        evaluations += found.nfev
+        state, step = result.y[:, -1], float(np.diff(result.t).max())
+        evaluations += result.nfev
         kept.append(state)
     states = np.stack(kept).reshape(-1, 2, *shape)
     q, rate = (back(states[:, i], problem.wavelet, options.levels) for i in (0, 1))

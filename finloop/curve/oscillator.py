@@ -119,10 +119,10 @@ def moved(
     of: Oscillators, a: Numbers, v: Numbers, times: Array, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
     """Places and speeds (t, m, d) at times after the start, force (m, d) constant; exact."""
-    at = Response(*(part[..., None] for part in response(of, times, force is not None)))
-    places, speeds = at.place * a + at.speed * v, at.place_rate * a + at.speed_rate * v
+    table = Response(*(part[..., None] for part in response(of, times, force is not None)))
+    places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
     if force is not None:
-        places, speeds = places + at.pushed * force, speeds + at.pushed_rate * force
+        places, speeds = places + table.pushed * force, speeds + table.pushed_rate * force
     return places, speeds
 
 
@@ -147,13 +147,13 @@ def driven(
         v = (force(float(times[0]), a) - of.stiffness[:, None] * a) / of.damping[:, None]
     before, steps = None, 1
     while steps <= _FINEST:
-        found = _stepped(of, a, v, times, force, steps, tolerance)
-        if found is not None and before is not None:
-            size = np.abs(found[0]).max()
-            change = float(np.abs(found[0] - before).max() / size) if size else 0.0
+        motion = _stepped(of, a, v, times, force, steps, tolerance)
+        if motion is not None and before is not None:
+            size = np.abs(motion[0]).max()
+            change = float(np.abs(motion[0] - before).max() / size) if size else 0.0
             if change <= tolerance:
-                return *found, change
-        before = None if found is None else found[0]
+                return *motion, change
+        before = None if motion is None else motion[0]
         steps *= 2
     raise FinloopError(
         f"the force changes too fast for {_FINEST} steps from one time to the next",
@@ -179,10 +179,10 @@ def _stepped(
             width = stop - start
             tables = _tables(of, width / steps)
         for number in range(steps):
-            found = _step(a, v, start + number * width / steps, force, tables, tolerance)
-            if found is None:
+            state = _step(a, v, start + number * width / steps, force, tables, tolerance)
+            if state is None:
                 return None
-            a, v = found
+            a, v = state
         places.append(a)
         speeds.append(v)
     return np.stack(places), np.stack(speeds)
@@ -230,24 +230,19 @@ def _tables(of: Oscillators, step: float) -> Tables:
 
 
 def _step(
-    a: Numbers,
-    v: Numbers,
-    start: float,
-    force: Force,
-    of: Tables,
-    tolerance: float,
+    a: Numbers, v: Numbers, start: float, force: Force, of: Tables, tolerance: float
 ) -> tuple[Numbers, Numbers] | None:
     """Places and speeds a step on; None if place and force do not settle."""
     free = of.free
     base = free.place[..., None] * a + free.speed[..., None] * v
-    here = base
+    places = base
     for _ in range(_ROUNDS):
         pushes = np.stack(
-            [force(start + c * of.step, at) for c, at in zip(NODES, here, strict=True)]
+            [force(start + c * of.step, place) for c, place in zip(NODES, places, strict=True)]
         )
-        there = base + np.einsum("jmi,imd->jmd", of.place, pushes)
-        change, size = np.abs(there - here).max(), np.abs(there).max()
-        here = there
+        following = base + np.einsum("jmi,imd->jmd", of.place, pushes)
+        change, size = np.abs(following - places).max(), np.abs(following).max()
+        places = following
         if not np.isfinite(size) or change <= 1e-3 * tolerance * size:
             break
     else:
@@ -255,4 +250,4 @@ def _step(
     if not np.isfinite(size):
         return None
     rate = free.place_rate[-1][:, None] * a + free.speed_rate[-1][:, None] * v
-    return here[-1], rate + np.einsum("mi,imd->md", of.speed[-1], pushes)
+    return places[-1], rate + np.einsum("mi,imd->md", of.speed[-1], pushes)

@@ -103,11 +103,7 @@ def _refusals(
     values = [rest, u, v, times, numbers, *([force] if isinstance(force, np.ndarray) else [])]
     massless = material.density == 0
     yield from (
-        (
-            method not in METHODS,
-            f"the method {method!r}",
-            f"one of {', '.join(METHODS)}",
-        ),
+        (method not in METHODS, f"the method {method!r}", f"one of {', '.join(METHODS)}"),
         (
             not all(np.isfinite(array).all() for array in values),
             "numbers that are not finite in a curve, a material, the times or a force",
@@ -161,9 +157,9 @@ def checked(problem: Problem, method: str) -> Problem:
     if force is not None and not callable(force):
         force = np.asarray(force, np.float64)
     refusals = _refusals(method, material, (rest, u, v), times, force)
-    for wrong, came, wanted in refusals:
+    for wrong, came, goal in refusals:
         if wrong:
-            raise FinloopError(came, wanted, "change it in the problem, or take another method")
+            raise FinloopError(came, goal, "change it in the problem, or take another method")
     return Problem(rest, u, material, times, v, force, problem.wavelet)
 
 

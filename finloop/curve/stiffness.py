@@ -84,8 +84,8 @@ def connection(wavelet: str) -> Connection:
 
 def _transfer(alpha: Array, size: int) -> Array:
     """T_lk = α_{2l − k} / 2 for |l|, |k| < size: what refinement makes of inner products."""
-    at = np.arange(1 - size, size)
-    far = np.abs(2 * at[:, None] - at)
+    index = np.arange(1 - size, size)
+    far = np.abs(2 * index[:, None] - index)
     return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
 
 
@@ -96,8 +96,8 @@ def smoothness(alpha: Array) -> float:
     4^−s a step at most. 0.5 stands for a φ that does not reproduce lines: that has a jump or worse.
     """
     size = len(alpha) + 1  # room for four moments of the shortest
-    at = np.arange(1 - size, size) / size
-    moments = np.linalg.qr(np.stack([at**p for p in range(4)], axis=1), "complete")[0]
+    index = np.arange(1 - size, size) / size
+    moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
     kept = moments[:, 4:]
     moved = _transfer(alpha, size) @ kept
     if np.abs(moments[:, :4].T @ moved).max() > _ALMOST:
@@ -109,9 +109,9 @@ def smoothness(alpha: Array) -> float:
 
 def _round(band: Array, n: int) -> Array:
     """A symmetric band (l ≥ 0) folded round n places: the first row of its circulant."""
-    at = np.arange(1 - len(band), len(band))
+    index = np.arange(1 - len(band), len(band))
     row = np.zeros(n)
-    np.add.at(row, at % n, band[np.abs(at)])
+    np.add.at(row, index % n, band[np.abs(index)])
     return row
 
 
@@ -179,10 +179,10 @@ def _symmetric(generators: Array, places: list[slice], n: int) -> csr_array:
             part = generators[number, there]
             if there is here:
                 part = (part + np.roll(part[::-1], 1)) / 2  # to the last digit
-            at = np.flatnonzero(part).astype(np.int32)
-            row = np.repeat(steps + here.start, len(at))
-            column = ((at + (size // count) * steps[:, None]) % size + there.start).ravel()
-            value = np.tile(part[at], count)
+            nonzero = np.flatnonzero(part).astype(np.int32)
+            row = np.repeat(steps + here.start, len(nonzero))
+            column = ((nonzero + (size // count) * steps[:, None]) % size + there.start).ravel()
+            value = np.tile(part[nonzero], count)
             rows.append(row)
             columns.append(column)
             values.append(value)

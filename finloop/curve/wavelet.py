@@ -97,10 +97,10 @@ def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
     start = (first % half) * k
     size = half * k
     for i in range(len(padded)):
-        at = start + i
-        while at >= size:
-            at -= size
-        padded[i] = source[at]
+        index = start + i
+        while index >= size:
+            index -= size
+        padded[i] = source[index]
 
 
 @njit(cache=True)

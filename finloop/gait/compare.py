@@ -15,12 +15,7 @@ from scipy.optimize import isotonic_regression
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
 from finloop.gait.film import Film, Mask, check, samples_of
-from finloop.gait.fit import (
-    LEAST_MOTION,
-    Subcycle,
-    corrected_keys,
-    gammas_of,
-)
+from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
 from finloop.gait.model import Points
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")

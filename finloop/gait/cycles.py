@@ -48,22 +48,18 @@ def film_of_regions(
     FinloopError
         As `gait.limbs.limbs`; if the motion does not repeat.
     """
-    found = limbs(frames, n, None, first)
-    beat = _beat(found, frame_rate_hz)
-    found = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
-    beat = _beat(found, frame_rate_hz)
-    shown = {name: points[beat.steady] for name, points in found.points.items()}
-    film = Film(
-        shown,
-        align_phase(beat.phase[beat.steady], feet(shown), split),
-        found.length_px,
-        "swap",
-    ).complete()
-    return replace(film, offsets=hips(film)), beat, found
+    contours = limbs(frames, n, None, first)
+    beat = _beat(contours, frame_rate_hz)
+    contours = limbs(frames, n, round(frame_rate_hz / beat.frequency_hz), first)
+    beat = _beat(contours, frame_rate_hz)
+    steady = {name: points[beat.steady] for name, points in contours.points.items()}
+    phase = align_phase(beat.phase[beat.steady], feet(steady), split)
+    film = Film(steady, phase, contours.length_px, "swap").complete()
+    return replace(film, offsets=hips(film)), beat, contours
 
 
-def _beat(found: Limbs, frame_rate_hz: float) -> Period:
-    points = found.points
+def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
+    points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
     beat = period(_filled(signal), frame_rate_hz, ahead(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")

@@ -34,18 +34,18 @@ def align_phase(phase: Array, ahead: Array, split: float) -> Array:
 
     Least squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
     """
-    seen = np.isfinite(ahead).all(axis=1)
-    if seen.sum() < 12:  # eight numbers a foot are fitted
+    whole = np.isfinite(ahead).all(axis=1)
+    if whole.sum() < 12:  # eight numbers a foot are fitted
         return phase
-    at, way = phase[seen], ahead[seen] - ahead[seen].mean(axis=0)
-    middle = float(at.mean())
+    known, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
+    middle = float(known.mean())
 
     def off(change: Array) -> float:
-        return _off(at - change[0] + change[1] * (at - middle), way, split)
+        return _off(known - change[0] + change[1] * (known - middle), way, split)
 
     moves = np.linspace(-REACH, REACH, STEPS)
     first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
-    found = minimize(
+    best = minimize(
         off,
         (first, 0.0),
         method="Nelder-Mead",
@@ -55,7 +55,7 @@ def align_phase(phase: Array, ahead: Array, split: float) -> Array:
             "fatol": 1e-12 * float((way**2).sum()),
         },
     ).x
-    return phase - found[0] + found[1] * (phase - middle)
+    return phase - best[0] + best[1] * (phase - middle)
 
 
 def _off(phase: Array, way: Array, split: float) -> float:

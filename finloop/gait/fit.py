@@ -199,10 +199,9 @@ def fit(
     keys, subcycles = corrected_keys(film, split, wavelet, coarse)
     still = LEAST_MOTION * film.body_length
     gamma = gammas_of(subcycles, per_scale, still)
-    gamma[POOLED] = {
-        letter: (gamma_fit(one.sums() for (_, which), one in subcycles.items() if which == sub),)
-        for sub, letter in enumerate("AB")
-    }
+    for sub, letter in enumerate("AB"):
+        sums = [model.sums() for (_, which), model in subcycles.items() if which == sub]
+        gamma.setdefault(POOLED, {})[letter] = (gamma_fit(sums),)
     gait = Gait(
         name=name,
         symmetry=film.symmetry,

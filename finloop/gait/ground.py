@@ -96,16 +96,16 @@ def _step(here: Points, there: Points) -> float:
     arm = middle - touch
     turn = arm[:, 0] * across[:, 1] - arm[:, 1] * across[:, 0]
     motion = np.column_stack([across, turn])[foot]
-    wanted = ((there - here) * across).sum(axis=1)[foot]
-    return float(np.linalg.lstsq(motion, wanted, rcond=None)[0][0])
+    displacement = ((there - here) * across).sum(axis=1)[foot]
+    return float(np.linalg.lstsq(motion, displacement, rcond=None)[0][0])
 
 
 def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
-    found: Paths = {}
+    paths: Paths = {}
     for name, stack in limbs.items():
         if runs := supports(support.get(name, ()), len(stack)):
-            found[name] = [(run, path(stack[run % len(stack)])) for run in runs]
-    return found
+            paths[name] = [(run, path(stack[run % len(stack)])) for run in runs]
+    return paths
 
 
 def _ground(paths: Paths) -> Ground:
@@ -128,8 +128,8 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
     level = float(np.median(low[np.concatenate([run for run, _ in ways]) % frames]))
     shift = np.full((frames, 2), np.nan)
     for run, way in ways:
-        at, slid = run % frames, way - speed * run
-        shift[at] = np.stack([slid.mean() - slid, level - low[at]], axis=1)
+        frame, slid = run % frames, way - speed * run
+        shift[frame] = np.stack([slid.mean() - slid, level - low[frame]], axis=1)
     shift = _passed_over(shift)
     shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
     share = (stack[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
@@ -138,9 +138,9 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
 
 def _passed_over(shift: Points) -> Points:
     """Shifts (f, 2) of a cycle; missing ones (NaN) are interpolated smoothly."""
-    frames, given = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
+    frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
-    for here, there in zip(given, np.append(given[1:], given[0] + frames), strict=True):
+    for here, there in zip(known, np.append(known[1:], known[0] + frames), strict=True):
         between = np.arange(here + 1, there)
         s = (between - here) / (there - here)
         s = (s * s * (3 - 2 * s))[:, None]

@@ -63,7 +63,7 @@ def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> Reg
     part = np.pad(part, pad)
     if smooth_px > 0:
         part = cv2.GaussianBlur(part, (0, 0), smooth_px)
-    curves = [Curve(found[:-1, ::-1].copy(), True) for found in find_contours(part, 0.5)]
+    curves = [Curve(ring[:-1, ::-1].copy(), True) for ring in find_contours(part, 0.5)]
     curves = [curve for curve in curves if len(curve.points) > 3]
     if not curves:
         return EMPTY
@@ -109,31 +109,31 @@ def limbs(
             "a region for each limb, such as fore_left, fore_right, hind_left and hind_right",
             "trace the limbs, one id each",
         )
-    seen = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
-    notes = _checked(seen, first)
-    centres = {name: _centres(of) for name, of in seen.items()}
-    where = [BODY] if BODY in seen else names
+    regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
+    notes = _checked(regions, first)
+    centres = {name: _centres(of) for name, of in regions.items()}
+    where = [BODY] if BODY in regions else names
     course = smoothed(np.mean([_filled(centres[name]) for name in where], axis=0), smooth_frames)
     points = dict[str, Array]()
     for name in names:
         if name != BODY and name not in points:
             # A limb and its partner at once: their points belong together too.
             pair = dict.fromkeys((name, partner(name, names)))
-            both = corresponding([one for each in pair for one in seen[each]], n)
+            both = corresponding([region for each in pair for region in regions[each]], n)
             for each, of in zip(pair, np.split(both, len(pair)), strict=True):
                 points[each] = of - course[:, None]
     points = {name: points[name] for name in names if name != BODY}
-    return Limbs(points, course, _length([seen[name] for name in where]), notes)
+    return Limbs(points, course, _length([regions[name] for name in where]), notes)
 
 
-def corresponding(seen: Sequence[Region], n: int) -> Array:
+def corresponding(regions: Sequence[Region], n: int) -> Array:
     """Contours (frames, n, 2) of equal arc length with point i the same in all; NaN where none.
 
     Each starts where it fits the mean shape of all best, turned and moved: the greatest |Σ a̅ b|
     of centred contours a, b as complex numbers, by FFT; the start lies between points as it needs.
     The first point of all is the mean shape's uppermost: the hip or the shoulder.
     """
-    curves = [clockwise(one) if isinstance(one, Curve) else None for one in seen]
+    curves = [clockwise(region) if isinstance(region, Curve) else None for region in regions]
     there = [k for k, curve in enumerate(curves) if curve is not None]
     out = np.full((len(curves), n, 2), np.nan)
     fine = np.stack(
@@ -166,30 +166,32 @@ def smoothed(track: Array, window: float | None) -> Array:
     the means beside them go on in a straight line; a track shorter than two windows is taken as one
     line throughout: it says no more.
     """
-    at = np.arange(len(track), dtype=float)
+    time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:
-        return _line(at, track, at)
+        return _line(time, track, time)
     half = int(np.ceil(window / 2))
     # The part of each frame's time that lies in the window.
     weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
     means = np.column_stack(
         [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
     )
-    inner, some = at[half : len(track) - half], round(window)
-    before = _line(inner[:some], means[:some], at[:half])
-    after = _line(inner[-some:], means[-some:], at[len(track) - half :])
+    inner, some = time[half : len(track) - half], round(window)
+    before = _line(inner[:some], means[:some], time[:half])
+    after = _line(inner[-some:], means[-some:], time[len(track) - half :])
     return np.concatenate([before, means, after])
 
 
-def _line(at: Array, values: Array, wanted: Array) -> Array:
+def _line(time: Array, values: Array, times: Array) -> Array:
     """The straight line through values (m, k) by least squares, at the wanted places."""
-    basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (at, wanted))
+    basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
     return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
 
 
-def _centres(seen: Sequence[Region]) -> Array:
+def _centres(regions: Sequence[Region]) -> Array:
     """Centroids of the areas (frames, 2); NaN where there is no contour."""
-    return np.array([centroid(one) if isinstance(one, Curve) else (np.nan, np.nan) for one in seen])
+    return np.array(
+        [centroid(region) if isinstance(region, Curve) else (np.nan, np.nan) for region in regions]
+    )
 
 
 def centroid(curve: Curve) -> Array:
@@ -208,31 +210,30 @@ def _filled(track: Array) -> Array:
     return np.column_stack([np.interp(at, at[there], values[there]) for values in track.T])
 
 
-def _length(seen: Sequence[Sequence[Region]]) -> float:
+def _length(regions: Sequence[Sequence[Region]]) -> float:
     """Median width of all contours together, over the frames that lack fewest."""
-    drawn = [
-        [one.points for one in frame if isinstance(one, Curve)] for frame in zip(*seen, strict=True)
-    ]
-    most = max(len(frame) for frame in drawn)
-    return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in drawn if len(f) == most]))
+    frames = zip(*regions, strict=True)
+    contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
+    most = max(len(frame) for frame in contours)
+    return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in contours if len(f) == most]))
 
 
-def _checked(seen: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+def _checked(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
     """Notes on frames that lack a limb; refuse a limb that too many frames lack."""
     notes, wrong, hints = [], [], []
     often = {
         name
-        for name, of in seen.items()
-        if sum(isinstance(one, Curve) for one in of) >= LEAST_SHARE * len(of)
+        for name, of in regions.items()
+        if sum(isinstance(region, Curve) for region in of) >= LEAST_SHARE * len(of)
     }
-    for name, of in seen.items():
+    for name, of in regions.items():
         lacking = {
-            why: [k for k, one in enumerate(of, first) if isinstance(one, str) and one == why]
+            why: [k for k, each in enumerate(of, first) if isinstance(each, str) and each == why]
             for why in (MISSING, EMPTY, BORDER)
         }
-        told = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
+        gaps = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
         if name not in often:
-            wrong.append(f"{name!r} in frames {'; '.join(told)}")
+            wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
             hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
             continue
         if name != BODY and "left" not in name and "right" not in name:
@@ -240,9 +241,9 @@ def _checked(seen: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...
                 f"{name} is of no side, left or right: it is taken to do the same in both halves of"
                 " the cycle"
             )
-        if told:
-            notes.append(f"{name} is left out of frames {'; '.join(told)}")
-        size = np.array([area(one) if isinstance(one, Curve) else np.nan for one in of])
+        if gaps:
+            notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
+        size = np.array([area(region) if isinstance(region, Curve) else np.nan for region in of])
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
             notes.append(
                 f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
@@ -263,5 +264,5 @@ def _numbers(which: Sequence[int]) -> str:
     """Frame numbers, runs as "3-7"."""
     cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
     runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]
-    shown = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]
-    return ", ".join(shown) + (f" and {len(runs) - 8} more runs" if len(runs) > 8 else "")
+    words = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]
+    return ", ".join(words) + (f" and {len(runs) - 8} more runs" if len(runs) > 8 else "")

@@ -26,7 +26,7 @@ Ints = NDArray[np.int64]
 
 
 def corresponding(
-    one: Drawing, two: Drawing, symmetry: Symmetry, points: int
+    key1: Drawing, key2: Drawing, symmetry: Symmetry, points: int
 ) -> tuple[dict[str, Points], dict[str, Points]]:
     """Contours (points, 2) of both keys by id, row i of each belonging to row i of the others.
 
@@ -39,9 +39,9 @@ def corresponding(
         If a limb is closed and its partner or its other pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
-    for name, curve in one.curves.items():
-        other = partner(name, one.curves) if symmetry == "swap" else name
-        kinds = {which.closed for which in (curve, one.curves[other], two.curves[name])}
+    for name, curve in key1.curves.items():
+        other = partner(name, key1.curves) if symmetry == "swap" else name
+        kinds = {which.closed for which in (curve, key1.curves[other], key2.curves[name])}
         if len(kinds) > 1:
             raise FinloopError(
                 f"of {name!r} and {other!r} one is closed, the other open",
@@ -50,7 +50,7 @@ def corresponding(
             )
         model = first.get(other, resampled(clockwise(curve), points).points)
         first[name] = renumbered(model, curve) if other in first else model
-        second[name] = renumbered(model, two.curves[name])
+        second[name] = renumbered(model, key2.curves[name])
     return first, second
 
 
@@ -75,25 +75,23 @@ def renumbered(model: Points, curve: Curve) -> Points:
 
 
 def mirror_orders(
-    one: Mapping[str, Points],
-    two: Mapping[str, Points],
-    closed: Mapping[str, bool],
+    key1: Mapping[str, Points], key2: Mapping[str, Points], closed: Mapping[str, bool]
 ) -> dict[str, Ints]:
     """The orders of `gait.model.four_keys` that make 1' most like 2 and 2' most like 1.
 
     Those are the keys that the cycle blends with each other. An id and its partner share one.
     """
     orders = dict[str, Ints]()
-    for name in one:
-        other = partner(name, one)
+    for name in key1:
+        other = partner(name, key1)
         if other in orders:
             orders[name] = orders[other]
             continue
         pairs = [
             (_complex(here[name]), _complex(there[other] * [1, -1]))
-            for here, there in ((two, one), (one, two))
+            for here, there in ((key2, key1), (key1, key2))
         ]
-        n = len(one[name])
+        n = len(key1[name])
         if closed[name]:
             product = [np.fft.ifft(np.fft.fft(a) * np.fft.fft(b.conj())) for a, b in pairs]
             orders[name] = reversal(n, int(np.sum([likeness(z) for z in product], axis=0).argmax()))

@@ -118,9 +118,7 @@ def four_keys(
 
 
 def half_later(
-    contours: Mapping[str, Points],
-    symmetry: Symmetry,
-    layout: Layout = Layout(),
+    contours: Mapping[str, Points], symmetry: Symmetry, layout: Layout = Layout()
 ) -> dict[str, Points]:
     """Contours (…, n, 2) by id as they are half a cycle later; applied twice, the identity.
 

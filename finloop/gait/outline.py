@@ -78,10 +78,11 @@ def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = P
     kept = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = kept.reshape(len(kept), -1)
     straight = bent(course(flat, beat.phase).reshape(kept.shape)) <= STRAIGHT
-    found = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
-    if not found.cycles:
-        return Swim(own, replace(found, why=f"it turns: where it is straight, {found.why}"), length)
-    return Swim(kept, with_phase_zero(found, -tail(kept)), length)
+    steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
+    if not steady.cycles:
+        why = f"it turns: where it is straight, {steady.why}"
+        return Swim(own, replace(steady, why=why), length)
+    return Swim(kept, with_phase_zero(steady, -tail(kept)), length)
 
 
 def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
@@ -96,17 +97,17 @@ def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
     """
     points, phase = list[Float](), list[Float]()
     begin = 0.0
-    for one in swims:
-        if one.period.why:
+    for swim in swims:
+        if swim.period.why:
             continue
-        where = np.flatnonzero(one.period.steady)
+        where = np.flatnonzero(swim.period.steady)
         for run in np.split(where, np.flatnonzero(np.diff(where) > 1) + 1):
-            own = one.period.phase[run]
-            points.append(one.points[run])
+            own = swim.period.phase[run]
+            points.append(swim.points[run])
             phase.append(own - np.floor(own[0]) + begin)
             begin = np.floor(phase[-1][-1]) + 1
     if not points:
-        why = Counter(re.sub(r"[\d.]+ cycles", "… cycles", one.period.why) for one in swims)
+        why = Counter(re.sub(r"[\d.]+ cycles", "… cycles", swim.period.why) for swim in swims)
         raise FinloopError(
             "no track has a steady tail beat: "
             + "; ".join(f"{count} of {len(swims)}: {what}" for what, count in why.most_common()),
@@ -122,8 +123,8 @@ def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
     `snout_px` (frames, 2); point 0 is the place on the outline nearest to it, between its points.
     """
     out = np.empty((len(outline_px), n, 2))
-    for one, snout, into in zip(outline_px, snout_px, out, strict=True):
-        ring = clockwise(Curve(one, True)).points
+    for outline, snout, into in zip(outline_px, snout_px, out, strict=True):
+        ring = clockwise(Curve(outline, True)).points
         ends = np.roll(ring, -1, axis=0)
         way = ends - ring
         square = np.maximum((way**2).sum(axis=1), 1e-12)
@@ -132,8 +133,8 @@ def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
         i = int(((near - snout) ** 2).sum(axis=1).argmin())
         line = np.concatenate([near[i : i + 1], np.roll(ring, -i - 1, axis=0), near[i : i + 1]])
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-        wanted = np.arange(n) / n * along[-1]
-        into[:] = np.stack([np.interp(wanted, along, line[:, c]) for c in range(2)], axis=1)
+        marks = np.arange(n) / n * along[-1]
+        into[:] = np.stack([np.interp(marks, along, line[:, c]) for c in range(2)], axis=1)
     return out
 
 

@@ -72,11 +72,11 @@ def period(
         motion that does not repeat is no error: see `why`, and `periodic`.
     """
     signal = _checked(signal, frame_rate_hz)
-    seen = np.asarray(np.isfinite(signal).all(axis=1))
+    whole = np.asarray(np.isfinite(signal).all(axis=1))
     frames = len(signal)
     if frames < LEAST_FRAMES:
         return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
-    modes = _modes(_filled(signal, seen))
+    modes = _modes(_filled(signal, whole))
     if not modes.size:
         return _none(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
@@ -88,12 +88,12 @@ def period(
     share = shares(modes, grid)
     path = ridge(share, grid)
     phase = phase_along(modes, share, path, grid)
-    at = path, np.arange(frames)
-    found = assess(modes, phase, (share[at] >= _STEADY) & seen, frame_rate_hz)
-    if not found.cycles:
-        return replace(found, why=_why_not(modes, share[at], found.why))
-    followed = modes[:, 0] * _sign(signal[seen]) if extreme is None else np.asarray(extreme, float)
-    return with_phase_zero(found, followed)
+    along = path, np.arange(frames)
+    beat = assess(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
+    if not beat.cycles:
+        return replace(beat, why=_why_not(modes, share[along], beat.why))
+    followed = modes[:, 0] * _sign(signal[whole]) if extreme is None else np.asarray(extreme, float)
+    return with_phase_zero(beat, followed)
 
 
 def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
@@ -112,16 +112,16 @@ def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Per
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
-def with_phase_zero(found: Period, extreme: Float) -> Period:
+def with_phase_zero(beat: Period, extreme: Float) -> Period:
     """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
-    used = found.steady & np.isfinite(extreme)
-    terms = _harmonics(found.phase[used], 1)
+    used = beat.steady & np.isfinite(extreme)
+    terms = _harmonics(beat.phase[used], 1)
     _, cos, sin = np.linalg.lstsq(terms, extreme[used], rcond=None)[0]
-    phase = found.phase - np.arctan2(sin, cos) / (2 * np.pi)
-    return replace(found, phase=phase - np.floor(phase.min()))
+    phase = beat.phase - np.arctan2(sin, cos) / (2 * np.pi)
+    return replace(beat, phase=phase - np.floor(phase.min()))
 
 
-def require_periodic(found: Period, name: str) -> Period:
+def require_periodic(beat: Period, name: str) -> Period:
     """The same period, if there is one.
 
     Raises
@@ -129,14 +129,14 @@ def require_periodic(found: Period, name: str) -> Period:
     FinloopError
         If the motion of `name` does not repeat.
     """
-    if found.why:
+    if beat.why:
         raise FinloopError(
-            f"the motion of {name} is not periodic: {found.why} (confidence {found.confidence:.2f},"
-            f" {found.cycles:.1f} steady cycles in {len(found.phase)} frames)",
+            f"the motion of {name} is not periodic: {beat.why} (confidence {beat.confidence:.2f},"
+            f" {beat.cycles:.1f} steady cycles in {len(beat.phase)} frames)",
             f"confidence {CONFIDENT:g} or more over {_LEAST_CYCLES:g} cycles or more",
             "take a longer film, or the part of it in which the animal moves steadily",
         )
-    return found
+    return beat
 
 
 def _checked(signal: Float, frame_rate_hz: float) -> Float:
@@ -159,12 +159,12 @@ def _none(frames: int, why: str) -> Period:
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
-def _filled(signal: Float, seen: Mask) -> Float:
+def _filled(signal: Float, whole: Mask) -> Float:
     """The signal with frames not seen put in by straight lines."""
-    if seen.all():
+    if whole.all():
         return signal
-    at = np.arange(len(signal))
-    return np.stack([np.interp(at, at[seen], column[seen]) for column in signal.T], axis=1)
+    time = np.arange(len(signal))
+    return np.stack([np.interp(time, time[whole], column[whole]) for column in signal.T], axis=1)
 
 
 def _modes(signal: Float) -> Float:
@@ -204,8 +204,8 @@ def course(values: Float, phase: Float) -> Float:
     out = np.empty_like(values)
     span = 2 * _SMOOTHED
     low, high = phase.min(), phase.max()
-    for t, at in enumerate(phase):
-        start = min(max(at - _SMOOTHED, low), max(high - span, low))
+    for t, moment in enumerate(phase):
+        start = min(max(moment - _SMOOTHED, low), max(high - span, low))
         near = np.flatnonzero((phase >= start) & (phase <= start + span))
         turn = 2 * np.pi * phase[near]
         terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)
@@ -220,9 +220,9 @@ def _harmonics(phase: Float, count: int) -> Float:
 
 def _predicted_share(modes: Float, phase: Float, steady: Mask) -> float:
     """Share of the modes' variance in each steady cycle that the other cycles predict."""
-    y, at = modes[steady], phase[steady]
-    terms = _harmonics(at, _HARMONICS)
-    cycle = np.floor(at - at[0]).astype(int)
+    y, moment = modes[steady], phase[steady]
+    terms = _harmonics(moment, _HARMONICS)
+    cycle = np.floor(moment - moment[0]).astype(int)
     left = 0.0
     for number in np.unique(cycle):
         own = cycle == number

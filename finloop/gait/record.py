@@ -60,44 +60,44 @@ def problems(content: Any) -> list[str]:
     if not isinstance(content, dict):
         return ["it holds no gait but " + type(content).__name__]
     known = {field.name for field in fields(Gait)}
-    found = [f"{key!r} is unknown" for key in content if key not in known]
-    found += [f"{key!r} is missing" for key in _NEEDED if key not in content]
+    wrong = [f"{key!r} is unknown" for key in content if key not in known]
+    wrong += [f"{key!r} is missing" for key in _NEEDED if key not in content]
     for key in known & content.keys():
         value = content[key]
         if not isinstance(value, _KINDS[key]) or isinstance(value, bool):
-            found.append(f"{key!r} is {value!r:.40}")
-    if found:
-        return sorted(found)
+            wrong.append(f"{key!r} is {value!r:.40}")
+    if wrong:
+        return sorted(wrong)
     if not content["name"]:
-        found.append("'name' is empty")
+        wrong.append("'name' is empty")
     if content["symmetry"] not in SYMMETRIES:
-        found.append(f"'symmetry' is {content['symmetry']!r}, not one of {', '.join(SYMMETRIES)}")
+        wrong.append(f"'symmetry' is {content['symmetry']!r}, not one of {', '.join(SYMMETRIES)}")
     coarse = content.get("coarse", 4)
     if not 1 <= coarse <= 2**16 or coarse & (coarse - 1):
-        found.append(f"'coarse' is {coarse}, no power of two")
+        wrong.append(f"'coarse' is {coarse}, no power of two")
     for key, high in (("frequency_hz", 1000.0), ("split", 0.5)):
         if key in content and not 0 < content[key] < high:
-            found.append(f"'{key}' is {content[key]!s:.20}, not between 0 and {high:g}")
+            wrong.append(f"'{key}' is {content[key]!s:.20}, not between 0 and {high:g}")
     for key, most in (("confidence", 1.0), ("cycles", 1e12), ("frames", 2.0**53)):
         if key in content and not 0 <= content[key] <= most:
-            found.append(f"'{key}' is {content[key]!s:.20}, not from 0 to {most:g}")
+            wrong.append(f"'{key}' is {content[key]!s:.20}, not from 0 to {most:g}")
     for name, of in content["gamma"].items():
         if not isinstance(of, dict) or set(of) != {"A", "B"}:
-            found.append(f"γ of {name!r} has not the two subcycles A and B")
+            wrong.append(f"γ of {name!r} has not the two subcycles A and B")
         elif not all(isinstance(v, list) and v and all(map(_number, v)) for v in of.values()):
-            found.append(
+            wrong.append(
                 f"γ of {name!r} is no list of numbers from {-MOST:g} to {MOST:g} in each subcycle"
             )
     for name, spans in content.get("support", {}).items():
         if not isinstance(spans, list) or not all(map(_span, spans)):
-            found.append(f"the support of {name!r} is no list of [from, to], 0 ≤ from < to ≤ 2")
+            wrong.append(f"the support of {name!r} is no list of [from, to], 0 ≤ from < to ≤ 2")
         elif _overlap(spans):
-            found.append(f"the support of {name!r} has spans that overlap")
+            wrong.append(f"the support of {name!r} has spans that overlap")
     if not content["gamma"]:
-        found.append("'gamma' names no contour, nor '*' for all")
+        wrong.append("'gamma' names no contour, nor '*' for all")
     if not all(map(_number, content.get("residuals", {}).values())):
-        found.append("'residuals' are no numbers by name")
-    return found
+        wrong.append("'residuals' are no numbers by name")
+    return wrong
 
 
 def _number(value: Any) -> bool:
@@ -119,9 +119,9 @@ def _overlap(spans: list[list[float]]) -> bool:
 
 def _rounded(value: Any) -> Any:
     if isinstance(value, dict):
-        return {key: _rounded(one) for key, one in value.items()}
+        return {key: _rounded(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
-        return [_rounded(one) for one in value]
+        return [_rounded(item) for item in value]
     return round(float(value), DECIMALS) + 0.0 if isinstance(value, float) else value
 
 

@@ -79,11 +79,7 @@ def ridge(share: Float, grid: Float) -> NDArray[np.intp]:
     came = np.zeros((frames, count), np.intp)
     for t in range(1, frames):
         options = np.stack(
-            [
-                np.r_[-np.inf, best[:-1] - cost[:-1]],
-                best,
-                np.r_[best[1:] - cost[1:], -np.inf],
-            ]
+            [np.r_[-np.inf, best[:-1] - cost[:-1]], best, np.r_[best[1:] - cost[1:], -np.inf]]
         )
         move = options.argmax(axis=0)
         came[t] = np.arange(count) + move - 1
@@ -97,9 +93,9 @@ def ridge(share: Float, grid: Float) -> NDArray[np.intp]:
 
 def _peak(share: Float, path: NDArray[np.intp], grid: Float) -> Float:
     """Frequency (frames,) of the greatest share near the ridge, between the places of the grid."""
-    at = np.arange(len(path))
+    frame = np.arange(len(path))
     middle = np.clip(path, 1, len(grid) - 2)
-    low, here, high = (share[middle + step, at] for step in (-1, 0, 1))
+    low, here, high = (share[middle + step, frame] for step in (-1, 0, 1))
     bow = 2 * here - low - high
     off = np.divide(high - low, 2 * bow, out=np.zeros(len(path)), where=bow > 1e-12)
     return grid[middle] * (grid[1] / grid[0]) ** np.clip(off, -1, 1)

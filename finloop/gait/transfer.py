@@ -202,7 +202,5 @@ def _check_numbers(frames: int, points: int) -> None:
         )
     if not LEAST_POINTS <= points <= MOST_POINTS:
         raise FinloopError(
-            f"contours of {points} points",
-            f"{LEAST_POINTS} … {MOST_POINTS}",
-            "ask for 128 points",
+            f"contours of {points} points", f"{LEAST_POINTS} … {MOST_POINTS}", "ask for 128 points"
         )

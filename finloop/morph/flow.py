@@ -50,10 +50,10 @@ def area(points: Points) -> float:
 
 
 @njit(cache=True)
-def resized(points: Points, wanted: float) -> Points:
+def resized(points: Points, goal: float) -> Points:
     """The polygon enlarged about the mean of its vertices to an area of the same sign."""
     n = len(points)
-    size = np.sqrt(wanted / area(points))
+    size = np.sqrt(goal / area(points))
     out = np.empty_like(points)
     for axis in range(2):
         mean = 0.0
@@ -68,13 +68,13 @@ def resized(points: Points, wanted: float) -> Points:
 def shortened(points: Points) -> tuple[Poses, bool]:
     """Poses (k, n, 2) of one area, from a simple closed polygon on; whether the last is round."""
     poses = [np.ascontiguousarray(points, np.float64)]
-    wanted = area(poses[0])
+    goal = area(poses[0])
     step, halved = (_length(poses[0]) / len(points)) ** 2, 0
-    while 4 * np.pi * abs(wanted) <= ROUND * _length(poses[-1]) ** 2:
-        pose = resized(_implicit_step(poses[-1], step), wanted)
+    while 4 * np.pi * abs(goal) <= ROUND * _length(poses[-1]) ** 2:
+        pose = resized(_implicit_step(poses[-1], step), goal)
         if no_contact(np.stack([poses[-1], pose]), True):
             poses.append(pose)
-            step, halved = min(step * GROWTH, STEP * abs(wanted)), 0
+            step, halved = min(step * GROWTH, STEP * abs(goal)), 0
         elif halved < HALVINGS:
             step, halved = step / 2, halved + 1
         if halved == HALVINGS or len(poses) == MOST:
@@ -140,13 +140,13 @@ def ears_off(points: Points) -> tuple[Poses, bool]:
     Sizes are put back as in `shortened`. It only stops short where floats cannot tell.
     """
     pose = np.ascontiguousarray(points, np.float64)
-    wanted = area(pose)
+    goal = area(pose)
     poses, corners = [pose], np.arange(len(points))
     while len(corners) > 3:
         before, after = np.roll(corners, 1), np.roll(corners, -1)
         # twice the area of each corner's triangle, < 0 where it is outside; small moves first
         (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
-        tip = np.sign(wanted) * (x * v - y * u)
+        tip = np.sign(goal) * (x * v - y * u)
         for corner in np.argsort(tip):
             cut = _cut(pose, before[corner], after[corner])
             if tip[corner] >= 0 and no_contact(np.stack([pose, cut]), True):
@@ -154,7 +154,7 @@ def ears_off(points: Points) -> tuple[Poses, bool]:
         else:
             return np.stack(poses), False
         pose, corners = cut, np.delete(corners, corner)
-        poses.append(resized(pose, wanted))
+        poses.append(resized(pose, goal))
     return np.stack(poses), True
 
 
@@ -175,8 +175,8 @@ def retracted(points: Points) -> tuple[Poses, bool]:
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, part, shrink = [points], 1.0, SHRINK
     while not _is_straight(poses[-1]):
-        wanted = along[-1] * (0.5 + shrink * part * (np.linspace(0, 1, len(points)) - 0.5))
-        x, y = (np.interp(wanted, along, values) for values in points.T)
+        marks = along[-1] * (0.5 + shrink * part * (np.linspace(0, 1, len(points)) - 0.5))
+        x, y = (np.interp(marks, along, values) for values in points.T)
         pose = np.stack([x - x.mean(), y - y.mean()], axis=1) / (shrink * part)
         pose += points.mean(axis=0)
         if no_contact(np.stack([poses[-1], pose]), False):
@@ -196,18 +196,18 @@ def _is_straight(points: Points) -> bool:
     return bool((ahead > abs(aside)).all())
 
 
-def joined(one: Points, other: Points, closed: bool) -> Points:
+def joined(first: Points, second: Points, closed: bool) -> Points:
     """Poses (JOIN, n, 2) between two plain polygons of one sense of turning, or two lines.
 
     Closed: seen from a point that sees all of a polygon, its vertices stand at rising angles, less
     than half a turn apart; so do those of any mean of two such polygons, whatever the radii.
     """
     share = np.linspace(0, 1, JOIN)
-    centres = one.mean(axis=0), other.mean(axis=0)
+    centres = first.mean(axis=0), second.mean(axis=0)
     if not closed:
         ends = [
             (points - centre) @ [1, 1j]
-            for points, centre in zip((one, other), centres, strict=True)
+            for points, centre in zip((first, second), centres, strict=True)
         ]
         turn = np.angle((ends[1][-1] - ends[1][0]) / (ends[0][-1] - ends[0][0]))
         way = [
@@ -215,9 +215,9 @@ def joined(one: Points, other: Points, closed: bool) -> Points:
             for s in share
         ]
     else:
-        centres = _centroid(one), _centroid(other)
+        centres = _centroid(first), _centroid(second)
         radius, angle = [], []
-        for points, centre in zip((one, other), centres, strict=True):
+        for points, centre in zip((first, second), centres, strict=True):
             z = (points - centre) @ [1, 1j]
             radius.append(abs(z))
             angle.append(np.unwrap(np.angle(z)))
@@ -229,7 +229,7 @@ def joined(one: Points, other: Points, closed: bool) -> Points:
         ]
     middle = centres[0] + share[:, None] * (centres[1] - centres[0])
     poses = np.stack([np.stack([z.real, z.imag], axis=1) for z in way]) + middle[:, None]
-    poses[0], poses[-1] = one, other
+    poses[0], poses[-1] = first, second
     return poses
 
 

@@ -144,14 +144,14 @@ def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
     if first_only and count:
         return count
     boxes, blocks = _edge_boxes(points, edges)
-    for one in range(len(blocks)):
-        for other in range(one, len(blocks)):
-            if not _overlap(blocks, one, blocks, other):
+    for block in range(len(blocks)):
+        for other in range(block, len(blocks)):
+            if not _overlap(blocks, block, blocks, other):
                 continue
-            for i in range(one * BLOCK, min((one + 1) * BLOCK, edges)):
+            for i in range(block * BLOCK, min((block + 1) * BLOCK, edges)):
                 if not _overlap(boxes, i, blocks, other):
                     continue
-                first = i + 2 if one == other else other * BLOCK
+                first = i + 2 if block == other else other * BLOCK
                 for j in range(max(first, i + 2), min((other + 1) * BLOCK, edges)):
                     if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
@@ -225,11 +225,11 @@ def no_contact(path: NDArray, closed: bool) -> bool:
                 lines[i, axis] = min(points[i, axis], points[j, axis])
                 lines[i, 2 + axis] = max(points[i, 2 + axis], points[j, 2 + axis])
         point_blocks, line_blocks = _gathered(points), _gathered(lines)
-        for one in range(len(point_blocks)):
+        for block in range(len(point_blocks)):
             for other in range(len(line_blocks)):
-                if not _overlap(point_blocks, one, line_blocks, other):
+                if not _overlap(point_blocks, block, line_blocks, other):
                     continue
-                for v in range(one * BLOCK, min((one + 1) * BLOCK, n)):
+                for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
                     if not _overlap(points, v, line_blocks, other):
                         continue
                     for i in range(other * BLOCK, min((other + 1) * BLOCK, edges)):

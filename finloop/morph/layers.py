@@ -108,11 +108,7 @@ def _rounded(
 
 
 def _contour(
-    name: str,
-    a: Curve,
-    b: Curve,
-    side: float,
-    options: tuple[str, int, int, int | None, Physics],
+    name: str, a: Curve, b: Curve, side: float, options: tuple[str, int, int, int | None, Physics]
 ) -> Points:
     """Frames (frames, points, 2) of one pair of contours; errors name it. Options as of `morph`."""
     method, frames, points, level, physics = options

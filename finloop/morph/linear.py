@@ -19,12 +19,7 @@ FADE = 0.25
 
 
 def linear(
-    a: Curve,
-    b: Curve,
-    frames: int,
-    points: int,
-    level: int | None = None,
-    wavelet: str = "coif2",
+    a: Curve, b: Curve, frames: int, points: int, level: int | None = None, wavelet: str = "coif2"
 ) -> Points:
     """Eq. 4.1: frames (frames, points, 2) from a to b, both included; A(τ) = (1 − τ) Aˢ + τ Aᵈ.
 
@@ -62,8 +57,8 @@ def physical(
         If one curve is open and the other closed, `points` is no power of two, or there is neither
         mass nor damping.
     """
-    one, other = matched(a, b, points)
-    bent = one - other
+    shape, rest = matched(a, b, points)
+    bent = shape - rest
     place = bent.mean(axis=0)
     bent = bent - place if a.closed else mirrored(bent - place)
     slowest = np.cos(2 * np.pi * (np.arange(len(bent)) + 0.5) / len(bent))
@@ -74,4 +69,4 @@ def physical(
     course = moved[:, 0, 2] / slowest[0]
     swing = moved[:, :points, :2] + course[:, None, None] * place
     left = np.clip((1 - times) / FADE, 0, 1)
-    return other + (left**2 * (3 - 2 * left))[:, None, None] * swing
+    return rest + (left**2 * (3 - 2 * left))[:, None, None] * swing

@@ -29,34 +29,34 @@ def matched(a: Curve, b: Curve, n: int) -> tuple[NDArray[np.float64], NDArray[np
             "two closed curves or two open ones",
             "close the open curve, or open the closed one, or leave the pair out",
         )
-    one, other = resampled(a, n).points, resampled(b, n).points
+    first, second = resampled(a, n).points, resampled(b, n).points
     if a.closed:
-        return one, best_start(one, other)
-    return one, min((other, other[::-1]), key=lambda points: _far(one, points))
+        return first, best_start(first, second)
+    return first, min((second, second[::-1]), key=lambda points: _far(first, points))
 
 
-def best_start(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def best_start(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """The closed polygon `other` (n, 2), or its reverse, from its best start point on."""
-    fits = [(misfit(one, points), points) for points in _directions(one, other)]
+    fits = [(misfit(first, points), points) for points in _directions(first, second)]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return np.roll(points, -int(far.argmin()), axis=0)
 
 
 def _directions(
-    one: NDArray[np.float64], other: NDArray[np.float64]
+    first: NDArray[np.float64], second: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], ...]:
     """Two simple curves must turn the same way: else the area passes 0, and the morph folds."""
-    if not (is_simple(one) and is_simple(other)):
-        return other, other[::-1]
-    return (other if area(Curve(one, True)) * area(Curve(other, True)) > 0 else other[::-1],)
+    if not (is_simple(first) and is_simple(second)):
+        return second, second[::-1]
+    return (second if area(Curve(first, True)) * area(Curve(second, True)) > 0 else second[::-1],)
 
 
-def misfit(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+def misfit(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
     """Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of closed polygons, both centred; by FFT."""
-    a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (one, other))
+    a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
     return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product
 
 
-def _far(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    return float(((one - one.mean(axis=0) - other + other.mean(axis=0)) ** 2).sum())
+def _far(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+    return float(((first - first.mean(axis=0) - second + second.mean(axis=0)) ** 2).sum())

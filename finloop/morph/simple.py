@@ -55,9 +55,9 @@ def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
 
 def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     """As `simple`, with the path that was taken."""
-    one, other = matched(a, b, points)
+    first, second = matched(a, b, points)
     closed = a.closed
-    for name, ends in (("first", one), ("second", other)):
+    for name, ends in (("first", first), ("second", second)):
         meets = folds(ends, closed)[0]
         if meets:
             raise FinloopError(
@@ -66,19 +66,19 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
                 "mend the drawing, ask for more points, or take the method linear",
             )
     tau = np.linspace(0, 1, frames)[:, None, None]
-    straight = (1 - tau) * one + tau * other
+    straight = (1 - tau) * first + tau * second
     if not folds(straight, closed).any() and _linked(straight, closed):
         return SimpleMorph(straight, "linear", True)
-    poses, way = _way(one, other, closed)
-    shown, on_the_way = _shown(poses, frames, closed)
-    if folds(shown, closed).any():
+    poses, way = _way(first, second, closed)
+    stack, on_the_way = _shown(poses, frames, closed)
+    if folds(stack, closed).any():
         raise FinloopError(
             "a morph whose frames are too narrow to be told from folded ones",
             "curves with some room between their parts",
             "ask for fewer points, or take the method linear",
         )
-    proved = stays_simple(shown, closed) or (on_the_way and stays_simple(poses, closed))
-    return SimpleMorph(shown, way, proved)
+    proved = stays_simple(stack, closed) or (on_the_way and stays_simple(poses, closed))
+    return SimpleMorph(stack, way, proved)
 
 
 def path_length(frames: Points) -> float:
@@ -86,15 +86,15 @@ def path_length(frames: Points) -> float:
     return float(np.hypot(*np.moveaxis(np.diff(frames, axis=0), 2, 0)).sum(axis=0).mean())
 
 
-def _way(one: Points, other: Points, closed: bool) -> tuple[Points, str]:
+def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
     """Poses (k, n, 2) from one end to the other, each step of which is simple."""
-    a, b = _plainer(one, closed), _plainer(other, closed)
+    a, b = _plainer(first, closed), _plainer(second, closed)
     best: tuple[float, Points] | None = None
     for start in _starts(a, b) if closed else [0]:
         turned = np.roll(b, -start, axis=1)
-        found = _shortest(a, turned, closed, np.inf if best is None else best[0])
-        if found:
-            far, i, j = found
+        shortest = _shortest(a, turned, closed, np.inf if best is None else best[0])
+        if shortest:
+            far, i, j = shortest
             best = far, np.concatenate([a[: i + 1], turned[j::-1]])
     if best:
         return best[1], "plain"
@@ -108,8 +108,8 @@ def _starts(a: Poses, b: Poses) -> list[int]:
     """
     starts = [0]
     for share in (0.0, 0.5, 1.0):
-        one, other = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
-        far = misfit(one, other)
+        first, second = (poses[int(share * (len(poses) - 1))] for poses in (a, b))
+        far = misfit(first, second)
         least = (far <= np.roll(far, 1)) & (far < np.roll(far, -1))
         starts += [int(s) for s in sorted(np.flatnonzero(least), key=far.__getitem__)[:2]]
     apart = len(far) // 32
@@ -178,12 +178,12 @@ def _apart(a: Poses, b: Poses) -> Points:
 
 
 @njit(cache=True)
-def _free(one: Points, other: Points, closed: bool) -> bool:
+def _free(first: Points, second: Points, closed: bool) -> bool:
     """Whether the straight way is simple throughout."""
-    path = np.empty((PARTS + 1, len(one), 2))
+    path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
-        path[k] = (1 - share) * one + share * other
+        path[k] = (1 - share) * first + share * second
     for k in (8, 4, 12, 2, 14):  # most that fold do so at one of these: quicker to find
         if count_folds(path[k], closed, True):
             return False
@@ -197,9 +197,9 @@ def _shown(poses: Poses, frames: int, closed: bool) -> tuple[Poses, bool]:
     """
     on_the_way = True
     along = _gone(poses)
-    wanted = np.linspace(0, along[-1], frames)
-    k = np.clip(np.searchsorted(along, wanted, side="right") - 1, 0, len(along) - 2)
-    share = ((wanted - along[k]) / (along[k + 1] - along[k]))[:, None, None]
+    marks = np.linspace(0, along[-1], frames)
+    k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
+    share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
     even = (1 - share) * poses[k] + share * poses[k + 1]
     even[0], even[-1] = poses[0], poses[-1]
     for width in SMOOTHING:

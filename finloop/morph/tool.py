@@ -27,8 +27,8 @@ def _write(options: argparse.Namespace) -> str:
     drawings = load_svg(options.a), load_svg(options.b)
     physics = Physics(options.elastic, options.damping, options.mass)
     done = morph(*drawings, options.method, options.frames, options.points, options.level, physics)
-    shown = there_and_back(done) if options.back else done
-    save_animation(options.output, shown, options.fps, options.size)
+    film = there_and_back(done) if options.back else done
+    save_animation(options.output, film, options.fps, options.size)
     return summary(done)
 
 
@@ -53,11 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("a", type=Path, help="the first drawing, SVG")
     parser.add_argument("b", type=Path, help="the second, with the same ids")
     parser.add_argument(
-        "-o",
-        "--output",
-        type=Path,
-        required=True,
-        help=f"what to write: {', '.join(ENDINGS)}",
+        "-o", "--output", type=Path, required=True, help=f"what to write: {', '.join(ENDINGS)}"
     )
     parser.add_argument(
         "--method", choices=METHODS, default="simple", help="default: simple, which never folds"

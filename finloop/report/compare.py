@@ -50,14 +50,14 @@ class Comparison:
     best: NDArray[np.bool_]
 
 
-def pareto(wanted: NDArray[np.float64]) -> NDArray[np.bool_]:
+def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     """The Pareto front of rows (n, k), as a mask; less is better in every column.
 
     A row is dominated by one that is nowhere greater and somewhere less. Equal rows do not dominate
     each other; a row with NaN is never on the front.
     """
-    known = np.logical_not(np.isnan(wanted).any(axis=1))
-    a, b = wanted[:, None], wanted[None, :]  # (n, 1, k), (1, n, k)
+    known = ~np.isnan(costs).any(axis=1)
+    a, b = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
     beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & known
     return np.asarray(known & ~beats.any(axis=1))
 
@@ -67,18 +67,18 @@ def comparison(
 ) -> Comparison:
     """The comparison of experiments; both tables have a row for each and columns `a.b`."""
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
-    objectives = [
-        one for one in OBJECTIVES if one.key in numbers and numbers[one.key].notna().any()
-    ]
-    kept = [*(one.key for one in objectives), *(one for one in measures if one in numbers)]
-    found = numbers.reindex(columns=list(dict.fromkeys(kept))).astype(float)
-    sign = np.array([-1.0 if one.more else 1.0 for one in objectives])
-    best = pareto(found[[one.key for one in objectives]].to_numpy() * sign)
+    known = numbers.columns[numbers.notna().any()]
+    objectives = [objective for objective in OBJECTIVES if objective.key in known]
+    keys = [objective.key for objective in objectives]
+    columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
+    values = numbers.reindex(columns=list(columns)).astype(float)
+    sign = np.array([-1.0 if objective.more else 1.0 for objective in objectives])
+    best = pareto(values[keys].to_numpy() * sign)
     if not objectives:
-        best = np.zeros(len(found), bool)
+        best = np.zeros(len(values), bool)
     chosen = parameters[differ].sort_values(differ, kind="stable", key=_sortable)
     order = parameters.index.get_indexer(chosen.index)
-    return Comparison(chosen, found.iloc[order], objectives, best[order])
+    return Comparison(chosen, values.iloc[order], objectives, best[order])
 
 
 def _sortable(column: "pd.Series[Any]") -> "pd.Series[Any]":
@@ -89,7 +89,7 @@ def _sortable(column: "pd.Series[Any]") -> "pd.Series[Any]":
 
 def words(key: str) -> str:
     """A name as people read it."""
-    named = {one.key: one.words for one in OBJECTIVES}
+    named = {objective.key: objective.words for objective in OBJECTIVES}
     return named.get(key, key.partition(".")[2].replace("_", " "))
 
 
@@ -106,7 +106,7 @@ def parallel(table: Comparison) -> go.Figure:
         low, high = float(numeric.min()), float(numeric.max())
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
-        axes.append(axis | {"values": [None if pd.isna(one) else float(one) for one in numeric]})
+        axes.append(axis | {"values": [None if pd.isna(x) else float(x) for x in numeric]})
     line = {"color": table.best.astype(int).tolist(), "colorscale": [[0, _OTHER], [1, _BEST]],
             "cmin": 0, "cmax": 1}  # fmt: skip
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
@@ -126,7 +126,7 @@ def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
             continue
         rows, names = table.measures[mask], table.measures.index[mask]
         figure.add_scatter(
-            x=rows[x.key].tolist(), y=rows[y.key].tolist(), text=[str(one) for one in names],
+            x=rows[x.key].tolist(), y=rows[y.key].tolist(), text=list(map(str, names)),
             mode="markers", name=name,
             hovertemplate=f"%{{text}}<br>{x.words} %{{x:.3f}}<br>{y.words} %{{y:.3f}}"
             "<extra></extra>",
@@ -141,8 +141,8 @@ def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
 _AXIS: dict[str, Any] = {"gridcolor": "#e3e9ec", "zeroline": False, "linecolor": "#9aa8af"}
 
 
-def _side(one: Objective, less: str, more: str) -> str:
-    return more if one.more else less
+def _side(objective: Objective, less: str, more: str) -> str:
+    return more if objective.more else less
 
 
 def as_table(table: Comparison) -> Table:
@@ -157,16 +157,16 @@ def as_table(table: Comparison) -> Table:
         ]
         for name, best in zip(table.parameters.index, table.best, strict=True)
     ]
-    return Table("Experiments, and which of them none other beats", columns, rows)
+    return Table("Experiments; the best are on the Pareto front", columns, rows)
 
 
 def html(table: Comparison, title: str, why: str) -> str:
     """The page; its code for charts is in it."""
     charts = [("Parameters and measures, a line an experiment", parallel(table))]
     charts += [
-        (f"{one.words.capitalize()} against {smooth.words}", scatter(table, smooth, one))
-        for smooth in table.objectives[:1]
-        for one in table.objectives[1:]
+        (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))
+        for x in table.objectives[:1]
+        for y in table.objectives[1:]
     ]
     values = {
         "title": title,

@@ -87,7 +87,7 @@ def html(page: Page) -> str:
 def rendered(template: str, values: Mapping[str, Any]) -> str:
     """A template of this folder, filled; values are escaped, an unknown name is an error."""
     text = files("finloop.report").joinpath(template).read_text(encoding="utf-8")
-    made = Environment(
+    environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    ).from_string(text)
-    return made.render(**values) + "\n"
+    )
+    return environment.from_string(text).render(**values) + "\n"

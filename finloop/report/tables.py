@@ -60,27 +60,25 @@ def number(value: Any, digits: int = 3) -> str:
     return f"{value:,.{decimals}f}"
 
 
-def measures(found: pd.DataFrame) -> Table:
+def measures(table: pd.DataFrame) -> Table:
     """MEASURES that were found; `found` as in measures.csv: a row a measure, a column a mode."""
-    found = found.set_index("measure")
+    table = table.set_index("measure")
     for key in ("speed", "turn_rate"):  # what the film's own halves differ by is the yardstick
         halves, of = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
-        if halves in found.index and of in found.index:
-            found.loc[of, "film"] = found.loc[halves, "film"]
-    modes = [name for name in MODES if name in found]
+        if halves in table.index and of in table.index:
+            table.loc[of, "film"] = table.loc[halves, "film"]
+    modes = [name for name in MODES if name in table]
     rows = [
         [
-            f"{one.words} ({one.unit})" if one.unit else one.words,
-            *(number(found.at[one.key, mode]) for mode in modes),
-            one.good,
+            f"{measure.words} ({measure.unit})" if measure.unit else measure.words,
+            *(number(table.at[measure.key, mode]) for mode in modes),
+            measure.good,
         ]
-        for one in MEASURES
-        if one.key in found.index
+        for measure in MEASURES
+        if measure.key in table.index
     ]
     return Table(
-        "Animation beside film",
-        ["measure", *(MODES[mode] for mode in modes), "wanted"],
-        rows,
+        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "wanted"], rows
     )
 
 
@@ -98,7 +96,7 @@ def of_numbers(numbers: Mapping[str, float], caption: str) -> Table:
 
 def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     """The few numbers to see first: value and words, of `reports/animate/metrics.json`."""
-    wanted = (
+    choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
         ("seam_ratio_median", "", "seam ratio: 1 is as smooth as the film"),
         ("film_pct", " %", "of its frames filmed, the rest learned"),
@@ -106,6 +104,6 @@ def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     )
     return [
         (number(numbers[f"{mode}_{key}"]) + unit, words)
-        for key, unit, words in wanted
+        for key, unit, words in choice
         if f"{mode}_{key}" in numbers
     ]

@@ -98,45 +98,45 @@ def surface(
         The animal's body length, for its height.
     """
     count, p = half_width.shape
-    how = loft(p)
-    high, fin = _heights(how, float(typical.max()), length_px)
+    grid = loft(p)
+    high, fin = _heights(grid, float(typical.max()), length_px)
     points = np.empty((count, RINGS, AROUND, 3))
-    points[..., :2] = plan(how, backbone, limited(half_width, backbone, typical))
-    points[..., 2] = high * np.cos(how.angle) + fin
+    points[..., :2] = plan(grid, backbone, limited(half_width, backbone, typical))
+    points[..., 2] = high * np.cos(grid.angle) + fin
     return points, normals(points)
 
 
 def limited(half_width: Floats, backbone: Floats, typical: Floats) -> Floats:
     """Half widths (n, p) as near to the typical ones as a body's are: without fins."""
-    wanted = typical * lengths(backbone)[:, None]
-    return np.clip(half_width, (1 - _NEAR) * wanted, (1 + _NEAR) * wanted)
+    goal = typical * lengths(backbone)[:, None]
+    return np.clip(half_width, (1 - _NEAR) * goal, (1 + _NEAR) * goal)
 
 
-def plan(how: Loft, backbone: Floats, width: Floats) -> Floats:
+def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
     """The points of a loft as seen from above, (n, *how.s.shape, 2) px."""
-    shape = (len(backbone), *how.s.shape, 2)
-    line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (how.place, how.along))
+    shape = (len(backbone), *grid.s.shape, 2)
+    line, ahead = ((matrix @ backbone).reshape(shape) for matrix in (grid.place, grid.along))
     ahead /= np.maximum(np.linalg.norm(ahead, axis=-1, keepdims=True), 1e-9)
     left = ahead[..., ::-1] * (1, -1)  # the backbone runs to the tail: its right is the fish's left
-    across = _round_ends(width, how.s) * how.closes * np.sin(how.angle)
+    across = _round_ends(width, grid.s) * grid.closes * np.sin(grid.angle)
     return line + across[..., None] * left
 
 
 def _round_ends(width: Floats, s: Floats) -> Floats:
     """Half widths (n, RINGS, AROUND): their squares are interpolated, so that ends are round."""
-    at = np.linspace(0, 1, width.shape[1])
-    squares = PchipInterpolator(at, width**2, axis=1)(s.ravel())
+    along = np.linspace(0, 1, width.shape[1])
+    squares = PchipInterpolator(along, width**2, axis=1)(s.ravel())
     return np.sqrt(np.maximum(squares, 0)).reshape(-1, *s.shape)
 
 
-def _heights(how: Loft, widest: float, length_px: float) -> tuple[Floats, Floats]:
+def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Floats]:
     """Half heights of the rings, and what the fins add above and below, (RINGS, AROUND) px."""
     most = length_px * np.clip(_HIGHER * widest, _LEAST, _MOST)
 
     def curve(shape: dict[float, float]) -> Floats:
-        return PchipInterpolator(list(shape), list(shape.values()))(how.s)
+        return PchipInterpolator(list(shape), list(shape.values()))(grid.s)
 
-    top, bottom = how.angle == 0, np.isclose(np.abs(how.angle), np.pi)
+    top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
     return most * curve(_HEIGHT), most * (top * curve(_DORSAL) - bottom * curve(_ANAL))
 
 
@@ -156,8 +156,8 @@ def normals(points: Floats) -> Floats:
 @lru_cache
 def triangles() -> NDArray[np.int32]:
     """The surface's triangles (m, 3), anticlockwise as seen from outside."""
-    ring, at = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
-    a = ring * AROUND + at
+    ring, column = np.meshgrid(np.arange(RINGS - 1), np.arange(AROUND - 1), indexing="ij")
+    a = ring * AROUND + column
     b, c, d = a + 1, a + AROUND, a + AROUND + 1
     return np.stack([a, c, b, b, c, d], -1).reshape(-1, 3).astype(np.int32)
 

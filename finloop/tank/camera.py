@@ -100,8 +100,8 @@ def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
     for _ in range(4):  # as much room above the tank as below, then as near as that allows
         wide = np.maximum(np.abs(across) / room.aspect, np.abs(high - lift)) / tall
         far = (wide - deep).max(1, keepdims=True)
-        seen = (high - lift) / (far + deep)
-        lift = lift + far * (seen.max(1, keepdims=True) + seen.min(1, keepdims=True)) / 2
+        slope = (high - lift) / (far + deep)
+        lift = lift + far * (slope.max(1, keepdims=True) + slope.min(1, keepdims=True)) / 2
     aim = room.middle + lift * up
     return Views(aim - far * ahead, aim)
 
@@ -127,11 +127,11 @@ def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
 def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     """A cycle of scenes, each passing smoothly into the next."""
     time = np.arange(len(head)) / rate_hz
-    made = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
+    scenes = {name: views(name, room, head, heading, rate_hz) for name, _ in _SCENES}
     ends = np.cumsum([length for _, length in _SCENES])
-    at = time % ends[-1]
-    number = np.searchsorted(ends, at, side="right")
-    into = at - np.r_[0.0, ends][number]
+    moment = time % ends[-1]
+    number = np.searchsorted(ends, moment, side="right")
+    into = moment - np.r_[0.0, ends][number]
     share = np.clip(into / _BLEND_S, 0, 1)
     share = np.where(time < ends[0], 1.0, share * share * (3 - 2 * share))[:, None]
 
@@ -141,6 +141,6 @@ def _tour(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
         return before + share * (now - before)
 
     return Views(
-        mixed([made[name].place for name, _ in _SCENES]),
-        mixed([made[name].aim for name, _ in _SCENES]),
+        mixed([scenes[name].place for name, _ in _SCENES]),
+        mixed([scenes[name].aim for name, _ in _SCENES]),
     )

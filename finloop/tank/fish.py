@@ -29,8 +29,8 @@ class Fish:
 
     def shape(self, ticks: slice) -> tuple[Floats, Floats]:
         """Points and normals (ticks, rings, around, 3), relative to the mass centre."""
-        one = self.poses
-        return surface(one.backbone[ticks], one.half_width[ticks], self.typical, self.length_px)
+        poses = self.poses
+        return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
 
     def at(self, tick: int) -> tuple[Floats, Floats, Picture]:
         """Points in the tank and normals (rings, around, 3), and the skin, of one tick."""

@@ -146,10 +146,8 @@ def _shadow(glb: Glb, shape: Shapes, length_px: float) -> int:
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
         return _single(sides.reshape(-1, 3) * (1, 1, 0))
 
-    at = 2 * np.arange(RINGS - 1)[:, None]
-    faces = np.concatenate([at + np.array([0, 2, 1]), at + np.array([1, 2, 3])], axis=1).astype(
-        np.uint16
-    )
+    corner = 2 * np.arange(RINGS - 1)[:, None]
+    faces = (corner + np.array([0, 2, 1, 1, 2, 3])).astype(np.uint16)
     primitive = {
         "attributes": {"POSITION": glb.add_array(strip(shape.mean), vertices=True)},
         "indices": glb.add_array(faces.ravel(), indices=True),

@@ -91,13 +91,13 @@ class Floor:
     def _shade(self, light: NDArray[np.uint8], fish: Floats) -> None:
         """Take the shadow of a fish out of the light: softer, the higher it swims."""
         on_floor = fish[..., :2] - fish[..., 2:] * (SUN[:2] / SUN[2])
-        at = (on_floor * (1, -1) * self._px).astype(np.float32)
+        edge = (on_floor * (1, -1) * self._px).astype(np.float32)
         blur = max(1.0, 0.03 * float(fish[..., 2].mean()) * self._px)
         rim = int(np.ceil(3 * blur)) + 1
-        low = np.floor(at.min((0, 1))).astype(int) - rim
-        high = np.ceil(at.max((0, 1))).astype(int) + rim + 1
+        low = np.floor(edge.min((0, 1))).astype(int) - rim
+        high = np.ceil(edge.max((0, 1))).astype(int) + rim + 1
         mask = np.zeros((high - low)[::-1], np.uint8)
-        for pair in pairwise(at):
+        for pair in pairwise(edge):
             hull = cv2.convexHull(np.concatenate(pair) - low.astype(np.float32))
             cv2.fillConvexPoly(mask, np.rint(16 * hull).astype(np.int32), 255, cv2.LINE_AA, 4)
         mask = cv2.GaussianBlur(mask, (0, 0), blur)

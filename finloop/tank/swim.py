@@ -110,15 +110,15 @@ def _cast(edit: pd.DataFrame, prefix: str, number: str, sprites: pd.DataFrame) -
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
     kind = edit[f"{prefix}kind"].fillna(FRAME)
-    drawn = (kind == SPRITE).to_numpy()
-    row, axis = np.where(drawn, 0, source), np.zeros(len(edit))
+    is_sprite = (kind == SPRITE).to_numpy()
+    row, axis = np.where(is_sprite, 0, source), np.zeros(len(edit))
     mirrored = np.zeros(len(edit), bool)
-    if drawn.any():
+    if is_sprite.any():
         count = orientations_of(sprites)
-        which = sprites.iloc[source[drawn] // count]
-        row[drawn] = which["row"]
-        axis[drawn], mirrored[drawn] = which["heading_deg"], which["mirrored"]
-        turn[drawn] += direction_deg(source[drawn] % count + 1, count) - axis[drawn]
+        which = sprites.iloc[source[is_sprite] // count]
+        row[is_sprite] = which["row"]
+        axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
+        turn[is_sprite] += direction_deg(source[is_sprite] % count + 1, count) - axis[is_sprite]
     return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
