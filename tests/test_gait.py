@@ -187,24 +187,24 @@ def test_the_least_that_a_person_must_write(tmp_path):
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"speed": 1}, "'speed' is unknown"),
-        ({"name": None}, "'name' is None"),
-        ({"symmetry": "turn"}, "'turn', not one of swap, mirror"),
-        ({"split": 0.5}, "'split' is 0.5"),
-        ({"frequency_hz": True}, "'frequency_hz' is True"),
+        ({"speed": 1}, "gait.speed: unknown"),
+        ({"name": None}, "gait.name: should be a valid string"),
+        ({"symmetry": "turn"}, "gait.symmetry: should be 'swap' or 'mirror'"),
+        ({"split": 0.5}, "gait.split: should be less than 0.5"),
+        ({"frequency_hz": True}, "gait.frequency_hz: should be a valid number"),
         ({"coarse": 3}, "no power of two"),
-        ({"gamma": {}}, "names no contour"),
-        ({"gamma": {"*": {"A": [0]}}}, "not the two subcycles"),
-        ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, "no list of numbers"),
-        ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "no list of numbers"),
-        ({"support": {"fore_left": [[0.5, 0.2]]}}, "support of 'fore_left'"),
-        ({"gamma": {"*": {"A": [0], "B": [1e300]}}}, "from -1000 to 1000"),
-        ({"gamma": {"*": {"A": [0], "B": [10**400]}}}, "from -1000 to 1000"),
-        ({"frequency_hz": 10**400}, "'frequency_hz' is 1000"),
-        ({"confidence": 1.1}, "'confidence' is 1.1, not from 0 to 1"),
+        ({"gamma": {}}, "gait.gamma: .* at least 1 item"),
+        ({"gamma": {"*": {"A": [0]}}}, r"gait.gamma.\*: .* at least 2 items"),
+        ({"gamma": {"*": {"A": [0], "B": ["x"]}}}, r"gait.gamma.\*.B.0: should be a valid number"),
+        ({"gamma": {"*": {"A": [0], "B": [float("inf")]}}}, "finite number"),
+        ({"support": {"fore_left": [[0.5, 0.2]]}}, "gait.support.fore_left: no list"),
+        ({"gamma": {"*": {"A": [0], "B": [1e300]}}}, "less than or equal to 1000"),
+        ({"gamma": {"*": {"A": [0], "B": [10**400]}}}, r"gait.gamma.\*.B.0"),
+        ({"frequency_hz": 10**400}, "gait.frequency_hz"),
+        ({"confidence": 1.1}, "gait.confidence: should be less than or equal to 1"),
         ({"support": {"fore_left": [[0, 0.5], [0.4, 0.8]]}}, "overlap"),
         ({"support": {"fore_left": [[0.6, 0.8], [0.9, 1.7]]}}, "overlap"),
-        ({"residuals": {"gamma": "small"}}, "'residuals'"),
+        ({"residuals": {"gamma": "small"}}, "gait.residuals.gamma"),
     ],
 )
 def test_a_file_that_is_no_gait_is_refused_by_name(tmp_path, change, said):
@@ -237,9 +237,9 @@ def test_all_that_is_wrong_is_said_at_once(tmp_path):
     with pytest.raises(FinloopError) as raised:
         load_gait(path)
     for word in (
-        "'name' is 3",
-        "'colour' is unknown",
-        "'gamma' is missing",
-        "'symmetry' is missing",
+        "gait.name: should be a valid string",
+        "gait.colour: unknown",
+        "gait.gamma: has no value",
+        "gait.symmetry: has no value",
     ):
         assert word in raised.value.came

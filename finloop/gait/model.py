@@ -11,10 +11,11 @@ belongs to A and B alone.
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import AfterValidator, Field
 
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import between, few_control
@@ -28,30 +29,54 @@ POOLED = "*"
 """The id whose γ holds for contours that a gait does not name."""
 
 
+def _power_of_two(count: int) -> int:
+    if count & (count - 1):
+        raise ValueError("no power of two")
+    return count
+
+
+def _apart(spans: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """Spans of phase (from, to), checked: they rise, and none overlaps another in any cycle."""
+    if not all(0 <= start < end <= min(2, start + 1) for start, end in spans):
+        raise ValueError("no list of [from, to], 0 ≤ from < to ≤ 2")
+    order = sorted(spans)
+    starts = [start for start, _ in order[1:]] + [start + 1 for start, _ in order[:1]]
+    if any(end > start for (_, end), start in zip(order, starts, strict=True)):
+        raise ValueError("spans that overlap")
+    return spans
+
+
+# γ beyond ±1 turns a limb back: 1000 is a slip of the pen.
+Number = Annotated[float, Field(ge=-1000, le=1000)]
+Gammas = Annotated[tuple[Number, ...], Field(min_length=1)]
+Subcycles = Annotated[Mapping[Annotated[str, Field(pattern="^[AB]$")], Gammas], Field(min_length=2)]
+Spans = Annotated[tuple[tuple[float, float], ...], AfterValidator(_apart)]
+
+
 @dataclass(frozen=True)
 class Gait:
     """A gait as fitted to film. It holds no contours, so it can drive any drawing."""
 
-    name: str
+    name: Annotated[str, Field(min_length=1)]
     symmetry: Symmetry
-    frequency_hz: float
+    frequency_hz: Annotated[float, Field(gt=0, lt=1000)]
     # by id (or POOLED), then by "A" and "B": one γ, or one for each scale from coarse to fine, as
     # `curve.wavelet.scales` has them with `coarse` coefficients in the approximation. The last γ
     # holds for all finer scales
-    gamma: Mapping[str, Mapping[str, tuple[float, ...]]]
-    split: float = 0.25
+    gamma: Annotated[Mapping[str, Subcycles], Field(min_length=1)]
+    split: Annotated[float, Field(gt=0, lt=0.5)] = 0.25
     wavelet: str = "coif2"
-    coarse: int = 4
+    coarse: Annotated[int, Field(ge=1, le=2**16), AfterValidator(_power_of_two)] = 4
     # by id: spans of phase (from, to) in which the foot is on the ground; `to` may exceed 1. Swap
     # only
-    support: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    support: Mapping[str, Spans] = field(default_factory=dict)
     source: str = ""
-    confidence: float = 1.0  # 0…1, of the period
+    confidence: Annotated[float, Field(ge=0, le=1)] = 1.0  # of the period
     # cycles, frames: of the film that it was fitted to
-    cycles: float = 0.0
-    frames: int = 0
+    cycles: Annotated[float, Field(ge=0)] = 0.0
+    frames: Annotated[int, Field(ge=0)] = 0
     # by clock: RMS distance of contours / body length, on frames held out of the fit
-    residuals: Mapping[str, float] = field(default_factory=dict)
+    residuals: Mapping[str, Number] = field(default_factory=dict)
 
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
@@ -172,39 +197,18 @@ def cycle(
     gait: Gait,
     frames: int,
     layout: Layout = Layout(),
-    *,
-    closed: Mapping[str, bool] | None = None,
-    control: int | None = None,
+    **options: Any,
 ) -> dict[str, Points]:
     """A whole cycle, (frames, n, 2) by id, from two keys and γ (Figs. 12–14).
 
-    Frame k is at phase k / frames, so the frame after the last is the first.
-
-    Parameters
-    ----------
-    key1, key2, layout
-        As for `four_keys`.
-    gait
-        Its γ, split and symmetry are used.
-    frames
-        At least 4.
-    closed
-        Whether a contour is closed, by id; True if not named.
-    control
-        Control points of each contour (Fig. 14), a power of two; None = all.
-
-    Raises
-    ------
-    FinloopError
-        As `four_keys`; if there are fewer than 4 frames; if γ per scale or control points are used
-        with contours whose number of points is no power of two.
+    Frame k is at phase k / frames, so the frame after the last is the first. Options and errors
+    are those of `at_phases`; there must be at least 4 frames.
     """
     if frames < 4:
         raise FinloopError(
             f"a cycle of {frames} frames", "at least 4, one a key", "ask for 24 frames or more"
         )
-    phases = np.arange(frames) / frames
-    return at_phases(key1, key2, gait, phases, layout, closed=closed, control=control)
+    return at_phases(key1, key2, gait, np.arange(frames) / frames, layout, **options)
 
 
 def at_phases(
@@ -217,7 +221,27 @@ def at_phases(
     closed: Mapping[str, bool] | None = None,
     control: int | None = None,
 ) -> dict[str, Points]:
-    """As `cycle`, at any phases (f,)."""
+    """The contours (f, n, 2) by id at phases (f,) of a cycle, from two keys and γ.
+
+    Parameters
+    ----------
+    key1, key2, layout
+        As for `four_keys`.
+    gait
+        Its γ, split and symmetry are used.
+    phases
+        In cycles.
+    closed
+        Whether a contour is closed, by id; True if not named.
+    control
+        Control points of each contour (Fig. 14), a power of two; None = all.
+
+    Raises
+    ------
+    FinloopError
+        As `four_keys`; if γ per scale or control points are used with contours whose number of
+        points is no power of two.
+    """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)
     which, tau = subcycle(np.mod(phases, 0.5), gait.split)

@@ -34,153 +34,98 @@ class Chapter(NamedTuple):
 
 
 SWIM = Chapter(
-    "swimming",
-    "Where it swims, and how",
-    FISH,
-    "The fish is sent from goal to goal. Blue is the learned fish (sprites), orange the filmed.",
-    (
-        Figure(
-            "render/trajectory.png", "Figs. 16, 17", "The way through the goals",
-            "Goals in the order asked, with the time at which each was reached; the colour "
-            "changes where the fish goes over from sprites to film or back.",
-            "The tank from above with the path of the fish from its start through each goal.",
-        ),
-        Figure(
-            "render/switches.png", "Fig. 17", "Switch by switch",
-            "One switch a row: three ticks before it and five from it. The bar above a picture "
-            "tells sprites (blue) from film (orange); per cent is the weight of a cross-fade.",
-            "Rows of eight successive pictures of the fish around each switch.",
-        ),
-        Figure(
-            "animate/kinematics.png", "", "Speed and turning, against the film",
-            "How fast and how sharply the fish moves in the three modes, and in the film: the "
-            "nearer the outlines to the grey, the better.",
-            "Histograms of speed and turn rate of film and animations; bars of the time spent "
-            "in each state.",
-        ),
-        Figure(
-            "render/contact_sheet.png", "", "The liveliest stretch, tick by tick",
-            "Forty successive pictures, in reading order.",
-            "Forty successive pictures of the fish as it turns.",
-        ),
-        Figure(
-            "tank/contact_sheet.png", "", "The tank in three dimensions",
-            "A camera a row.",
-            "The fish in a glass tank, seen by several cameras at several moments.",
-        ),
+    "swimming", "Where it swims, and how", FISH,
+    "The fish is sent from goal to goal. Blue is the learned fish (sprites), orange the filmed.", (
+        Figure("render/trajectory.png", "Figs. 16, 17", "The way through the goals",
+               "Goals in the order asked, with the time at which each was reached; the colour "
+               "changes where the fish goes over from sprites to film or back.",
+               "The tank from above with the path of the fish from its start through each goal."),
+        Figure("render/switches.png", "Fig. 17", "Switch by switch",
+               "One switch a row: three ticks before it and five from it. The bar above a picture "
+               "tells sprites (blue) from film (orange); per cent is the weight of a cross-fade.",
+               "Rows of eight successive pictures of the fish around each switch."),
+        Figure("animate/kinematics.png", "", "Speed and turning, against the film",
+               "How fast and how sharply the fish moves in the three modes, and in the film: the "
+               "nearer the outlines to the grey, the better.",
+               "Histograms of speed and turn rate of film and animations; bars of the time spent "
+               "in each state."),
+        Figure("render/contact_sheet.png", "", "The liveliest stretch, tick by tick",
+               "Forty successive pictures, in reading order.",
+               "Forty successive pictures of the fish as it turns."),
+        Figure("tank/contact_sheet.png", "", "The tank in three dimensions",
+               "A camera a row.",
+               "The fish in a glass tank, seen by several cameras at several moments."),
     ),
 )  # fmt: skip
 FILM = Chapter(
-    "filmed",
-    "What the film holds",
-    FISH,
-    "Fish are cut out, followed and measured; a network learns how they move.",
-    (
-        Figure(
-            "features/fig7.png", "Fig. 7", "Motion area and swimming type",
-            "Along the longest track: how strongly the body is bent, relative to the most seen, "
-            "and what the fish was doing.",
-            "A curve of motion area with peaks at every turn; below, steps between left, "
-            "straight and right.",
-        ),
-        Figure(
-            "features/rose.png", "Table 1", "Headings",
-            "Share of the film in each orientation, by swimming type; 1 is to the "
-            "right, counted anticlockwise.",
-            "A rose with a bar for each orientation, divided into straight, left and right.",
-        ),
-        Figure(
-            "features/trajectories.png", "", "Tracks",
-            "Where every fish that could be followed went.",
-            "Coloured tracks over the background of the tank.",
-        ),
-        Figure(
-            "bpn/fig15.png", "Fig. 15", "Learning",
-            "Error per epoch, on rows learnt from and on rows held out.",
-            "Two charts of error that falls quickly and then stays level.",
-        ),
-        Figure(
-            "bpn/held_out.png", "", "Foretold and true",
-            "Held-out rows: motion area Δ later, and swimming type as a table of confusions.",
-            "A scatter of predicted against true motion area, and a three by three table.",
-        ),
-        Figure(
-            "distance/fig9.png", "Fig. 9", "How alike the frames are",
-            "Dark is alike. Left every pair (Eq. 5), right only like with like (Eq. 6): what is "
-            "tinted was never computed.",
-            "Two square maps of distances between frames.",
-        ),
-        Figure(
-            "sprites/contact_sheet.png", "", "The frames that became sprites",
-            "Picked automatically: a tail beat, a glide, the strongest turns, each before and "
-            "after it was turned.",
-            "Rows of pictures of the fish: swimming straight, gliding, turning left and right.",
-        ),
-        Figure(
-            "gateways/contact_sheet.png", "Fig. 14", "Gateways",
-            "From sprites into the film and back: best and worst of those that were kept.",
-            "Rows of four pictures: the last one shown, what would have come, and what comes.",
-        ),
-        Figure(
-            "loops/fig11.png", "Fig. 11", "Position table",
-            "In which quadrant a later loop end lies, seen from an earlier one: 1 upper right, "
-            "2 upper left, 3 lower left, 4 lower right.",
-            "Loop ends along one track, and a triangular table of quadrants.",
-        ),
-        Figure(
-            "loops/over_time.png", "Figs. 10, 12", "Loops in time, and their groups",
-            "An arc joins two moments of the film that may follow each other. The bar shows the "
-            "film that can be played on for ever, and dead ends.",
-            "Arcs over a time line, a histogram of loop ends, and a coloured bar.",
-        ),
-        Figure(
-            "loops/over_tank.png", "", "Loops in the tank",
-            "Loop ends where they were filmed.",
-            "Dots and arrows over the background of the tank.",
-        ),
-        Figure(
-            "loops/best_and_worst.png", "Fig. 8", "The best and the worst loops kept",
-            "The frame on screen, what the film would show next, what the loop shows instead.",
-            "Rows of pictures of the fish that differ little.",
-        ),
+    "filmed", "What the film holds", FISH,
+    "Fish are cut out, followed and measured; a network learns how they move.", (
+        Figure("features/fig7.png", "Fig. 7", "Motion area and swimming type",
+               "Along the longest track: how strongly the body is bent, relative to the most "
+               "seen, and what the fish was doing.",
+               "A curve of motion area with peaks at every turn; below, steps between left, "
+               "straight and right."),
+        Figure("features/rose.png", "Table 1", "Headings",
+               "Share of the film in each orientation, by swimming type; 1 is to the right, "
+               "counted anticlockwise.",
+               "A rose with a bar for each orientation, divided into straight, left and right."),
+        Figure("features/trajectories.png", "", "Tracks",
+               "Where every fish that could be followed went.",
+               "Coloured tracks over the background of the tank."),
+        Figure("bpn/fig15.png", "Fig. 15", "Learning",
+               "Error per epoch, on rows learnt from and on rows held out.",
+               "Two charts of error that falls quickly and then stays level."),
+        Figure("bpn/held_out.png", "", "Foretold and true",
+               "Held-out rows: motion area Δ later, and swimming type as a table of confusions.",
+               "A scatter of predicted against true motion area, and a three by three table."),
+        Figure("distance/fig9.png", "Fig. 9", "How alike the frames are",
+               "Dark is alike. Left every pair (Eq. 5), right only like with like (Eq. 6): what "
+               "is tinted was never computed.",
+               "Two square maps of distances between frames."),
+        Figure("sprites/contact_sheet.png", "", "The frames that became sprites",
+               "Picked automatically: a tail beat, a glide, the strongest turns, each before and "
+               "after it was turned.",
+               "Rows of pictures of the fish: swimming straight, gliding, turning left and right."),
+        Figure("gateways/contact_sheet.png", "Fig. 14", "Gateways",
+               "From sprites into the film and back: best and worst of those that were kept.",
+               "Rows of four pictures: the last one shown, what would have come, and what comes."),
+        Figure("loops/fig11.png", "Fig. 11", "Position table",
+               "In which quadrant a later loop end lies, seen from an earlier one: 1 upper right, "
+               "2 upper left, 3 lower left, 4 lower right.",
+               "Loop ends along one track, and a triangular table of quadrants."),
+        Figure("loops/over_time.png", "Figs. 10, 12", "Loops in time, and their groups",
+               "An arc joins two moments of the film that may follow each other. The bar shows "
+               "the film that can be played on for ever, and dead ends.",
+               "Arcs over a time line, a histogram of loop ends, and a coloured bar."),
+        Figure("loops/over_tank.png", "", "Loops in the tank",
+               "Loop ends where they were filmed.",
+               "Dots and arrows over the background of the tank."),
+        Figure("loops/best_and_worst.png", "Fig. 8", "The best and the worst loops kept",
+               "The frame on screen, what the film would show next, what the loop shows instead.",
+               "Rows of pictures of the fish that differ little."),
     ),
 )  # fmt: skip
 CURVES = Chapter(
-    "curves",
-    "Curves",
-    CURVE,
-    "Outlines as wavelet coefficients: kept coarse, made to swing, morphed.",
-    (
-        Figure(
-            "morph/fig2.png", "Fig. 2", "One outline at every scale",
-            "A digit's outline, kept with fewer and fewer coefficients, for two wavelets.",
-            "The digit 3, ever coarser from left to right, in two rows.",
-        ),
-        Figure(
-            "morph/fig3.png", "Fig. 3", "The stiffness matrix",
-            "In the wavelet basis, at two scales; black is large.",
-            "A square matrix with bands along the diagonals of its blocks.",
-        ),
-        Figure(
-            "morph/fig4.png", "Fig. 4", "Morphs",
-            "Linear, physical, and simple, which never folds.",
-            "A drawn face turns into another one, in three rows.",
-        ),
-        Figure(
-            "morph/fig5.png", "Fig. 5", "Linear against physical",
-            "Several elasticities, dampings and masses.",
-            "The same morph of a face in five rows.",
-        ),
-        Figure(
-            "morph/fig6.png", "Fig. 6", "A hoop let go",
-            "Bent, and back to round; the dashed outline is the rest.",
-            "Successive outlines of a hoop that swings.",
-        ),
-        Figure(
-            "morph/fig7.png", "Fig. 7", "The hoop, of few control points",
-            "4, 8, 16 and 32 of them.",
-            "Four rows of outlines of the hoop, from coarse to fine.",
-        ),
+    "curves", "Curves", CURVE,
+    "Outlines as wavelet coefficients: kept coarse, made to swing, morphed.", (
+        Figure("morph/fig2.png", "Fig. 2", "One outline at every scale",
+               "A digit's outline, kept with fewer and fewer coefficients, for two wavelets.",
+               "The digit 3, ever coarser from left to right, in two rows."),
+        Figure("morph/fig3.png", "Fig. 3", "The stiffness matrix",
+               "In the wavelet basis, at two scales; black is large.",
+               "A square matrix with bands along the diagonals of its blocks."),
+        Figure("morph/fig4.png", "Fig. 4", "Morphs",
+               "Linear, physical, and simple, which never folds.",
+               "A drawn face turns into another one, in three rows."),
+        Figure("morph/fig5.png", "Fig. 5", "Linear against physical",
+               "Several elasticities, dampings and masses.",
+               "The same morph of a face in five rows."),
+        Figure("morph/fig6.png", "Fig. 6", "A hoop let go",
+               "Bent, and back to round; the dashed outline is the rest.",
+               "Successive outlines of a hoop that swings."),
+        Figure("morph/fig7.png", "Fig. 7", "The hoop, of few control points",
+               "4, 8, 16 and 32 of them.",
+               "Four rows of outlines of the hoop, from coarse to fine."),
     ),
 )  # fmt: skip
 _GAIT = (
@@ -208,21 +153,14 @@ GAITS = Chapter(
     ),
 )  # fmt: skip
 CHECKS = Chapter(
-    "checks",
-    "To judge by eye",
-    FISH,
-    "If something looks wrong above, its cause is most often to be seen here.",
-    (
-        Figure(
-            "extract/detections.png", "", "What was taken for a fish",
-            "And what was not, and why, by colour.",
-            "Frames of the film with the outlines of silhouettes in several colours.",
-        ),
-        Figure(
-            "features/contact_sheet.png", "", "The most doubtful fish",
-            "Backbone, control points, motion area and head.",
-            "Pictures of single fish with a line along the body and an arrow at the head.",
-        ),
+    "checks", "To judge by eye", FISH,
+    "If something looks wrong above, its cause is most often to be seen here.", (
+        Figure("extract/detections.png", "", "What was taken for a fish",
+               "And what was not, and why, by colour.",
+               "Frames of the film with the outlines of silhouettes in several colours."),
+        Figure("features/contact_sheet.png", "", "The most doubtful fish",
+               "Backbone, control points, motion area and head.",
+               "Pictures of single fish with a line along the body and an arrow at the head."),
     ),
 )  # fmt: skip
 CHAPTERS = (SWIM, FILM, CURVES, GAITS, CHECKS)
