@@ -83,11 +83,7 @@ def film_reel(p: Zebrafish | File) -> Reel:
         path = Path(p.path).expanduser()
         films = [
             open_footage(
-                path,
-                frame_rate_hz=p.frame_rate_hz,
-                start_s=p.start_s,
-                end_s=p.end_s,
-                colour=colour,
+                path, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s, colour=colour
             )
         ]
     facts = replace(films[0].facts(p.source, p.crf), frames=sum(f.frames_expected for f in films))

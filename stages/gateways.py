@@ -10,15 +10,7 @@ import pandas as pd
 
 from finloop.distance.map import MapFacts
 from finloop.features.table import FEATURES
-from finloop.gateways.find import (
-    GATEWAYS,
-    IN,
-    OUT,
-    gateways,
-    nearest,
-    nearness,
-    numbers,
-)
+from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
 from finloop.gateways.settings import Settings
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
@@ -68,10 +60,7 @@ def main() -> None:
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", kept, GATEWAYS)
         save_table(folder / "nearest.parquet", every, GATEWAYS)
-    save_metrics(
-        REPORT / "metrics.json",
-        numbers(kept, every, near, features, rate_hz, step),
-    )
+    save_metrics(REPORT / "metrics.json", numbers(kept, every, near, features, rate_hz, step))
 
 
 if __name__ == "__main__":

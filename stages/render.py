@@ -92,10 +92,7 @@ def main() -> None:
     save_metrics(
         REPORT / "metrics.json",
         step_numbers(change, natural)
-        | {
-            "frames": len(edit),
-            "duration_s": len(edit) / facts.frame_rate_hz,
-        },
+        | {"frames": len(edit), "duration_s": len(edit) / facts.frame_rate_hz},
     )
 
 

@@ -18,20 +18,8 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.reel import Reel
 from finloop.sprites import atlas
-from finloop.sprites.metrics import (
-    faults,
-    is_still,
-    loop_numbers,
-    numbers,
-    table1_after,
-)
-from finloop.sprites.orient import (
-    SPRITES,
-    Choice,
-    choose,
-    drawn,
-    sprite_table,
-)
+from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
+from finloop.sprites.orient import SPRITES, Choice, choose, drawn, sprite_table
 from finloop.sprites.pick import PICTURE, SIDES, swimmers
 from finloop.sprites.settings import Settings
 from stages.settings import load

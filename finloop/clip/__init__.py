@@ -7,8 +7,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
-    submod_attrs={
-        "arena": ["circle_arena", "rectangle_arena"],
-        "quality": ["Tally", "psnr_db"],
-    },
+    submod_attrs={"arena": ["circle_arena", "rectangle_arena"], "quality": ["Tally", "psnr_db"]},
 )

@@ -26,12 +26,7 @@ from finloop.extract.background import (
     median_background,
     survey_noise,
 )
-from finloop.extract.segment import (
-    Fish,
-    Silhouette,
-    measure,
-    silhouettes,
-)
+from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
 from finloop.parallel import ordered_map

@@ -15,12 +15,7 @@ import av
 import cv2
 import numpy as np
 from av.video.frame import VideoFrame
-from av.video.reformatter import (
-    ColorPrimaries,
-    ColorRange,
-    Colorspace,
-    ColorTrc,
-)
+from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
 from numpy.typing import NDArray
 
 from finloop.io.atomic import whole_file
@@ -121,10 +116,7 @@ def _coded(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
         cv2.LUT(frame, _LIMITED, dst=planes[:height])
         return VideoFrame.from_ndarray(planes, format="yuv420p")
     return VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-        format="yuv420p",
-        dst_colorspace=matrix,
-        dst_color_range=ColorRange.MPEG,
-        threads=THREADS,
+        format="yuv420p", dst_colorspace=matrix, dst_color_range=ColorRange.MPEG, threads=THREADS
     )
 
 

@@ -9,11 +9,7 @@ from finloop.loops.graph import LoopGraph, goes_on, in_component
 
 
 def numbers(
-    loops: pd.DataFrame,
-    counts: Counts,
-    graph: LoopGraph,
-    features: pd.DataFrame,
-    facts: MapFacts,
+    loops: pd.DataFrame, counts: Counts, graph: LoopGraph, features: pd.DataFrame, facts: MapFacts
 ) -> dict[str, float]:
     """Flat numbers. A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film.
 

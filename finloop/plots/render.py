@@ -134,11 +134,7 @@ def around(tick: int, ticks: int) -> range:
 
 
 def tiles(
-    edit: pd.DataFrame,
-    ticks: Sequence[int],
-    rows: Iterable[Placed],
-    painter: Painter,
-    half_px: int,
+    edit: pd.DataFrame, ticks: Sequence[int], rows: Iterable[Placed], painter: Painter, half_px: int
 ) -> list[Tile]:
     """A tile for each of some ticks of an edit list; `rows`: what to draw in each of these."""
     names, colours = parts(edit)

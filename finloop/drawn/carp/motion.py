@@ -68,12 +68,7 @@ def crowded(fish: int, room: Room) -> bool:
 
 
 def simulate(
-    frames: int,
-    fish: int,
-    room: Room,
-    frame_rate_hz: float,
-    fins: float,
-    rng: np.random.Generator,
+    frames: int, fish: int, room: Room, frame_rate_hz: float, fins: float, rng: np.random.Generator
 ) -> Motion:
     """Poses of `fish` fish over `frames` frames in `room`; more frames do not change the first."""
     steps = max(1, math.ceil(1 / (frame_rate_hz * STEP_S)))

@@ -57,13 +57,7 @@ class Swimmer:
     """The state of one fish; `advance` moves it on by an integration step."""
 
     def __init__(
-        self,
-        x: float,
-        y: float,
-        axis: float,
-        room: Room,
-        fins: float,
-        rng: np.random.Generator,
+        self, x: float, y: float, axis: float, room: Room, fins: float, rng: np.random.Generator
     ) -> None:
         self.x, self.y, self.axis = x, y, axis
         self.room, self.fins_share, self.rng = room, fins, rng
