@@ -46,11 +46,8 @@ def settings(word: str, **values: Any) -> Any:
 
     `settings("extract", noise_sigmas=6.0)` is a `finloop.extract.settings.Settings`;
     `settings("clip", source="carp", frames=50)` is a `finloop.clip.settings.Carp`. Needs no Hydra.
-
-    Raises
-    ------
-    FinloopError
-        If a name is unknown, or a value has a wrong type or is out of range; all are listed.
+    FinloopError if a name is unknown, or a value has a wrong type or is out of range; all are
+    listed.
     """
     whole = values_of(word, values.get("source", usual_options()[word])) | values
     group, problems = check(word, variants(word), whole)

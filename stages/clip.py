@@ -113,10 +113,7 @@ def flushing(
 def record(writer: VideoWriter, reel: Reel, advance: Callable[..., None]) -> tuple[Timing, Tally]:
     """Write the takes one after the other, each re-timed to a constant rate from its first frame.
 
-    Raises
-    ------
-    FinloopError
-        If fewer than two frames can be read, or all frames are plain.
+    FinloopError if fewer than two frames can be read, or all frames are plain.
     """
     timing, tally = Timing(), Tally()
     for take in reel.takes:

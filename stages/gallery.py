@@ -17,17 +17,14 @@ def open_gallery(
 ) -> Iterator[Gallery]:
     """Open the film's cut-outs and, if a `table` of sprites is given, the sprites.
 
+    FinloopError if a store is missing or damaged, or its table belongs to another one.
+
     Parameters
     ----------
     cutouts, sprites
         The two stores.
     tracks, table
         Their tables: x_px, y_px of every cut-out; the same and orientations of every sprite.
-
-    Raises
-    ------
-    FinloopError
-        If a store is missing or damaged, or its table belongs to another one.
     """
     with ExitStack() as stack:
         stores = {FRAME: stack.enter_context(open_cutouts(cutouts))}

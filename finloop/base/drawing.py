@@ -38,11 +38,8 @@ class Drawing:
 def checked(curve: Curve, name: str) -> Curve:
     """The curve without points that repeat the one before; `name` stands in messages.
 
-    Raises
-    ------
-    FinloopError
-        If a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed curve
-        (2 of an open one) are apart from the one before.
+    FinloopError if a coordinate is no number or beyond LARGEST, or fewer than 3 points of a closed
+    curve (2 of an open one) are apart from the one before.
     """
     points = np.asarray(curve.points, np.float64)
     if points.ndim != 2 or points.shape[1] != 2:

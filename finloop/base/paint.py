@@ -51,10 +51,7 @@ class Shape:
 def paint(style: str, side: float) -> Paint:
     """What "fill:…;stroke:…" asks for; without either a black line of 1/200 of `side`.
 
-    Raises
-    ------
-    FinloopError
-        If a colour or number cannot be read.
+    FinloopError if a colour or number cannot be read.
     """
     given = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
     given = {key.strip(): value.strip() for key, value in given.items()}

@@ -85,10 +85,8 @@ _WEIGHTS = ("hidden_weights", "hidden_bias", "output_weights", "output_bias")
 def motion_model(**content: Any) -> MotionModel:
     """The model that `MotionModel.record` described.
 
-    Raises
-    ------
-    KeyError, TypeError, ValueError
-        If the content is no motion model: something is missing, of another size or out of range.
+    KeyError, TypeError or ValueError if the content is no motion model: something is missing, of
+    another size or out of range.
     """
     for name, value in _HEADER.items():
         if content[name] != value:

@@ -14,13 +14,8 @@ def rectangle_arena(
 ) -> np.ndarray:
     """Mask of the pixels whose centres lie in a rectangle.
 
-    The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0
-    is the columns 0 … 9.
-
-    Raises
-    ------
-    FinloopError
-        If no pixel of the picture lies in it.
+    The left and top edges belong to it, the right and bottom ones do not: 10 px wide from 0 is the
+    columns 0 … 9. FinloopError if no pixel of the picture lies in it.
     """
     x, y = np.arange(width), np.arange(height)[:, None]
     mask = (x >= left_px) & (x < left_px + width_px) & (y >= top_px) & (y < top_px + height_px)
@@ -33,10 +28,7 @@ def rectangle_arena(
 def circle_arena(width: int, height: int, x_px: float, y_px: float, radius_px: float) -> np.ndarray:
     """Mask of the pixels whose centres lie in or on a circle.
 
-    Raises
-    ------
-    FinloopError
-        If no pixel of the picture lies in it.
+    FinloopError if no pixel of the picture lies in it.
     """
     x, y = np.arange(width), np.arange(height)[:, None]
     mask = (x - x_px) ** 2 + (y - y_px) ** 2 <= radius_px**2

@@ -71,10 +71,8 @@ def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdi
 def survey(sample: Sequence[Image], arena: Image, settings: Settings) -> tuple[Scene, Typical]:
     """Scene and typical fish from frames spread over the clip.
 
-    Raises
-    ------
-    FinloopError
-        If nothing stands out from the background, or no silhouette can be an isolated fish.
+    FinloopError if nothing stands out from the background, or no silhouette can be an isolated
+    fish.
     """
     flat = settings.background == "threshold"
     make = flat_background if flat else median_background

@@ -99,12 +99,8 @@ def features(
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:
     """The feature table of a table of tracks, row by row, and the backbones head first.
 
-    The table of tracks is in the order (track_id, frame), as `extract` writes it.
-
-    Raises
-    ------
-    FinloopError
-        If it is not.
+    The table of tracks is in the order (track_id, frame), as `extract` writes it. FinloopError if
+    it is not.
 
     Returns
     -------

@@ -26,11 +26,8 @@ LARGEST_PX = 2048
 def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 512) -> None:
     """Write a morph as the ending says; `size` [px] is the longer side of films.
 
-    Raises
-    ------
-    FinloopError
-        If the ending is not one of `ENDINGS`, the frame rate not SLOWEST … FASTEST, or the size not
-        16 … LARGEST_PX.
+    FinloopError if the ending is not one of `ENDINGS`, the frame rate not SLOWEST … FASTEST, or the
+    size not 16 … LARGEST_PX.
     """
     write = writer(path)
     if not SLOWEST <= frame_rate <= FASTEST:

@@ -21,12 +21,8 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 def whole_file(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path`; rename it to `path` when the block ends well.
 
-    On any exception the temporary file is removed and `path` is left as it was.
-
-    Raises
-    ------
-    FinloopError
-        If the disk is full.
+    On any exception the temporary file is removed and `path` is left as it was. FinloopError if the
+    disk is full.
     """
     part = path.with_name(f".{path.stem}.part{path.suffix}")
     try:
@@ -45,12 +41,8 @@ def whole_file(path: Path) -> Iterator[Path]:
 def whole_folder(path: Path) -> Iterator[Path]:
     """Yield a temporary folder beside `path`; it replaces `path` when the block ends well.
 
-    On any exception the temporary folder is removed and `path` is left as it was.
-
-    Raises
-    ------
-    FinloopError
-        If the disk is full.
+    On any exception the temporary folder is removed and `path` is left as it was. FinloopError if
+    the disk is full.
     """
     part = path.with_name(f".{path.name}.part")
     try:

@@ -123,10 +123,7 @@ class CutoutStore:
 def open_cutouts(path: Path) -> Iterator[CutoutStore]:
     """Open a store for random access.
 
-    Raises
-    ------
-    FinloopError
-        If the file is missing, damaged, or no cut-out store.
+    FinloopError if the file is missing, damaged, or no cut-out store.
     """
     with ExitStack() as stack:
         try:

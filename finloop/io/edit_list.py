@@ -12,10 +12,7 @@ from finloop.io.table import load_table
 def load_edit(folder: Path, mode: str, stage: str, schema: Schema) -> pd.DataFrame:
     """The edit list `folder`/`mode`.parquet, for the stage that asks.
 
-    Raises
-    ------
-    FinloopError
-        If there is none, or it is damaged.
+    FinloopError if there is none, or it is damaged.
     """
     path = folder / f"{mode}.parquet"
     if not path.exists():

@@ -20,10 +20,7 @@ _WIDTHS = (960, 640, 426)
 def small_film(path: Path, most_bytes: int) -> tuple[bytes, NDArray[np.uint8]]:
     """The bytes of an MP4, made smaller if they are too many, and its first frame, (h, w, 3) RGB.
 
-    Raises
-    ------
-    FinloopError
-        If the film cannot be read, or is too long to become so small.
+    FinloopError if the film cannot be read, or is too long to become so small.
     """
     poster = next(iter(read_frames(path, colour=True)))
     film = path.read_bytes()

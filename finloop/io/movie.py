@@ -33,10 +33,7 @@ _COLOURS = {
 class Movie(ABC):
     """A file with one stream of frames of one shape; it appears at `path` when it is whole.
 
-    Raises
-    ------
-    FinloopError
-        On leaving the block, if the disk was full. Nothing is left of the file then.
+    FinloopError on leaving the block, if the disk was full. Nothing is left of the file then.
     """
 
     def __init__(self, path: Path, shape: tuple[int, ...], frame_rate: Fraction) -> None:

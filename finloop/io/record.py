@@ -25,11 +25,8 @@ def load_json(
 ) -> T:
     """What `build` makes of the content of a JSON file.
 
-    Raises
-    ------
-    FinloopError
-        If the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its content by
-        ValueError, TypeError, KeyError or AttributeError.
+    FinloopError if the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its
+    content by ValueError, TypeError, KeyError or AttributeError.
     """
     try:
         if path.stat().st_size > most_bytes:

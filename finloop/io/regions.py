@@ -51,6 +51,9 @@ def load_regions(
 ) -> Regions[T]:
     """Regions of masks or traces.
 
+    FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
+    has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
+
     Parameters
     ----------
     folder
@@ -59,12 +62,6 @@ def load_regions(
         What to make of a mask (h, w).
     of_trace
         What to make of a closed path in a picture of this width and height [px].
-
-    Raises
-    ------
-    FinloopError
-        If there is no folder or nothing in it, masks and traces are mixed, a file's name has no
-        number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")

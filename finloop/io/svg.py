@@ -33,14 +33,10 @@ Points = NDArray[np.float64]
 def load_svg(path: Path) -> Drawing:
     """The contours of an SVG file in px of its viewport, by id, in drawing order.
 
-    A contour without an id has that of the nearest group or `use` around it, else "contour";
-    where several would share such a name, they are numbered: `eye`, `eye-2`.
-
-    Raises
-    ------
-    FinloopError
-        If the file is no SVG that may be read (see `load_tree`), has no contour, one that is not
-        valid (see `checked`), or two of one id.
+    A contour without an id has that of the nearest group or `use` around it, else "contour"; where
+    several would share such a name, they are numbered: `eye`, `eye-2`. FinloopError if the file is
+    no SVG that may be read (see `load_tree`), has no contour, one that is not valid (see
+    `checked`), or two of one id.
     """
     tree = load_tree(path)
     try:

@@ -34,11 +34,8 @@ _LEFT_OUT = {
 def load_tree(path: Path) -> ElementTree.Element:
     """The `svg` element of a file, without what is no contour and with `symbol` as a `g` in `defs`.
 
-    Raises
-    ------
-    FinloopError
-        If the file is missing, huge, no SVG, declares entities, points to another file for a
-        shape, or would draw more than MOST_DRAWN.
+    FinloopError if the file is missing, huge, no SVG, declares entities, points to another file for
+    a shape, or would draw more than MOST_DRAWN.
     """
     try:
         with path.open("rb") as file:

@@ -53,13 +53,9 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
     """Write `frame` as Parquet, whole or not at all.
 
     Integer and float columns of another width are converted where that loses nothing but
-    floating-point precision; NaN in a nullable column becomes null. A list column is given as
-    rows of arrays, all of the schema's length.
-
-    Raises
-    ------
-    FinloopError
-        Listing every missing, unknown, ill-typed or wrongly null column at once.
+    floating-point precision; NaN in a nullable column becomes null. A list column is given as rows
+    of arrays, all of the schema's length. FinloopError lists every missing, unknown, ill-typed or
+    wrongly null column at once.
     """
     table = _to_table(frame, schema, str(path))
     with whole_file(path) as part:
@@ -90,14 +86,9 @@ def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read a table that `save_table` wrote, or only some `columns` of it.
 
-    Nullable whole numbers come back as pandas' `Int32` and its like, nullable floats as NaN,
-    list columns as rows of arrays.
-
-    Raises
-    ------
-    FinloopError
-        If the file is missing or unreadable; or listing every missing, unknown, ill-typed,
-        wrongly null column and every other unit at once.
+    Nullable whole numbers come back as pandas' `Int32` and its like, nullable floats as NaN, list
+    columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
+    missing, unknown, ill-typed, wrongly null column and every other unit at once.
     """
     do = "run the stage that makes it again: `dvc repro`"
     if columns is not None:
@@ -237,13 +228,7 @@ class TableWriter:
         return self
 
     def write(self, frame: pd.DataFrame) -> None:
-        """Append rows.
-
-        Raises
-        ------
-        FinloopError
-            As `save_table`.
-        """
+        """Append rows. FinloopError as `save_table`."""
         self._file.write_table(_to_table(frame, self._schema, str(self._path)))
         self.rows += len(frame)
 

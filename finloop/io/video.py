@@ -87,10 +87,7 @@ def save_facts(path: Path, facts: VideoFacts) -> None:
 def load_facts(path: Path) -> VideoFacts:
     """Read the facts that `save_facts` wrote.
 
-    Raises
-    ------
-    FinloopError
-        If the file is missing, is no JSON, or lacks or has too many keys.
+    FinloopError if the file is missing, is no JSON, or lacks or has too many keys.
     """
     try:
         record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
@@ -162,6 +159,8 @@ def read_frames(
 ) -> Iterator[np.ndarray]:
     """Stream the frames `start` … `stop` - 1 of a normalised clip.
 
+    FinloopError if the clip cannot be read, or ends early.
+
     Parameters
     ----------
     path
@@ -173,11 +172,6 @@ def read_frames(
         Half-open range of frames; `stop` None = to the end.
     threads
         Of the decoder.
-
-    Raises
-    ------
-    FinloopError
-        If the clip cannot be read, or ends early.
     """
     with _opened(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma
@@ -240,10 +234,7 @@ def save_mask(path: Path, mask: np.ndarray) -> None:
 def load_mask(path: Path, width: int, height: int) -> np.ndarray:
     """Read a mask picture as boolean (height, width), True where it is at least half bright.
 
-    Raises
-    ------
-    FinloopError
-        If there is no such picture, it cannot be read, or it has another size.
+    FinloopError if there is no such picture, it cannot be read, or it has another size.
     """
     wanted = f"a mask picture of {width}×{height} pixels, bright inside the arena, black outside"
     do = "give the path of such a picture (PNG is fine)"

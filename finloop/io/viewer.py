@@ -106,11 +106,7 @@ def save_viewer(
     """Write the page.
 
     way: where the fish is at every tick, in units of the .glb, for the camera that follows it.
-
-    Raises
-    ------
-    FinloopError
-        If the viewer is not installed.
+    FinloopError if the viewer is not installed.
     """
     page = _PAGE.format(
         title=html.escape(title),

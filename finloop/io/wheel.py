@@ -31,10 +31,7 @@ _INSTEAD = "or use the drawn carp, which needs no network: dvc exp run -S clip=c
 def cache_folder() -> Path:
     """Where the footage is kept: `$XDG_CACHE_HOME/finloop`, by default `~/.cache/finloop`.
 
-    Raises
-    ------
-    FinloopError
-        If there is no home directory either.
+    FinloopError if there is no home directory either.
     """
     given = os.environ.get("XDG_CACHE_HOME", "")
     if Path(given).is_absolute():
@@ -52,11 +49,8 @@ def cache_folder() -> Path:
 def zebrafish_clips(parts: Sequence[str], folder: Path) -> list[Path]:
     """Give the paths of the clips "A", "B"; download what is not whole in `folder`.
 
-    Raises
-    ------
-    FinloopError
-        If the package cannot be downloaded, does not hold the clips as they are known, or the
-        folder cannot be written. Nothing half is left.
+    FinloopError if the package cannot be downloaded, does not hold the clips as they are known, or
+    the folder cannot be written. Nothing half is left.
     """
     paths = [folder / f"{PACKAGE.replace('==', '-')}-test_{part}.avi" for part in parts]
     if all(_is_known(path, part) for path, part in zip(paths, parts, strict=True)):

@@ -78,16 +78,12 @@ def find(
     """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and what the tests left.
 
     `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
-    median natural step, in the unit of D.
+    median natural step, in the unit of D. NoLoops if there is none; it says what would have given
+    some.
 
     Returns
     -------
     loops : columns of `LOOPS`, sorted by filtered distance; counts.
-
-    Raises
-    ------
-    NoLoops
-        If there is none; it says what would have given some.
     """
     loops, counts = _candidates(pairs, features, rate_hz, settings.threshold * step, settings)
     if loops.empty:

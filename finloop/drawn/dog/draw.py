@@ -146,10 +146,7 @@ def true_masks(dog: DogFilm, frame: int) -> dict[str, Mask]:
 def limb_masks(picture: NDArray[np.uint8]) -> dict[str, Mask]:
     """Masks of the near limbs in a frame of the coded film, segmented by colour.
 
-    Raises
-    ------
-    FinloopError
-        If the picture has fewer than two pale regions: it is not of this film.
+    FinloopError if the picture has fewer than two pale regions: it is not of this film.
     """
     levels = picture.astype(np.int32)
     distance = np.stack([((levels - colour) ** 2).sum(axis=2) for colour in PALETTE])

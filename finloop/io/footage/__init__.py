@@ -30,6 +30,9 @@ def open_footage(
 ) -> Footage:
     """Find out how a source is to be read; no frame is converted yet.
 
+    FinloopError if there is nothing at `path`, it is no film, holds fewer than two frames, states
+    no frame rate, or is shorter than the range of time.
+
     Parameters
     ----------
     path
@@ -41,12 +44,6 @@ def open_footage(
         the end.
     colour
         True = RGB, False = grey, None = RGB where the film has colours.
-
-    Raises
-    ------
-    FinloopError
-        If there is nothing at `path`, it is no film, holds fewer than two frames, states no frame
-        rate, or is shorter than the range of time.
     """
     rate = None if frame_rate_hz is None else Fraction(frame_rate_hz).limit_denominator(1001)
     if not path.exists():

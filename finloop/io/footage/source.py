@@ -76,15 +76,12 @@ class Footage:
     def frames(self, loss: Loss) -> Frames:
         """Stream the frames of the range, upright.
 
+        FinloopError if frames change their size, or a picture of a folder cannot be read.
+
         Parameters
         ----------
         loss
             Counts the frames that cannot be read.
-
-        Raises
-        ------
-        FinloopError
-            If frames change their size, or a picture of a folder cannot be read.
         """
         return self.reader(self, loss)
 
@@ -111,10 +108,7 @@ class Footage:
 def limited(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -> Footage:
     """Restrict a source to a range of time; `times` [s] are those of its frames.
 
-    Raises
-    ------
-    FinloopError
-        If the range is empty, reaches beyond the source, or holds fewer than two frames.
+    FinloopError if the range is empty, reaches beyond the source, or holds fewer than two frames.
     """
     step = 1 / float(footage.frame_rate)
     length = float(times[-1]) + step
