@@ -34,10 +34,24 @@ class Movie(ABC):
     """A file with one stream of frames of one shape; it appears at `path` when it is whole.
 
     FinloopError on leaving the block, if the disk was full. Nothing is left of the file then.
+
+    Parameters
+    ----------
+    path
+        Where the file goes.
+    shape
+        Of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the kind of film takes.
+    frame_rate
+        Frames per second.
+    quality
+        As the coder counts it.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, ...], frame_rate: Fraction) -> None:
+    def __init__(
+        self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, quality: int
+    ) -> None:
         self._path, self._shape, self._rate = path, shape, frame_rate
+        self._quality = str(quality)
         self._stack = ExitStack()
         self.frames = 0
 
@@ -77,17 +91,17 @@ class Movie(ABC):
     def __enter__(self) -> Self: ...
 
     @abstractmethod
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+        """The frame in the stream's pixel format."""
+
     def write(self, frame: NDArray[np.uint8]) -> None:
         """Append one frame, uint8 of the film's shape."""
-
-    def _encode(self, frame: VideoFrame) -> None:
-        frame.pts, frame.time_base = self.frames, 1 / self._rate
-        self._file.mux(self._stream.encode(frame))
-        self.frames += 1
-
-    def _check(self, frame: NDArray[np.uint8]) -> None:
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
+        coded = self._coded(frame)
+        coded.pts, coded.time_base = self.frames, 1 / self._rate
+        self._file.mux(self._stream.encode(coded))
+        self.frames += 1
 
     def __exit__(
         self,
@@ -105,7 +119,7 @@ class Movie(ABC):
 _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 
 
-def _coded(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
+def _subsampled(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
     """A frame of even sides as 4:2:0 of limited range."""
     if frame.ndim == 2:  # swscale gives grey a tint that varies
         height, width = frame.shape
@@ -125,19 +139,8 @@ class VideoWriter(Movie):
     even and 4:4:4 if one is odd, so that no row or column is lost. Every `KEY_FRAME_EVERY`-th frame
     can be sought.
 
-    Parameters
-    ----------
-    path
-        Where the .mp4 goes.
-    width, height
-        In pixels, any size from 1.
-    frame_rate
-        Frames per second.
-    colour
-        Frames are (height, width, 3) RGB instead of (height, width) grey; both uint8.
-    crf
-        0 = lossless (grey bit for bit; RGB up to the rounding of its YUV form), else the quality
-        of libx264, 51 = worst.
+    Size in pixels, any from 1; `colour`: frames are RGB instead of grey; `crf`: 0 = lossless (grey
+    bit for bit; RGB up to the rounding of its YUV form), else the quality of libx264, 51 = worst.
     """
 
     def __init__(
@@ -149,10 +152,9 @@ class VideoWriter(Movie):
         colour: bool = False,
         crf: int = 0,
     ) -> None:
-        super().__init__(path, (height, width, 3) if colour else (height, width), frame_rate)
+        super().__init__(path, (height, width, 3) if colour else (height, width), frame_rate, crf)
         even = height % 2 == 0 and width % 2 == 0
         self._format = ("yuv420p" if even else "yuv444p") if colour else "gray"
-        self._crf = crf
 
     @classmethod
     def of(cls, path: Path, facts: VideoFacts) -> Self:
@@ -163,8 +165,8 @@ class VideoWriter(Movie):
     def __enter__(self) -> Self:
         options = (
             {"qp": "0", "preset": "ultrafast"}
-            if self._crf == 0
-            else {"crf": str(self._crf), "preset": "veryfast", "bf": "0"}
+            if self._quality == "0"
+            else {"crf": self._quality, "preset": "veryfast", "bf": "0"}
         )
         stream = self._begin("mp4", {}, "libx264", options)
         stream.height, stream.width = self._shape[:2]
@@ -174,89 +176,57 @@ class VideoWriter(Movie):
         coder.color_range, coder.colorspace = ColorRange.JPEG, Colorspace.ITU601
         return self
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
-        """Append one frame, uint8 of the clip's shape."""
-        self._check(frame)
-        if frame.ndim == 3:
-            picture = VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-                format=self._format,
-                dst_colorspace=Colorspace.ITU601,
-                dst_color_range=ColorRange.JPEG,
-                threads=THREADS,
-            )
-        else:
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+        if frame.ndim == 2:
             picture = VideoFrame.from_ndarray(frame, format="gray")
             picture.color_range = ColorRange.JPEG
-        self._encode(picture)
+            return picture
+        return VideoFrame.from_ndarray(frame, format="rgb24").reformat(
+            format=self._format,
+            dst_colorspace=Colorspace.ITU601,
+            dst_color_range=ColorRange.JPEG,
+            threads=THREADS,
+        )
 
 
 class Mp4Writer(Movie):
     """H.264 in MP4 that every browser plays: 4:2:0, limited range, BT.709, index in front.
 
     4:2:0 needs even sides: a last odd row or column is repeated once, so that nothing is lost.
-
-    Parameters
-    ----------
-    path
-        Where the .mp4 goes.
-    shape
-        (h, w) or (h, w, 3) of every frame.
-    frame_rate
-        Frames per second.
-    crf
-        Quality of libx264, 0 = best, 51 = worst.
+    Quality of libx264: 0 = best, 51 = worst.
     """
 
-    def __init__(self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, crf: int) -> None:
-        super().__init__(path, shape, frame_rate)
-        self._crf = crf
-
     def __enter__(self) -> Self:
-        options = {"crf": str(self._crf), "preset": "veryfast"} | _REPEATABLE
+        options = {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
         stream = self._begin("mp4", {"movflags": "+faststart"}, "libx264", options)
         self._halved(stream, "yuv420p", Colorspace.ITU709)
         return self
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
-        """Append one frame."""
-        self._check(frame)
-        self._encode(_coded(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709))
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+        return _subsampled(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
 class WebpWriter(Movie):
-    """An animated WebP, scaled down, that repeats for ever.
+    """An animated WebP, scaled down, that repeats for ever; a frame begins at a whole millisecond.
 
-    Parameters
-    ----------
-    path
-        Where the .webp goes.
-    shape
-        (h, w) or (h, w, 3) of every frame.
-    frame_rate
-        Frames per second; a frame begins at a whole millisecond.
-    width
-        Of the picture in the file, px; at most the frames' width. Width and height become even.
-    quality
-        0 … 100, lossy.
+    `width`, px, of the picture in the file is at most the frames'; width and height become even.
+    Quality, lossy: 0 = worst, 100 = best.
     """
 
     def __init__(
         self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, width: int, quality: int
     ) -> None:
-        super().__init__(path, shape, frame_rate)
-        self._quality = quality
+        super().__init__(path, shape, frame_rate, quality)
         wide = min(width, shape[1])
         self._size = 2 * max(1, wide // 2), 2 * max(1, round(shape[0] * wide / shape[1] / 2))
 
     def __enter__(self) -> Self:
         # Method 2: as fast as 0, 3 % larger than 4, which takes three times as long.
-        options = {"quality": str(self._quality), "compression_level": "2"}
+        options = {"quality": self._quality, "compression_level": "2"}
         stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
         (stream.width, stream.height), stream.pix_fmt = self._size, "yuv420p"
         return self
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
-        """Append one frame."""
-        self._check(frame)
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
         small = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
-        self._encode(_coded(small, Colorspace.ITU601))  # as WebP is defined
+        return _subsampled(small, Colorspace.ITU601)  # as WebP is defined

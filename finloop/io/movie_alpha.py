@@ -4,8 +4,6 @@ Frames are (h, w, 4) RGBA uint8 with straight alpha, as both formats want it. Th
 its name when it is whole; the same frames give the same bytes.
 """
 
-from fractions import Fraction
-from pathlib import Path
 from typing import Self
 
 import cv2
@@ -21,29 +19,15 @@ class WebmWriter(Movie):
     """VP9 with a second, equally coded picture for alpha: what browsers and editors overlay.
 
     4:2:0 wants even sides: an odd one gets a transparent row or column more.
-
-    Parameters
-    ----------
-    path
-        Where the .webm goes.
-    shape
-        (h, w, 4) of every frame.
-    frame_rate
-        Frames per second.
-    crf
-        Quality of libvpx, 0 = best, 63 = worst.
+    Quality of libvpx: 0 = best, 63 = worst.
     """
-
-    def __init__(self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, crf: int) -> None:
-        super().__init__(path, shape, frame_rate)
-        self._crf = crf
 
     def __enter__(self) -> Self:
         # Speed 8 of "realtime" is four times as fast as "good", the files as large. Coded as a
         # screen, where little moves, a fish leaves fewer traces in the alpha behind it. A frame
         # that is not shown (auto-alt-ref, lag) would come in one of the two pictures alone.
         options = {
-            "crf": str(self._crf), "b": "0", "deadline": "realtime", "cpu-used": "8",
+            "crf": self._quality, "b": "0", "deadline": "realtime", "cpu-used": "8",
             "tune-content": "screen", "auto-alt-ref": "0", "lag-in-frames": "0",
         }  # fmt: skip
         container = {"fflags": "bitexact"}  # else a random number names the file
@@ -51,58 +35,35 @@ class WebmWriter(Movie):
         self._halved(stream, "yuva420p", Colorspace.ITU601)
         return self
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
-        """Append one frame."""
-        self._check(frame)
-        self._encode(_coded(self._even(frame, cv2.BORDER_CONSTANT)))
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+        """4:2:0 of limited range, BT.601, with alpha as it is.
 
-
-def _coded(frame: NDArray[np.uint8]) -> VideoFrame:
-    """RGBA of even sides as 4:2:0 of limited range, BT.601, with alpha as it is.
-
-    By OpenCV: swscale takes three times as long, and changes alpha by 1.
-    """
-    height, width = frame.shape[:2]
-    yuv = cv2.cvtColor(frame, cv2.COLOR_RGBA2YUV_I420)
-    chroma = yuv[height:].reshape(2, height // 2, width // 2)
-    coded = VideoFrame(width, height, "yuva420p")
-    planes = (yuv[:height], *chroma, frame[..., 3])
-    for plane, pixels in zip(coded.planes, planes, strict=True):
-        rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
-        rows[: plane.height, : plane.width] = pixels
-    return coded
+        By OpenCV: swscale takes three times as long, and changes alpha by 1.
+        """
+        frame = self._even(frame, cv2.BORDER_CONSTANT)
+        height, width = frame.shape[:2]
+        yuv = cv2.cvtColor(frame, cv2.COLOR_RGBA2YUV_I420)
+        chroma = yuv[height:].reshape(2, height // 2, width // 2)
+        coded = VideoFrame(width, height, "yuva420p")
+        planes = (yuv[:height], *chroma, frame[..., 3])
+        for plane, pixels in zip(coded.planes, planes, strict=True):
+            rows = np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)
+            rows[: plane.height, : plane.width] = pixels
+        return coded
 
 
 class AlphaWebpWriter(Movie):
     """An animated WebP with alpha that repeats for ever; alpha is kept without loss.
 
-    Parameters
-    ----------
-    path
-        Where the .webp goes.
-    shape
-        (h, w, 4) of every frame.
-    frame_rate
-        Frames per second; a frame begins at a whole millisecond.
-    quality
-        Of the colours, 0 … 100.
+    A frame begins at a whole millisecond. Quality of the colours: 0 = worst, 100 = best.
     """
 
-    def __init__(
-        self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, quality: int
-    ) -> None:
-        super().__init__(path, shape, frame_rate)
-        self._quality = quality
-
     def __enter__(self) -> Self:
-        options = {"quality": str(self._quality), "compression_level": "2"}
+        options = {"quality": self._quality, "compression_level": "2"}
         stream = self._begin("webp", {"loop": "0"}, "libwebp_anim", options)
         stream.height, stream.width = self._shape[:2]
         stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, alpha in mind
         return self
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
-        """Append one frame."""
-        self._check(frame)
-        bgra = cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA)
-        self._encode(VideoFrame.from_ndarray(bgra, format="bgra"))
+    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+        return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")
