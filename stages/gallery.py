@@ -19,12 +19,9 @@ def open_gallery(
 
     FinloopError if a store is missing or damaged, or its table belongs to another one.
 
-    Parameters
-    ----------
-    cutouts, sprites
-        The two stores.
-    tracks, table
-        Their tables: x_px, y_px of every cut-out; the same and orientations of every sprite.
+    cutouts, sprites: the two stores.
+    tracks, table: their tables: x_px, y_px of every cut-out; the same and orientations of every
+        sprite.
     """
     with ExitStack() as stack:
         stores = {FRAME: stack.enter_context(open_cutouts(cutouts))}

@@ -106,20 +106,12 @@ def train(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Learn from inputs (n, 4) and outputs (n, 2); the same `rng` gives the same bits again.
 
-    Parameters
-    ----------
-    inputs, outputs
-        In the units of INPUTS, OUTPUTS.
-    held_out
-        Inputs and outputs that are only looked at, for the curve.
-    settings
-        How to learn.
-    delta_s
-        The time from inputs to outputs.
-    rng
-        For the first weights and the order of rows.
-    advance
-        Called after each epoch.
+    inputs, outputs: in the units of INPUTS, OUTPUTS.
+    held_out: inputs and outputs that are only looked at, for the curve.
+    settings: how to learn.
+    delta_s: the time from inputs to outputs.
+    rng: for the first weights and the order of rows.
+    advance: called after each epoch.
 
     Returns
     -------

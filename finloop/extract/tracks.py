@@ -46,13 +46,9 @@ class _Track:
 class Linker:
     """Joins spots frame by frame by optimal assignment, gated by motion and by area.
 
-    Parameters
-    ----------
-    gate_px
-        Largest distance of a fish from the place expected from its last two frames. Beyond a
+    gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
         quarter of it the pairing must also have no rival, on either side.
-    area_ratio
-        Largest ratio by which a silhouette may grow or shrink from one frame to the next.
+    area_ratio: largest ratio by which a silhouette may grow or shrink from one frame to the next.
     """
 
     def __init__(self, gate_px: float, area_ratio: float) -> None:

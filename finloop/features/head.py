@@ -23,14 +23,9 @@ def head_first(
 ) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
     """Whether the first point is the head, and how sure that is, for one track.
 
-    Parameters
-    ----------
-    backbone
-        (frames, n, 2) px, of consecutive frames, either end first.
-    half_width
-        (frames, n) px, beside it.
-    rate_hz
-        Frames per second.
+    backbone: (frames, n, 2) px, of consecutive frames, either end first.
+    half_width: (frames, n) px, beside it.
+    rate_hz: frames per second.
 
     Returns
     -------

@@ -35,16 +35,10 @@ class Movie(ABC):
 
     FinloopError on leaving the block, if the disk was full. Nothing is left of the file then.
 
-    Parameters
-    ----------
-    path
-        Where the file goes.
-    shape
-        Of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the kind of film takes.
-    frame_rate
-        Frames per second.
-    quality
-        As the coder counts it.
+    path: where the file goes.
+    shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the kind of film takes.
+    frame_rate: frames per second.
+    quality: as the coder counts it.
     """
 
     def __init__(

@@ -54,14 +54,9 @@ def load_regions(
     FinloopError if there is no folder or nothing in it, masks and traces are mixed, a file's name
     has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
 
-    Parameters
-    ----------
-    folder
-        See above.
-    of_mask
-        What to make of a mask (h, w).
-    of_trace
-        What to make of a closed path in a picture of this width and height [px].
+    folder: see above.
+    of_mask: what to make of a mask (h, w).
+    of_trace: what to make of a closed path in a picture of this width and height [px].
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")

@@ -161,17 +161,11 @@ def read_frames(
 
     FinloopError if the clip cannot be read, or ends early.
 
-    Parameters
-    ----------
-    path
-        The clip.
-    colour
-        (h, w, 3) RGB instead of the (h, w) Y plane. Both are uint8; the Y plane is a read-only
+    path: the clip.
+    colour: (h, w, 3) RGB instead of the (h, w) Y plane. Both are uint8; the Y plane is a read-only
         view with padded rows (copying it would cost a seventh of the time).
-    start, stop
-        Half-open range of frames; `stop` None = to the end.
-    threads
-        Of the decoder.
+    start, stop: half-open range of frames; `stop` None = to the end.
+    threads: of the decoder.
     """
     with _opened(path, threads) as (container, stream, step):
         convert = _rgb if colour else luma

@@ -109,20 +109,12 @@ def draw(
 ) -> Drawing:
     """Draw a fish along its midline.
 
-    Parameters
-    ----------
-    line : (65, 2)
-        Midline, pixels, head to tail, equal arc length.
-    fins : left, right
-        How far the pectoral fins are open, 0-1.
-    look
-        The fish's colours.
-    light
-        Direction of the light's source, unit vector, screen x and y; it shades the flanks.
-    oversample
-        Subpixels of a pixel in each direction.
-    gloss
-        Grey levels of the light that the wet back reflects.
+    line: (65, 2), midline, pixels, head to tail, equal arc length.
+    fins: left, right, how far the pectoral fins are open, 0-1.
+    look: the fish's colours.
+    light: direction of the light's source, unit vector, screen x and y; it shades the flanks.
+    oversample: subpixels of a pixel in each direction.
+    gloss: grey levels of the light that the wet back reflects.
     """
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     pad = 0.30 * length if max(fins) > 0.02 else 0.13 * length

@@ -33,17 +33,12 @@ def open_footage(
     FinloopError if there is nothing at `path`, it is no film, holds fewer than two frames, states
     no frame rate, or is shorter than the range of time.
 
-    Parameters
-    ----------
-    path
-        A film, a folder of pictures (in natural order: 2 before 10) or a TIFF with many pages.
-    frame_rate_hz
-        Overrides the file's rate: every frame is kept, frame k at the time k / `frame_rate_hz`.
-    start_s, end_s
-        Half-open range of time, counted at `frame_rate_hz` where that is given; `end_s` None = to
-        the end.
-    colour
-        True = RGB, False = grey, None = RGB where the film has colours.
+    path: a film, a folder of pictures (in natural order: 2 before 10) or a TIFF with many pages.
+    frame_rate_hz: overrides the file's rate: every frame is kept, frame k at the time k /
+        `frame_rate_hz`.
+    start_s, end_s: half-open range of time, counted at `frame_rate_hz` where that is given; `end_s`
+        None = to the end.
+    colour: True = RGB, False = grey, None = RGB where the film has colours.
     """
     rate = None if frame_rate_hz is None else Fraction(frame_rate_hz).limit_denominator(1001)
     if not path.exists():

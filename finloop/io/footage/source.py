@@ -78,10 +78,7 @@ class Footage:
 
         FinloopError if frames change their size, or a picture of a folder cannot be read.
 
-        Parameters
-        ----------
-        loss
-            Counts the frames that cannot be read.
+        loss: counts the frames that cannot be read.
         """
         return self.reader(self, loss)
 

@@ -27,12 +27,8 @@ def frame_rate_of(
     (`candidates`) the first is taken that stays within half a frame of this estimate over the whole
     film; stamps are often rounded to milliseconds, and 30000/1001 is a better answer then.
 
-    Parameters
-    ----------
-    times_s
-        Time stamps of the frames, at least two, ascending.
-    candidates
-        Rates that the file states.
+    times_s: time stamps of the frames, at least two, ascending.
+    candidates: rates that the file states.
     """
     gaps = np.diff(np.asarray(times_s, np.float64))
     gaps = gaps[(gaps > 0) & (gaps <= max(CUT_S, CUT_FRAMES * float(np.median(gaps))))]
@@ -64,14 +60,9 @@ def nearest_in_time(
     Ticks start with the first item and again after every cut; a film of constant rate comes
     through item by item, whatever the jitter of its stamps below half a frame.
 
-    Parameters
-    ----------
-    stamped
-        Pairs of time in seconds and item.
-    frame_rate
-        Of the output.
-    timing
-        Counts ticks, repeats, drops and cuts as they happen.
+    stamped: pairs of time in seconds and item.
+    frame_rate: of the output.
+    timing: counts ticks, repeats, drops and cuts as they happen.
     """
     rate = float(frame_rate)
     held: tuple[float, T] | None = None
