@@ -40,10 +40,7 @@ def composed(overrides: list[str]) -> str:
 def experiment(name: str) -> Experiment:
     """The sweep that conf/experiment/<name>.yaml declares.
 
-    Raises
-    ------
-    FinloopError
-        If there is no such file (the others are listed), or what it says is wrong.
+    FinloopError if there is no such file (the others are listed), or what it says is wrong.
     """
     override = f"+{FOLDER}={name}"
     composed([override])  # is it right in itself; and loads the schema of a sweep

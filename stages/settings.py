@@ -25,11 +25,8 @@ STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was com
 def load(word: str) -> Any:
     """The parameters of a stage word from params.yaml, as its `Settings`.
 
-    Raises
-    ------
-    FinloopError
-        If a parameter is refused (all are listed, by dotted name), or if conf/ was edited after
-        params.yaml was composed.
+    FinloopError if a parameter is refused (all are listed, by dotted name), or if conf/ was edited
+    after params.yaml was composed.
     """
     group, problems = check(word, variants(word), read().get(word, {}))
     if problems:

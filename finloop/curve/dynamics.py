@@ -36,12 +36,8 @@ def solve(problem: Problem, method: str = "modal", options: Options | None = Non
     """The motion of `problem`.
 
     "modal": exact. "runge-kutta": adaptive, Eq. 3.15. "explicit-euler", "implicit-euler": ρ = 0.
-    "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis.
-
-    Raises
-    ------
-    FinloopError
-        If the problem or the method's settings make no sense; the message says which and why.
+    "decoupled": Eq. 3.16 with the diagonal of K alone, in the wavelet basis. FinloopError if the
+    problem or the method's settings make no sense; the message says which and why.
     """
     options = options or Options()
     problem = checked(problem, method)

@@ -26,10 +26,8 @@ Array = NDArray[np.float64]
 def filter_bank(wavelet: str) -> Array:
     """Filters (4, taps): analysis low and high, synthesis low and high, as PyWavelets names them.
 
-    Raises
-    ------
-    FinloopError
-        If there is no such discrete wavelet, or its filters do not reconstruct what they took.
+    FinloopError if there is no such discrete wavelet, or its filters do not reconstruct what they
+    took.
     """
     if wavelet == CUBIC:
         bank = _cubic_spline()

@@ -14,12 +14,8 @@ FONT = "DejaVu Sans"
 def glyph(character: str, size: float = 1000.0) -> list[Curve]:
     """The closed contours of a character, y down, the baseline at 0; `size`: of the font's em.
 
-    Splines are cut into segments of about a unit, so that a larger size is smoother.
-
-    Raises
-    ------
-    FinloopError
-        If it is not one character with an outline.
+    Splines are cut into segments of about a unit, so that a larger size is smoother. FinloopError
+    if it is not one character with an outline.
     """
     if len(character) != 1:
         raise FinloopError(

@@ -50,10 +50,7 @@ def _push(problem: Problem, options: Options) -> Callable[[float, Array], Array]
 def runge_kutta(problem: Problem, options: Options) -> Solution:
     """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
 
-    Raises
-    ------
-    FinloopError
-        If the formula gives up.
+    FinloopError if the formula gives up.
     """
     c, k = matrices(problem, options)
     push, shape = _push(problem, options), problem.displacement.shape
@@ -98,12 +95,7 @@ def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
     """X ← 2X − XCX from Cᵀ / ‖CᵀC‖: the inverse (n, n), iterations, and max |I − XC|.
 
     The paper's norm is not said; the largest row sum is at least the largest eigenvalue, which is
-    what convergence takes.
-
-    Raises
-    ------
-    FinloopError
-        If it does not converge: the matrix is singular, or nearly.
+    what convergence takes. FinloopError if it does not converge: the matrix is singular, or nearly.
     """
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
@@ -203,10 +195,7 @@ def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
 def explicit_euler(problem: Problem, options: Options) -> Solution:
     """§3.3: q(t + Δt) = q + Δt C⁻¹(Q − K q); ρ = 0.
 
-    Raises
-    ------
-    FinloopError
-        If Δt is too long for it to stay finite, or the times are not even.
+    FinloopError if Δt is too long for it to stay finite, or the times are not even.
     """
     return _euler(problem, options, implicit=False)
 
@@ -214,10 +203,7 @@ def explicit_euler(problem: Problem, options: Options) -> Solution:
 def implicit_euler(problem: Problem, options: Options) -> Solution:
     """q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q); ρ = 0. Stable at any Δt; Q is that of t.
 
-    Raises
-    ------
-    FinloopError
-        If the times are not even.
+    FinloopError if the times are not even.
     """
     return _euler(problem, options, implicit=True)
 

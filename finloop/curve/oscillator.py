@@ -136,12 +136,8 @@ def driven(
 
     Within a step the force is a polynomial in time, and what it does to an oscillator is exact;
     place and force at the nodes are found in turn. Steps are halved until places change by no more
-    than `tolerance` of the farthest; that change is the error.
-
-    Raises
-    ------
-    FinloopError
-        If the force is too wild for the finest steps.
+    than `tolerance` of the farthest; that change is the error. FinloopError if the force is too
+    wild for the finest steps.
     """
     if of.density == 0:
         v = (force(float(times[0]), a) - of.stiffness[:, None] * a) / of.damping[:, None]

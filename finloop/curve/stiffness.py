@@ -43,13 +43,8 @@ def connection(wavelet: str) -> Connection:
     """μ from the null space of Eq. 3.11, scaled by Σ l² μ_l = −2; ν by Eq. 3.14.
 
     The scale is ∫ φ'' x² = 2, integrated by parts, as Beylkin has it. (3.14) holds for l = 0 too:
-    ν₀ = 7 μ₀.
-
-    Raises
-    ------
-    FinloopError
-        If the wavelet is not orthogonal, or φ has no derivative that is square integrable (φ is
-        not in H¹): then μ is infinite, though (3.11) may have a solution.
+    ν₀ = 7 μ₀. FinloopError if the wavelet is not orthogonal, or φ has no derivative that is square
+    integrable (φ is not in H¹): then μ is infinite, though (3.11) may have a solution.
     """
     low = filter_bank(wavelet)[2]
     taps = len(low)
@@ -119,11 +114,7 @@ def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Array:
     """First row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
 
     n may be shorter than the wavelet, as the control points of Fig. 7 are: φ is folded round.
-
-    Raises
-    ------
-    FinloopError
-        As `connection`; if n is no power of two.
+    FinloopError as `connection`; if n is no power of two.
     """
     most_levels(n)
     return elastic * n**2 * _round(connection(wavelet).mu, n)
@@ -147,13 +138,9 @@ def stiffness_phi(wavelet: str, n: int, elastic: float = 1.0) -> csr_array:
 def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_array:
     """K in the wavelet basis, (n, n), every block: q_w in the order of `curve.wavelet.forward`.
 
-    A step at one scale is 2, 4, … steps at finer ones, so the first row of a scale holds all of
-    its rows; blocks below the diagonal are the transposes.
-
-    Raises
-    ------
-    FinloopError
-        As `first_row`; if n cannot be halved so often, or the wavelet is longer than the curve.
+    A step at one scale is 2, 4, … steps at finer ones, so the first row of a scale holds all of its
+    rows; blocks below the diagonal are the transposes. FinloopError as `first_row`; if n cannot be
+    halved so often, or the wavelet is longer than the curve.
     """
     check(n, wavelet, levels)
     row = first_row(wavelet, n, elastic)

@@ -19,13 +19,7 @@ Array = NDArray[np.float64]
 
 
 def most_levels(n: int) -> int:
-    """How often n points can be halved.
-
-    Raises
-    ------
-    FinloopError
-        If n is no power of two.
-    """
+    """How often n points can be halved. FinloopError if n is no power of two."""
     if n < 2 or n & (n - 1):
         raise FinloopError(
             f"a curve of {n} points", "a power of two, at least 2", "resample it to 64, 128, 256 …"
@@ -36,11 +30,8 @@ def most_levels(n: int) -> int:
 def check(n: int, wavelet: str, levels: int) -> Array:
     """The filters, if they can take n points `levels` times.
 
-    Raises
-    ------
-    FinloopError
-        If n is no power of two or cannot be halved so often, or the wavelet is longer than the
-        curve: then no coefficient would be local.
+    FinloopError if n is no power of two or cannot be halved so often, or the wavelet is longer than
+    the curve: then no coefficient would be local.
     """
     bank, most = filter_bank(wavelet), most_levels(n)
     if not 0 <= levels <= most:
@@ -65,10 +56,7 @@ def scales(n: int, levels: int) -> list[slice]:
 def forward(points: Array, wavelet: str, levels: int) -> Array:
     """Eq. 2.8: coefficients of points (…, n, k), along n; k is 2 for curves.
 
-    Raises
-    ------
-    FinloopError
-        As `check`.
+    FinloopError as `check`.
     """
     bank = check(points.shape[-2], wavelet, levels)
     out = np.array(points, np.float64, order="C")
@@ -78,13 +66,7 @@ def forward(points: Array, wavelet: str, levels: int) -> Array:
 
 
 def back(coefficients: Array, wavelet: str, levels: int) -> Array:
-    """Eq. 2.9, the inverse of `forward`.
-
-    Raises
-    ------
-    FinloopError
-        As `check`.
-    """
+    """Eq. 2.9, the inverse of `forward`. FinloopError as `check`."""
     bank = check(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
     _synthesise(out.reshape(-1, *coefficients.shape[-2:]), bank[2:].copy(), levels)
@@ -206,12 +188,7 @@ def from_control(points: Array, wavelet: str, level: int) -> Array:
 def truncated(points: Array, wavelet: str, level: int, closed: bool = True) -> Array:
     """Curves (…, n, k) rebuilt from 1/2^level of their samples (Fig. 2): the details are dropped.
 
-    Open curves are `mirrored` for it.
-
-    Raises
-    ------
-    FinloopError
-        As `check`.
+    Open curves are `mirrored` for it. FinloopError as `check`.
     """
     if not closed:
         return truncated(mirrored(points), wavelet, level)[..., : points.shape[-2], :]

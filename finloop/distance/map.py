@@ -260,10 +260,8 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints) -> pd.DataFrame:
 def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:
     """Median and 95th percentile of the natural steps (STEPS).
 
-    Raises
-    ------
-    FinloopError
-        If the film does not move, or no frame follows another: nothing could be measured in steps.
+    FinloopError if the film does not move, or no frame follows another: nothing could be measured
+    in steps.
     """
     step = steps["step"].dropna()
     if not len(step) or step.median() == 0:

@@ -42,25 +42,14 @@ def poses(
     """Head, points of the backbone at equal distances, tail and mass centre of every track.
 
     How sure head, body and tail are is how sure it is which end is the head; the mass centre does
-    not ask for that.
+    not ask for that. FinloopError if no track is long enough.
 
-    Parameters
-    ----------
-    tracks
-        The columns `USED` of the table of tracks.
-    features
-        head_x_px, head_y_px, head_confidence of the feature table, whose rows are the same.
-    frames
-        Of the clip; those without a fish count too.
-    body_points
-        Between head and tail, at least 0.
-    least_frames, most
-        Tracks that are shorter are left out; and of the others all but the longest so many.
-
-    Raises
-    ------
-    FinloopError
-        If no track is long enough.
+    tracks: the columns `USED` of the table of tracks.
+    features: head_x_px, head_y_px, head_confidence of the feature table, whose rows are the same.
+    frames: of the clip; those without a fish count too.
+    body_points: between head and tail, at least 0.
+    least_frames, most: tracks that are shorter are left out; and of the others all but the longest
+        so many.
     """
     length = tracks.groupby("track_id").size()
     kept = length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]

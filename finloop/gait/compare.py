@@ -55,11 +55,7 @@ def compare(
     """Fit each clock to some frames and predict the held-out ones.
 
     A mask whose remaining frames cannot be fitted is skipped; if all are, the last error is raised.
-
-    Raises
-    ------
-    FinloopError
-        As `gait.fit.fit`.
+    FinloopError as `gait.fit.fit`.
     """
     check(film)
     scheme, masks = holdouts(film)

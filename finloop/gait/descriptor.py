@@ -20,11 +20,7 @@ def levels_of(n: int, coarse: int, closed: bool = True) -> int:
     """Levels of a transform of n points that leave `coarse` coefficients in the approximation.
 
     For an open contour `n` counts the points of its mirrored form, and 2 `coarse` are left.
-
-    Raises
-    ------
-    FinloopError
-        If n is no power of two.
+    FinloopError if n is no power of two.
     """
     return max(0, most_levels(n) - most_levels(2 * coarse) + 1 - (0 if closed else 1))
 
@@ -32,10 +28,7 @@ def levels_of(n: int, coarse: int, closed: bool = True) -> int:
 def descriptor(points: Points, wavelet: str, coarse: int, closed: bool = True) -> Points:
     """Coefficients of contours (…, n, 2); of open ones (…, 2n, 2), mirrored.
 
-    Raises
-    ------
-    FinloopError
-        As `curve.wavelet.check`.
+    FinloopError as `curve.wavelet.check`.
     """
     points = points if closed else mirrored(points)
     return forward(points, wavelet, levels_of(points.shape[-2], coarse, closed))
@@ -83,10 +76,7 @@ def between(
 def few_control(points: Points, control: int, wavelet: str, closed: bool = True) -> Points:
     """Contours (…, n, 2) rebuilt from `control` of their n control points (Fig. 14).
 
-    Raises
-    ------
-    FinloopError
-        If n or control is no power of two, or control is above n.
+    FinloopError if n or control is no power of two, or control is above n.
     """
     if control < 1 or control & (control - 1):
         raise FinloopError(

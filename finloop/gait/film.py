@@ -73,10 +73,7 @@ class Keys:
 def check(film: Film) -> None:
     """Refuse a film to which no gait can be fitted.
 
-    Raises
-    ------
-    FinloopError
-        If the film has fewer frames than half a cycle needs, or the phase does not rise.
+    FinloopError if the film has fewer frames than half a cycle needs, or the phase does not rise.
     """
     if len(film.phase) < 3 or (np.diff(film.phase) <= 0).any():
         raise FinloopError(
@@ -123,12 +120,8 @@ def keys_of(film: Film, split: float) -> Keys:
     Frames are weighed by a triangle about the key's phase, as wide as one frame's step to each
     side. So one cycle gives the interpolation between the two frames beside the phase, and several
     cycles the mean of that. Where frames are missing, the triangle is widened up to WIDEST. For the
-    error of the interpolation see `gait.fit.corrected_keys`.
-
-    Raises
-    ------
-    FinloopError
-        If a contour is missing in every frame near a key; the message names all such contours.
+    error of the interpolation see `gait.fit.corrected_keys`. FinloopError if a contour is missing
+    in every frame near a key; the message names all such contours.
     """
     phase, here = film.phase, film.contours
     there = film.later(here)

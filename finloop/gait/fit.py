@@ -101,12 +101,8 @@ def corrected_keys(
     `keys_of` interpolates linearly between the frames beside a key, which cuts the curved motion
     short. The error is estimated on a model of the film, a cubic for each coefficient of each
     subcycle: the same interpolation of the model is off by as much. That difference is taken away,
-    ROUNDS times. A frame at the very phase of a key stays that key.
-
-    Raises
-    ------
-    FinloopError
-        As `keys_of`; if a subcycle of a contour has fewer than LEAST frames between its keys.
+    ROUNDS times. A frame at the very phase of a key stays that key. FinloopError as `keys_of`; if a
+    subcycle of a contour has fewer than LEAST frames between its keys.
     """
     samples = samples_of(film, split, wavelet, coarse)
     _check_samples(samples)
@@ -175,25 +171,13 @@ def fit(
     """The gait of a film and its two key frames.
 
     The gait's `source`, `confidence` and `residuals` are the caller's to fill in. Its γ of POOLED
-    is that of all contours together.
+    is that of all contours together. FinloopError as `check` and `corrected_keys`.
 
-    Parameters
-    ----------
-    film
-        Contours with their phases.
-    name, frequency_hz
-        Of the gait.
-    split
-        Phase of key 2.
-    wavelet, coarse
-        Of the descriptor.
-    per_scale
-        One γ for each scale, instead of one for all.
-
-    Raises
-    ------
-    FinloopError
-        As `check` and `corrected_keys`.
+    film: contours with their phases.
+    name, frequency_hz: of the gait.
+    split: phase of key 2.
+    wavelet, coarse: of the descriptor.
+    per_scale: one γ for each scale, instead of one for all.
     """
     check(film)
     keys, subcycles = corrected_keys(film, split, wavelet, coarse)

@@ -62,12 +62,7 @@ def plant_feet(limbs: Mapping[str, Points], support: Support) -> dict[str, Point
     """The limbs, sheared so that supporting feet move with the ground, and no foot is below it.
 
     During the swing the correction changes smoothly from that of one support to that of the next.
-    Ids that `support` does not name are unchanged.
-
-    Raises
-    ------
-    FinloopError
-        If a limb has no height.
+    Ids that `support` does not name are unchanged. FinloopError if a limb has no height.
     """
     paths = _paths(limbs, support)
     speed = _ground(paths).speed

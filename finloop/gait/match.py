@@ -31,12 +31,8 @@ def corresponding(
     """Contours (points, 2) of both keys by id, row i of each belonging to row i of the others.
 
     In a swap left and right limbs belong together too: all four of a pair are numbered after the
-    first of them in drawing order.
-
-    Raises
-    ------
-    FinloopError
-        If a limb is closed and its partner or its other pose open.
+    first of them in drawing order. FinloopError if a limb is closed and its partner or its other
+    pose open.
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():

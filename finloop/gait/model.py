@@ -122,19 +122,11 @@ def four_keys(
 ) -> tuple[dict[str, Points], dict[str, Points], dict[str, Points], dict[str, Points]]:
     """Keys 1, 2, 1', 2' (Fig. 9) from keys 1 and 2, contours (n, 2) by id.
 
-    Parameters
-    ----------
-    key1, key2
-        Point i of an id corresponds to point i in the other key, and (swap) of its partner.
-    symmetry
-        One of SYMMETRIES.
-    layout
-        Where keys 1' and 2' lie.
+    FinloopError if ids or numbers of points differ between the keys or between partners.
 
-    Raises
-    ------
-    FinloopError
-        If ids or numbers of points differ between the keys or between partners.
+    key1, key2: point i of an id corresponds to point i in the other key, and (swap) of its partner.
+    symmetry: one of SYMMETRIES.
+    layout: where keys 1' and 2' lie.
     """
     _check_keys(key1, key2)
     keys = [{name: np.asarray(key[name], np.float64) for name in key1} for key in (key1, key2)]
@@ -147,10 +139,7 @@ def half_later(
 ) -> dict[str, Points]:
     """Contours (…, n, 2) by id as they are half a cycle later; applied twice, the identity.
 
-    Raises
-    ------
-    FinloopError
-        If the symmetry is none of SYMMETRIES, or the layout does not undo itself.
+    FinloopError if the symmetry is none of SYMMETRIES, or the layout does not undo itself.
     """
     if symmetry not in SYMMETRIES:
         raise FinloopError(
@@ -223,24 +212,14 @@ def at_phases(
 ) -> dict[str, Points]:
     """The contours (f, n, 2) by id at phases (f,) of a cycle, from two keys and γ.
 
-    Parameters
-    ----------
-    key1, key2, layout
-        As for `four_keys`.
-    gait
-        Its γ, split and symmetry are used.
-    phases
-        In cycles.
-    closed
-        Whether a contour is closed, by id; True if not named.
-    control
-        Control points of each contour (Fig. 14), a power of two; None = all.
+    FinloopError as `four_keys`; if γ per scale or control points are used with contours whose
+    number of points is no power of two.
 
-    Raises
-    ------
-    FinloopError
-        As `four_keys`; if γ per scale or control points are used with contours whose number of
-        points is no power of two.
+    key1, key2, layout: as for `four_keys`.
+    gait: its γ, split and symmetry are used.
+    phases: in cycles.
+    closed: whether a contour is closed, by id; True if not named.
+    control: control points of each contour (Fig. 14), a power of two; None = all.
     """
     keys = four_keys(key1, key2, gait.symmetry, layout)
     phases = np.mod(np.asarray(phases, np.float64), 1.0)

@@ -17,10 +17,7 @@ DO = "correct it after the example of data/gaits/, or fit one: dvc repro gait"
 def record_of(gait: Gait) -> dict[str, Any]:
     """A gait as plain values, its numbers to DECIMALS digits.
 
-    Raises
-    ------
-    FinloopError
-        If the gait is not one that `gait_of` would take.
+    FinloopError if the gait is not one that `gait_of` would take.
     """
     content = json.loads(json.dumps(_rounded(asdict(gait))))
     try:
@@ -33,10 +30,7 @@ def record_of(gait: Gait) -> dict[str, Any]:
 def gait_of(content: Any) -> Gait:
     """The gait with these values, from `record_of` or written by a person after its example.
 
-    Raises
-    ------
-    ValueError
-        If the content is no gait; every problem is listed.
+    ValueError if the content is no gait; every problem is listed.
     """
     gait, problems = check("gait", {"default": Gait}, content)
     if gait is None:

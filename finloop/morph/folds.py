@@ -40,24 +40,15 @@ def folds(stack: NDArray[np.floating], closed: bool = True) -> NDArray[np.int64]
     """The number of pairs of edges that meet in each polygon, exact; 0 = strictly simple.
 
     Pairs that share a vertex count where they overlap in more than it; an edge without length
-    counts as one more.
+    counts as one more. FinloopError if a coordinate is not finite, or there are too few vertices.
 
-    Parameters
-    ----------
-    stack
-        Polygons (f, n, 2) or one (n, 2), n ≥ 3 (open: 2); a closed one does not repeat its first
+    stack: polygons (f, n, 2) or one (n, 2), n ≥ 3 (open: 2); a closed one does not repeat its first
         vertex.
-    closed
-        Whether the last vertex is joined to the first.
+    closed: whether the last vertex is joined to the first.
 
     Returns
     -------
         (f,) counts.
-
-    Raises
-    ------
-    FinloopError
-        If a coordinate is not finite, or there are too few vertices.
     """
     stack = _stack(stack, closed)
     return np.array([count_folds(points, closed, False) for points in stack], np.int64)

@@ -24,13 +24,9 @@ def linear(
     """Eq. 4.1: frames (frames, points, 2) from a to b, both included; A(τ) = (1 − τ) Aˢ + τ Aᵈ.
 
     A are the control points that stand for 1/2^level of the samples; details are left out, so that
-    the ends are the curves' coarse counterparts. With no level A are all coefficients, which is
-    the same as the points themselves, and `points` need not be a power of two.
-
-    Raises
-    ------
-    FinloopError
-        If one curve is open and the other closed, or, with a level, as `curve.wavelet.check`.
+    the ends are the curves' coarse counterparts. With no level A are all coefficients, which is the
+    same as the points themselves, and `points` need not be a power of two. FinloopError if one
+    curve is open and the other closed, or, with a level, as `curve.wavelet.check`.
     """
     ends = np.stack(matched(a, b, points))
     tau = np.linspace(0, 1, frames)[:, None, None]
@@ -50,12 +46,8 @@ def physical(
     damping the curve overshoots, at much it creeps, without mass it does not swing at all.
 
     Stiffness does not feel where a curve is: the mean of its points goes as the slowest mode does.
-
-    Raises
-    ------
-    FinloopError
-        If one curve is open and the other closed, `points` is no power of two, or there is neither
-        mass nor damping.
+    FinloopError if one curve is open and the other closed, `points` is no power of two, or there is
+    neither mass nor damping.
     """
     shape, rest = matched(a, b, points)
     bent = shape - rest

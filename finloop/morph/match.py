@@ -17,10 +17,7 @@ from finloop.morph.folds import is_simple
 def matched(a: Curve, b: Curve, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Points (n, 2) of both curves, row i of one belonging to row i of the other; a's order kept.
 
-    Raises
-    ------
-    FinloopError
-        If one is closed and the other open.
+    FinloopError if one is closed and the other open.
     """
     if a.closed != b.closed:
         kinds = ["closed" if curve.closed else "open" for curve in (a, b)]

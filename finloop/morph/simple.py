@@ -45,10 +45,7 @@ class SimpleMorph:
 def simple(a: Curve, b: Curve, frames: int, points: int) -> Points:
     """Frames (frames, points, 2) from a to b, ends included, every one strictly simple.
 
-    Raises
-    ------
-    FinloopError
-        If one curve is open and the other closed, or one, at so many points, meets itself.
+    FinloopError if one curve is open and the other closed, or one, at so many points, meets itself.
     """
     return simple_morph(a, b, frames, points).frames
 

@@ -88,14 +88,9 @@ def surface(
 ) -> tuple[Floats, Floats]:
     """Points and normals (n, RINGS, AROUND, 3) of n fish, z from the height of the backbone.
 
-    Parameters
-    ----------
-    backbone, half_width
-        (n, p, 2) and (n, p), px; y up.
-    typical
-        (p,) half widths in body lengths, see `typical_width`.
-    length_px
-        The animal's body length, for its height.
+    backbone, half_width: (n, p, 2) and (n, p), px; y up.
+    typical: (p,) half widths in body lengths, see `typical_width`.
+    length_px: the animal's body length, for its height.
     """
     count, p = half_width.shape
     grid = loft(p)

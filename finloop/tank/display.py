@@ -17,11 +17,7 @@ def choose_window(libraries: dict[str, str] = _LIBRARIES) -> None:
     """Make VTK draw off-screen, by the first of these libraries that there is.
 
     To be called before the first window. Elsewhere than on Linux VTK brings what it needs.
-
-    Raises
-    ------
-    FinloopError
-        If there is none of them.
+    FinloopError if there is none of them.
     """
     if not sys.platform.startswith("linux"):
         return

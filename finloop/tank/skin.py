@@ -27,14 +27,9 @@ _PUPIL, _IRIS = 22.0, 206.0
 class Skins:
     """Skins (AROUND, LENGTHWISE, 3) float32 by row of the film; the most recent `keep` are held.
 
-    Parameters
-    ----------
-    film, typical
-        Bodies, and the half widths of `tank.body.typical_width`.
-    centres_px
-        (n, 2) the mass centres, px of the film, y down.
-    cutout
-        Gives the cut-out of a row.
+    film, typical: bodies, and the half widths of `tank.body.typical_width`.
+    centres_px: (n, 2) the mass centres, px of the film, y down.
+    cutout: gives the cut-out of a row.
     """
 
     def __init__(
