@@ -1,4 +1,4 @@
-"""Stage `report`: everything that was found as one page, reports/index.html."""
+"""Stage `report`: all results on one page, reports/index.html."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -14,8 +14,8 @@ from finloop.io.atomic import whole_file
 from finloop.io.film_small import small_film
 from finloop.io.picture import load_picture
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
-from finloop.report.figures import CHAPTERS
-from finloop.report.page import Page, Section, data_uri, html, shown
+from finloop.report.figures import CHAPTERS, Chapter, Figure
+from finloop.report.page import WebP, data_uri, rendered, webp
 from finloop.report.settings import Settings
 from finloop.report.tables import Table, headline, measures, of_frame, of_numbers
 from stages.settings import STAMP, load, overrides, read
@@ -47,36 +47,33 @@ TABLES = {  # by chapter
 
 
 def tables(chapter: str) -> Iterator[Table]:
-    """Those of a chapter's tables that there are."""
+    """The tables of a chapter whose files exist."""
     for name, caption in TABLES.get(chapter, ()):
         if (REPORTS / name).is_file():
             yield of_frame(pd.read_csv(REPORTS / name), caption)
 
 
-def sections(p: Settings) -> Iterator[Section]:
-    """The chapters with the pictures that there are."""
-    for one in CHAPTERS:
+def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
+    """The chapters of which there are pictures, with their pictures and tables."""
+    for chapter in CHAPTERS:
         pictures = [
-            (
-                figure,
-                shown(load_picture(REPORTS / figure.path), p.picture_width_px, p.picture_quality),
-            )
-            for figure in one.figures
-            if (REPORTS / figure.path).is_file()
+            (figure, webp(load_picture(path), p.picture_width_px, p.picture_quality))
+            for figure in chapter.figures
+            if (path := REPORTS / figure.path).is_file()
         ]
         if pictures:
-            yield Section(one.id, one.title, one.paper, one.text, pictures, list(tables(one.id)))
+            yield chapter, pictures, list(tables(chapter.id))
 
 
 def metrics(word: str) -> dict[str, float]:
-    """The numbers of a stage; none where it has not run."""
+    """The metrics of a stage; none where it has not run."""
     path = REPORTS / word / "metrics.json"
     return json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
 
 
 def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool]]]:
     """Every group's keys and values, and whether they were overridden."""
-    differ = {one.partition("=")[0] for one in overrides(values)}
+    differ = {change.partition("=")[0] for change in overrides(values)}
     return {
         word: [
             (key, json.dumps(value).strip('"'), f"{word}.{key}" in differ or word in differ)
@@ -89,10 +86,10 @@ def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool
 
 def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]) -> str:
     """The film in a sentence."""
-    seen = f", {features['fish_frames']:,} pictures of fish" if features else ""
+    fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
     return (
-        f"{SOURCES[source][0]}: {facts.frames:,} frames of {size}{seen}. "
+        f"{SOURCES[source][0]}: {facts.frames:,} frames of {size}{fish}. "
         "From them, an animation that swims where it is sent."
     )
 
@@ -105,33 +102,31 @@ def main() -> None:
     marked = RENDER / f"{mode}_marked.mp4"
     film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
-    found = {word: metrics(word) for word in values if word not in (STAMP, "report")}
-    made = list(sections(p))
-    changes = [f"-S '{one}'" for one in overrides(values)]
-    page = Page(
-        title="A fish, filmed once and steered for ever",
-        facts=facts_in_words(load_facts(CLIP / FACTS_NAME), source, found["features"]),
-        film=data_uri("video/mp4", film),
-        poster=shown(poster, p.picture_width_px, p.picture_quality),
-        film_text=(
-            f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
-            + (" Rings are goals, the line is its way." if film_path == marked else "")
-        ),
-        headline=headline(found["animate"], mode),
-        measures=measures(pd.read_csv(REPORTS / "animate/measures.csv")),
-        sections=made,
-        table_2=of_frame(pd.read_csv(TIMES), "Table 2: computing times", 3),
-        tank=f"../{TANK.as_posix()}" if TANK.is_file() else "",
-        parameters=parameters(values),
-        commands=[
+    numbers = {word: metrics(word) for word in values if word not in (STAMP, "report")}
+    chapters = list(sections(p))
+    changes = "".join(f" -S '{change}'" for change in overrides(values))
+    page = {
+        "title": "A fish, filmed once and steered for ever",
+        "facts": facts_in_words(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
+        "film": data_uri("video/mp4", film),
+        "poster": webp(poster, p.picture_width_px, p.picture_quality),
+        "film_text": f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
+        + (" Rings are goals, the line is its way." if film_path == marked else ""),
+        "headline": headline(numbers["animate"], mode),
+        "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
+        "sections": chapters,
+        "table_2": of_frame(pd.read_csv(TIMES), "Table 2: computing times", 3),
+        "tank": f"../{TANK.as_posix()}" if TANK.is_file() else "",
+        "parameters": parameters(values),
+        "commands": [
             "make setup",
-            " ".join([".venv/bin/dvc exp run", *changes]),
+            ".venv/bin/dvc exp run" + changes,
             "xdg-open reports/index.html",
         ],
-        numbers=[of_numbers(one, word) for word, one in found.items() if one],
-        licence=SOURCES[source][1],
-    )
-    text = html(page).encode()
+        "numbers": [of_numbers(part, word) for word, part in numbers.items() if part],
+        "licence": SOURCES[source][1],
+    }
+    text = rendered("report.html.j2", page).encode()
     if len(text) > p.most_mb * 1e6:
         raise FinloopError(
             f"the page would be {len(text) / 1e6:.1f} MB",
@@ -140,7 +135,7 @@ def main() -> None:
         )
     with whole_file(OUT) as part:
         part.write_bytes(text)
-    save_metrics(METRICS, {"figures": sum(len(one.figures) for one in made)})
+    save_metrics(METRICS, {"figures": sum(len(pictures) for _, pictures, _ in chapters)})
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from finloop.base.drawing import checked
-from finloop.curve.contour import Curve, area, clockwise, length, resampled, reversed, rolled, steps
+from finloop.curve.contour import Curve, area, clockwise, length, resampled, reversed, steps
 from finloop.curve.glyph import glyph
 from finloop.errors import FinloopError
 
@@ -31,7 +31,6 @@ def test_a_square():
     assert area(reversed(closed)) == -4
     assert np.array_equal(clockwise(reversed(closed)).points, SQUARE)
     assert np.array_equal(clockwise(reversed(opened)).points, SQUARE[::-1])
-    assert np.array_equal(rolled(closed, 1).points, SQUARE[[1, 2, 3, 0]])
     assert np.array_equal(reversed(closed).points, SQUARE[[0, 3, 2, 1]])
     middle = resampled(closed, 8).points
     assert np.allclose(middle[:4], [[0, 0], [1, 0], [2, 0], [2, 1]])
@@ -61,7 +60,7 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
     assert length(reversed(curve)) == pytest.approx(length(curve))
     assert np.allclose(resampled(moved, 16).points, resampled(curve, 16).points @ turn + (3, -7))
     if closed:
-        other = rolled(curve, start % len(curve.points))
+        other = Curve(np.roll(curve.points, -start, axis=0), True)
         assert area(other) == pytest.approx(area(curve), abs=1e-9)
         assert length(other) == pytest.approx(length(curve))
         assert area(clockwise(curve)) >= 0
@@ -119,9 +118,7 @@ def test_what_is_no_curve_is_refused_by_name(points, closed, word):
     assert "brow" in str(refused.value)
 
 
-def test_open_curves_have_no_other_start_and_resampling_needs_points():
-    with pytest.raises(FinloopError, match="open"):
-        rolled(Curve(SQUARE, False), 1)
+def test_resampling_needs_points():
     with pytest.raises(FinloopError, match="at least 3"):
         resampled(Curve(SQUARE, True), 2)
 

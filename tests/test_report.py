@@ -20,7 +20,7 @@ from finloop.io.film_small import small_film
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_picture
 from finloop.report.figures import CHAPTERS
-from finloop.report.page import rendered, shown
+from finloop.report.page import rendered, webp
 from finloop.report.tables import MEASURES, headline, measures, number
 
 FIGURES = [figure for chapter in CHAPTERS for figure in chapter.figures]
@@ -124,9 +124,9 @@ def test_values_are_escaped(tmp_path: Path):
 
 
 def test_a_picture_becomes_small_and_keeps_its_shape():
-    wide = shown(np.zeros((300, 900, 3), np.uint8), 300, 80)
+    wide = webp(np.zeros((300, 900, 3), np.uint8), 300, 80)
     assert (wide.width, wide.height) == (300, 100)
-    assert shown(GREY, 300, 80)[1:] == (64, 48)
+    assert webp(GREY, 300, 80)[1:] == (64, 48)
 
 
 def test_a_film_is_made_smaller_only_if_it_must(tmp_path: Path):

@@ -1,7 +1,9 @@
 """Messages and exit status of the command lines."""
 
+import argparse
 import sys
 from collections.abc import Callable
+from fractions import Fraction
 from pathlib import Path
 
 from finloop.errors import FinloopError
@@ -22,3 +24,14 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
         return 1
     print(f"{output}: {summary}")
     return 0
+
+
+def frame_rate(text: str) -> Fraction:
+    """An argument of a command line as frames per second, above 0."""
+    try:
+        rate = Fraction(text)
+    except (ValueError, ZeroDivisionError) as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error
+    if rate <= 0:
+        raise argparse.ArgumentTypeError(f"{text} frames per second are not above 0")
+    return rate

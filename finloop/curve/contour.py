@@ -32,6 +32,15 @@ def area(curve: Curve) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
+def centroid(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Centre of the area (…, 2) within closed polygons (…, n, 2)."""
+    p = points - points[..., :1, :]
+    q = np.roll(p, -1, axis=-2)
+    cross = p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
+    moment = ((p + q) * cross[..., None]).sum(axis=-2)
+    return points[..., 0, :] + moment / (3 * cross.sum(axis=-1)[..., None])
+
+
 def clockwise(curve: Curve) -> Curve:
     """The curve, reversed if it runs anticlockwise as seen; open curves stay as they are."""
     return reversed(curve) if curve.closed and area(curve) < 0 else curve
@@ -41,21 +50,6 @@ def reversed(curve: Curve) -> Curve:
     """The curve run the other way; a closed one keeps its first point."""
     points = curve.points[::-1]
     return Curve(np.roll(points, 1, axis=0) if curve.closed else points.copy(), curve.closed)
-
-
-def rolled(curve: Curve, start: int) -> Curve:
-    """The closed curve with its point `start` first.
-
-    Raises
-    ------
-    FinloopError
-        If the curve is open: its ends are where they are.
-    """
-    if not curve.closed:
-        raise FinloopError(
-            "an open curve was to start elsewhere", "a closed curve", "reverse it instead"
-        )
-    return Curve(np.roll(curve.points, -start, axis=0), True)
 
 
 def resampled(curve: Curve, n: int) -> Curve:

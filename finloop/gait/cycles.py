@@ -9,12 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.errors import FinloopError
 from finloop.gait.feet import align_phase, feet
 from finloop.gait.film import Film, hips
 from finloop.gait.limbs import Limbs, Region, limbs
 from finloop.gait.outline import Swim, steady
-from finloop.gait.period import Period, period, require_periodic
+from finloop.gait.period import Period, filled, period, require_periodic
 
 OUTLINE = "outline"
 
@@ -61,7 +60,7 @@ def film_of_regions(
 def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
     points = contours.points
     signal = np.concatenate([of.reshape(len(of), -1) for of in points.values()], axis=1)
-    beat = period(_filled(signal), frame_rate_hz, ahead(points))
+    beat = period(filled(signal), frame_rate_hz, ahead(points))
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
@@ -74,21 +73,5 @@ def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     for name, of in points.items():
         x = of[..., 0].mean(axis=1)
         sign = 1 if ("right" in name) != ("hind" in name) else -1
-        total += sign * _filled((x - np.nanmean(x))[:, None])[:, 0]
+        total += sign * filled((x - np.nanmean(x))[:, None])[:, 0]
     return total
-
-
-def _filled(signal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The signal with NaN filled by linear interpolation, column by column."""
-    if np.isfinite(signal).all():
-        return signal
-    at = np.arange(len(signal))
-    out = signal.copy()
-    for column in out.T:
-        seen = np.isfinite(column)
-        if not seen.any():
-            raise FinloopError(
-                "a limb that no frame shows", "each limb in half of the frames", "leave it out"
-            )
-        column[:] = np.interp(at, at[seen], column[seen])
-    return out

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from finloop.gait.model import subcycle
+
 Array = NDArray[np.float64]
 
 FOOT = 16
@@ -60,10 +62,7 @@ def align_phase(phase: Array, ahead: Array, split: float) -> Array:
 
 def _off(phase: Array, way: Array, split: float) -> float:
     """Squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
-    ends = np.array([0, split, 0.5, 0.5 + split, 1])
-    phase = np.mod(phase, 1.0)
-    which = np.searchsorted(ends[1:-1], phase, side="right")
-    tau = (phase - ends[which]) / (ends[which + 1] - ends[which])
+    which, tau = subcycle(phase, split)
     terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
     terms[row, which] = 1 - tau
     terms[row, (which + 1) % 4] = tau

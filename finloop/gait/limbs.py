@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 from skimage.measure import find_contours
 
-from finloop.curve.contour import Curve, area, clockwise, resampled
+from finloop.curve.contour import Curve, area, centroid, clockwise, resampled
 from finloop.errors import FinloopError
 from finloop.gait.model import partner
+from finloop.gait.period import filled
 
 Array = NDArray[np.float64]
 
@@ -113,7 +114,7 @@ def limbs(
     notes = _checked(regions, first)
     centres = {name: _centres(of) for name, of in regions.items()}
     where = [BODY] if BODY in regions else names
-    course = smoothed(np.mean([_filled(centres[name]) for name in where], axis=0), smooth_frames)
+    course = smoothed(np.mean([filled(centres[name]) for name in where], axis=0), smooth_frames)
     points = dict[str, Array]()
     for name in names:
         if name != BODY and name not in points:
@@ -190,24 +191,11 @@ def _line(time: Array, values: Array, times: Array) -> Array:
 def _centres(regions: Sequence[Region]) -> Array:
     """Centroids of the areas (frames, 2); NaN where there is no contour."""
     return np.array(
-        [centroid(region) if isinstance(region, Curve) else (np.nan, np.nan) for region in regions]
+        [
+            centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+            for region in regions
+        ]
     )
-
-
-def centroid(curve: Curve) -> Array:
-    """Centre of the area (2,) within a closed curve."""
-    base = curve.points[0]
-    p = curve.points - base
-    q = np.roll(p, -1, axis=0)
-    cross = p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]
-    return base + ((p + q) * cross[:, None]).sum(axis=0) / (3 * cross.sum())
-
-
-def _filled(track: Array) -> Array:
-    """A track with NaN filled by linear interpolation."""
-    at = np.arange(len(track))
-    there = ~np.isnan(track[:, 0])
-    return np.column_stack([np.interp(at, at[there], values[there]) for values in track.T])
 
 
 def _length(regions: Sequence[Sequence[Region]]) -> float:

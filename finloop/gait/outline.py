@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.schema import lists_to_array
-from finloop.curve.contour import Curve, clockwise
+from finloop.curve.contour import Curve, centroid, clockwise
 from finloop.errors import FinloopError
 from finloop.gait.period import Period, assess, course, period, with_phase_zero
 
@@ -144,16 +144,12 @@ def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
     The direction is that of the line nearest to the backbone, towards the head; radians from x
     towards y, not wrapped.
     """
-    x, y = np.moveaxis(points - points[:, :1], -1, 0)
-    cross = x * np.roll(y, -1, axis=1) - np.roll(x, -1, axis=1) * y
-    sums = [((v + np.roll(v, -1, axis=1)) * cross).sum(axis=1) for v in (x, y)]
-    centre = points[:, 0] + np.stack(sums, axis=1) / (3 * cross.sum(axis=1))[:, None]
     off = backbone - backbone.mean(axis=1, keepdims=True)
     xx, yy, xy = (off**2).sum(axis=1).T[0], (off**2).sum(axis=1).T[1], off.prod(axis=2).sum(axis=1)
     angle = np.arctan2(2 * xy, xx - yy) / 2
     ahead = backbone[:, 0] - backbone[:, -1]
     away = ahead[:, 0] * np.cos(angle) + ahead[:, 1] * np.sin(angle) < 0
-    return centre, np.unwrap(angle + np.pi * away)
+    return centroid(points), np.unwrap(angle + np.pi * away)
 
 
 def in_body_frame(points: Float, centre: Float, angle: Float) -> Float:

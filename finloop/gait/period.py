@@ -76,7 +76,7 @@ def period(
     frames = len(signal)
     if frames < LEAST_FRAMES:
         return _none(frames, f"{frames} frames are too few, {LEAST_FRAMES} are needed")
-    modes = _modes(_filled(signal, whole))
+    modes = _modes(filled(np.where(whole[:, None], signal, np.nan)))
     if not modes.size:
         return _none(frames, "nothing moves")
     low = max(frame_rate_hz / frames, slowest_hz)
@@ -159,12 +159,23 @@ def _none(frames: int, why: str) -> Period:
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
-def _filled(signal: Float, whole: Mask) -> Float:
-    """The signal with frames not seen put in by straight lines."""
-    if whole.all():
-        return signal
-    time = np.arange(len(signal))
-    return np.stack([np.interp(time, time[whole], column[whole]) for column in signal.T], axis=1)
+def filled(signal: Float) -> Float:
+    """A signal (frames, k) whose NaN are filled by linear interpolation, column by column.
+
+    Raises
+    ------
+    FinloopError
+        If a column is all NaN.
+    """
+    time, out = np.arange(len(signal)), signal.copy()
+    for column in out.T:
+        known = np.isfinite(column)
+        if not known.any():
+            raise FinloopError(
+                "a limb that no frame shows", "each limb in half of the frames", "leave it out"
+            )
+        column[:] = np.interp(time, time[known], column[known])
+    return out
 
 
 def _modes(signal: Float) -> Float:

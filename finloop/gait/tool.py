@@ -10,7 +10,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from finloop.base.tool import run_tool
+from finloop.base.tool import frame_rate, run_tool
 from finloop.errors import FinloopError
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
@@ -156,20 +156,13 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--list", action=_List, nargs=0, help="show the gaits and end")
     parser.add_argument("--frames", type=int, help="of a cycle (default: as the tempo asks)")
     parser.add_argument(
-        "--rate", "--fps", type=_rate, help=f"frames per second (default {RATE}, or as frames ask)"
+        "--rate",
+        "--fps",
+        type=frame_rate,
+        help=f"frames per second (default {RATE}, or as frames ask)",
     )
     parser.add_argument("--cycles", type=int, default=1, help="in a row (default 1)")
     parser.add_argument("--points", type=int, default=128, help="of a contour (default 128)")
     parser.add_argument("--control", type=int, help="control points: 4, 16, 64 … (default all)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     return parser
-
-
-def _rate(text: str) -> Fraction:
-    try:
-        rate = Fraction(text)
-    except (ValueError, ZeroDivisionError) as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error
-    if rate <= 0:
-        raise argparse.ArgumentTypeError(f"{text} frames per second are not above 0")
-    return rate

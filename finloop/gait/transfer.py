@@ -13,14 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.drawing import Drawing, Morph
-from finloop.errors import FinloopError
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders
 from finloop.gait.model import POOLED, Gait, Layout, cycle, partner
 from finloop.morph.folds import folds, stays_simple
-from finloop.morph.layers import MOST_FRAMES, MOST_POINTS, check_pairs, fitted
+from finloop.morph.layers import check_pairs, check_sizes, fitted
 
-LEAST_FRAMES, LEAST_POINTS = 4, 8
+LEAST_FRAMES = 4  # one a key
 LIFTED = 0.02  # of a limb's height
 DIGITS = 5  # of the larger side of the drawing: a hundredth of a pixel where that is 1000 px
 
@@ -73,7 +72,7 @@ def transfer(
     FinloopError
         If the poses do not belong together, a foot has no height, or a number is out of range.
     """
-    _check_numbers(frames, points)
+    check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)
     key2 = fitted(key2, key1.width, key1.height)
     closed = {name: curve.closed for name, curve in key1.curves.items()}
@@ -191,16 +190,3 @@ def _outside(morph: Morph) -> dict[str, int]:
         for name, stack in morph.layers.items()
     }
     return {name: count for name, count in out.items() if count}
-
-
-def _check_numbers(frames: int, points: int) -> None:
-    if not LEAST_FRAMES <= frames <= MOST_FRAMES:
-        raise FinloopError(
-            f"a cycle of {frames} frames",
-            f"{LEAST_FRAMES} … {MOST_FRAMES}, one a key at least",
-            "ask for 24 frames or more",
-        )
-    if not LEAST_POINTS <= points <= MOST_POINTS:
-        raise FinloopError(
-            f"contours of {points} points", f"{LEAST_POINTS} … {MOST_POINTS}", "ask for 128 points"
-        )

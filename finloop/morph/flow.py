@@ -22,6 +22,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.curve.contour import centroid
 from finloop.morph.folds import no_contact
 
 Points = NDArray[np.float64]
@@ -215,7 +216,7 @@ def joined(first: Points, second: Points, closed: bool) -> Points:
             for s in share
         ]
     else:
-        centres = _centroid(first), _centroid(second)
+        centres = centroid(first), centroid(second)
         radius, angle = [], []
         for points, centre in zip((first, second), centres, strict=True):
             z = (points - centre) @ [1, 1j]
@@ -231,11 +232,3 @@ def joined(first: Points, second: Points, closed: bool) -> Points:
     poses = np.stack([np.stack([z.real, z.imag], axis=1) for z in way]) + middle[:, None]
     poses[0], poses[-1] = first, second
     return poses
-
-
-def _centroid(points: Points) -> Points:
-    """Centre of mass of what a closed polygon encloses: any near-convex one sees all of itself."""
-    from_first = points - points[0]
-    following = np.roll(from_first, -1, axis=0)
-    twice = from_first[:, 0] * following[:, 1] - from_first[:, 1] * following[:, 0]
-    return points[0] + (twice[:, None] * (from_first + following)).sum(axis=0) / (3 * twice.sum())

@@ -21,7 +21,7 @@ from finloop.morph.simple import simple
 METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # of the larger side of the drawing: the grid is 1e-5 of it or finer
 REACH = 1000  # sides of the picture: the farthest that a contour may reach
-MOST_FRAMES, MOST_POINTS = 10_000, 16_384
+MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
 
 Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -162,14 +162,17 @@ def _check_numbers(method: str, frames: int, points: int) -> None:
         raise FinloopError(
             f"the method {method!r}", f"one of {', '.join(METHODS)}", "choose one of these"
         )
-    if not 2 <= frames <= MOST_FRAMES:
-        raise FinloopError(
-            f"a morph of {frames} frames", f"2 … {MOST_FRAMES}", "ask for 60, both ends among them"
-        )
-    if not 8 <= points <= MOST_POINTS:
-        raise FinloopError(
-            f"contours of {points} points", f"8 … {MOST_POINTS}", "ask for 256 points"
-        )
+    check_sizes("morph", frames, points, 2)
+
+
+def check_sizes(what: str, frames: int, points: int, least_frames: int) -> None:
+    """Refuse numbers of frames and of points that are out of range."""
+    for name, count, least, most, usual in (
+        (f"a {what} of {frames} frames", frames, least_frames, MOST_FRAMES, "24 frames or more"),
+        (f"contours of {points} points", points, LEAST_POINTS, MOST_POINTS, "128 points"),
+    ):
+        if not least <= count <= most:
+            raise FinloopError(name, f"{least} … {most}", f"ask for {usual}")
 
 
 def check_pairs(a: Drawing, b: Drawing) -> None:

@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import run_tool
+from finloop.base.tool import frame_rate, run_tool
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Physics, morph, there_and_back
@@ -59,7 +59,7 @@ def _parser() -> argparse.ArgumentParser:
         "--method", choices=METHODS, default="simple", help="default: simple, which never folds"
     )
     parser.add_argument("--frames", type=int, default=60, help="both ends among them (default 60)")
-    parser.add_argument("--fps", type=_rate, default=Fraction(30), help="default 30")
+    parser.add_argument("--fps", type=frame_rate, default=Fraction(30), help="default 30")
     parser.add_argument("--points", type=int, default=256, help="of a contour (default 256)")
     parser.add_argument("--size", type=int, default=512, help="longer side of films, px")
     parser.add_argument("--back", action="store_true", help="there and back again")
@@ -69,10 +69,3 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--damping", type=float, default=usual.damping, help="physical: damping")
     parser.add_argument("--mass", type=float, default=usual.mass, help="physical: mass")
     return parser
-
-
-def _rate(text: str) -> Fraction:
-    try:
-        return Fraction(text)
-    except ZeroDivisionError as error:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number of frames per second") from error

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "compare": ["comparison", "pareto"],
-        "page": ["Page", "Section", "html"],
+        "page": ["rendered", "webp"],
         "tables": ["Table", "measures"],
     },
 )

@@ -5,8 +5,7 @@ The page's text stands in `report.html.j2`; pictures travel in it as WebP, the f
 
 import base64
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
 from importlib.resources import files
 from typing import Any, NamedTuple
 
@@ -16,14 +15,11 @@ from jinja2 import Environment, StrictUndefined
 from numpy.typing import NDArray
 from PIL import Image
 
-from finloop.report.figures import Figure
-from finloop.report.tables import Table
-
 Picture = NDArray[np.uint8]
 _METHOD = 4  # of WebP: 6 takes twice as long for 2 % less
 
 
-class Shown(NamedTuple):
+class WebP(NamedTuple):
     """A picture as the page holds it, and its size, so that nothing moves while it loads."""
 
     uri: str
@@ -31,44 +27,12 @@ class Shown(NamedTuple):
     height: int
 
 
-@dataclass(frozen=True)
-class Section:
-    """A chapter with the pictures and tables there are."""
-
-    id: str
-    title: str
-    paper: str
-    text: str
-    figures: Sequence[tuple[Figure, Shown]]
-    tables: Sequence[Table]
-
-
-@dataclass(frozen=True)
-class Page:
-    """Everything the template shows."""
-
-    title: str
-    facts: str  # of the film, one sentence
-    film: str  # data URI of the MP4
-    poster: Shown
-    film_text: str  # the alternative text
-    headline: Sequence[tuple[str, str]]
-    measures: Table
-    sections: Sequence[Section]
-    table_2: Table
-    parameters: Mapping[str, Sequence[tuple[str, str, bool]]]  # group: key, value, was changed
-    commands: Sequence[str]
-    tank: str  # address of the scene to turn by hand; empty where there is none
-    numbers: Sequence[Table]
-    licence: str
-
-
 def data_uri(kind: str, content: bytes) -> str:
     """A data URI of the content."""
     return f"data:{kind};base64,{base64.b64encode(content).decode('ascii')}"
 
 
-def shown(picture: Picture, most_width: int, quality: int) -> Shown:
+def webp(picture: Picture, most_width: int, quality: int) -> WebP:
     """A picture (h, w) or (h, w, 3) RGB as WebP, not wider than `most_width` px."""
     height, width = picture.shape[:2]
     if width > most_width:
@@ -76,12 +40,7 @@ def shown(picture: Picture, most_width: int, quality: int) -> Shown:
         picture = np.asarray(cv2.resize(picture, (width, height), interpolation=cv2.INTER_AREA))
     coded = io.BytesIO()
     Image.fromarray(picture).save(coded, "WEBP", quality=quality, method=_METHOD)
-    return Shown(data_uri("image/webp", coded.getvalue()), width, height)
-
-
-def html(page: Page) -> str:
-    """The page's text; every value is escaped."""
-    return rendered("report.html.j2", {"page": page})
+    return WebP(data_uri("image/webp", coded.getvalue()), width, height)
 
 
 def rendered(template: str, values: Mapping[str, Any]) -> str:
