@@ -5,7 +5,7 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +23,7 @@ from finloop.gait.fit import fit, subcycles_of
 from finloop.gait.limbs import region_contour, trace_contour
 from finloop.gait.model import Gait
 from finloop.gait.outline import of_track, swim
+from finloop.gait.period import Period
 from finloop.gait.record import record_of
 from finloop.gait.settings import Settings
 from finloop.gait.tool import load_gait
@@ -48,18 +49,18 @@ LEAST_FRAMES, SECONDS = 8, 4  # of a drawn cycle; of a drawing's MP4
 ENDINGS = (".svg", ".webp", ".mp4", ".lottie.json")
 CRF = 18
 EXACT_POINTS = 256
-SHOWN = 24  # pictures of Fig. 8
-CLEAR = 0.2  # from here on an error of γ is told as a share of it
-Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]
+FIG8_PICTURES = 24
+CLEAR = 0.2  # the error of a γ from here on is given as a share of it
+Pictures = tuple[list[NDArray[np.uint8]], NDArray[np.float64]]  # of a cycle, and their phases
 
 
-class Learnt(NamedTuple):
-    """A gait, the film and keys it came from, and what its clock is worth on frames left out."""
+class Fit(NamedTuple):
+    """A gait with the film and the keys that it comes from, and its errors on held-out frames."""
 
     film: Film
     gait: Gait
     keys: Keys
-    worth: Comparison
+    errors: Comparison
 
     def draw(self, folder: Path, pictures: Pictures | None = None) -> None:
         """Figs. 8 to 14 into a folder."""
@@ -69,60 +70,51 @@ class Learnt(NamedTuple):
         for name, figure in figures(self.film, gait, self.keys, subcycles, pictures):
             save_figure(folder / f"{name}.png", figure)
 
-    def numbers(self, what: str) -> dict[str, float]:
+    def rms(self) -> dict[str, float]:
+        """By clock: RMS errors on held-out frames, per cent of the body length."""
+        return {f"rms_{clock}_pct": 100 * self.errors.rms[clock] for clock in CLOCKS}
+
+    def numbers(self, film: str) -> dict[str, float]:
         """For the metrics."""
-        return {
-            f"{what}_frequency_hz": self.gait.frequency_hz,
-            f"{what}_confidence": self.gait.confidence,
-            f"{what}_cycles": self.gait.cycles,
-        } | {f"{what}_rms_{clock}_pct": 100 * self.worth.rms[clock] for clock in CLOCKS}
+        facts = {key: getattr(self.gait, key) for key in ("frequency_hz", "confidence", "cycles")}
+        return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
 
 
-def learnt(
-    film: Film, name: str, frequency_hz: float, p: Settings, source: str, confidence: float
-) -> Learnt:
-    """Fit a gait to a film, and to parts of it for the frames left out."""
-    worth = compare(film, split=p.split, wavelet=p.wavelet, coarse=p.coarse)
-    gait, keys = fit(
-        film, name, frequency_hz, split=p.split, wavelet=p.wavelet, coarse=p.coarse,
-        per_scale=p.per_scale,
-    )  # fmt: skip
-    gait = replace(gait, source=source, confidence=confidence, residuals=worth.rms)
-    return Learnt(film, gait, keys, worth)
+def fitted(film: Film, name: str, beat: Period, p: Settings, source: str) -> Fit:
+    """A gait fitted to a film, and to parts of it for the errors on held-out frames."""
+    basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
+    errors = compare(film, **basis)
+    gait, keys = fit(film, name, float(beat.frequency_hz), **basis, per_scale=p.per_scale)
+    gait = replace(gait, source=source, confidence=beat.confidence, residuals=errors.rms)
+    return Fit(film, gait, keys, errors)
 
 
-def outlines(p: Settings) -> tuple[Learnt | None, pd.DataFrame]:
-    """Every track's tail beat; the gait of the one that is surest, if one repeats."""
+def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
+    """The gait of the track with the surest tail beat, None if none repeats; a row a track."""
     rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
-    known = load_table(FEATURES_AT, FEATURES, ("track_id", "frame", "head_x_px", "head_y_px"))
-    rows, best = [], None
-    groups = dict(list(known.groupby("track_id")))
+    heads = load_table(FEATURES_AT, FEATURES, ("track_id", "frame", "head_x_px", "head_y_px"))
+    rows, fits = [], []
     with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):
-            beat = swim(*of_track(track, groups[number]), rate, p.points)
+            fish = swim(*of_track(track, heads[heads["track_id"] == number]), rate, p.points)
+            beat, name = fish.period, f"track {number}"
             row = {
-                "track_id": number, "frames": len(track), "frequency_hz": beat.period.frequency_hz,
-                "cycles": beat.period.cycles, "confidence": beat.period.confidence,
-                "why_not": beat.period.why,
+                "track_id": number, "frames": len(track), "frequency_hz": beat.frequency_hz,
+                "cycles": beat.cycles, "confidence": beat.confidence, "why_not": beat.why,
             }  # fmt: skip
-            if not beat.period.why:
+            if not beat.why:
                 try:
-                    one = learnt(
-                        film_of_swim(beat), f"track {number}", float(beat.period.frequency_hz), p,
-                        f"track {number} of the clip", beat.period.confidence,
-                    )  # fmt: skip
+                    fits.append(fitted(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
+                    row |= fits[-1].rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
-                else:
-                    row |= {f"rms_{clock}_pct": 100 * one.worth.rms[clock] for clock in CLOCKS}
-                    if best is None or one.gait.confidence > best.gait.confidence:
-                        best = one
             rows.append(row)
             advance()
     columns = ["track_id", "frames", "frequency_hz", "cycles", "confidence"]
     columns += [f"rms_{clock}_pct" for clock in CLOCKS] + ["why_not"]
+    best = max(fits, key=lambda fit: fit.gait.confidence, default=None)
     return best, pd.DataFrame(rows).reindex(columns=columns)
 
 
@@ -145,20 +137,23 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
             writer.write(picture)
     save_masks(folder / "regions", (limb_masks(one) for one in read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
-    which = np.unique(np.linspace(0, cycle - 1, SHOWN).astype(int))
-    shown = [one for k, one in enumerate(read_frames(path, colour=True)) if k in which]
-    return shown, phases(walk)[which]
+    ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
+    pictures = [picture for k, picture in enumerate(read_frames(path, colour=True)) if k in ticks]
+    return pictures, phases(walk)[ticks]
 
 
 def recovered(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, float]:
-    """Fill in γ as it is, the clock's and that of exact contours; how far off they are at most."""
+    """The largest errors of γ; its true values are written into the table.
+
+    Column true: of the exact motion; exact: fitted to exact contours; clock: of the foot alone.
+    """
     exact = Film(truth(walk, EXACT_POINTS), phases(walk), walk.body_length_px, "swap")
     exact = replace(exact, offsets=hips(exact))
-    found, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
+    gait, _ = fit(exact, "exact", walk.frequency_hz, split=p.split, wavelet=p.wavelet)
     true = true_gamma(walk)
     for k, (name, sub) in table[["contour", "subcycle"]].iterrows():
         if name in true:
-            values = true[name][sub], found.gamma[name][sub][0], gammas(walk, name)["AB".index(sub)]
+            values = true[name][sub], gait.gamma[name][sub][0], gammas(walk, name)["AB".index(sub)]
             table.loc[k, ["true", "exact", "clock"]] = values
     numbers = {}
     clear = table["true"].abs() >= CLEAR
@@ -171,7 +166,7 @@ def recovered(walk: DogFilm, table: pd.DataFrame, p: Settings) -> dict[str, floa
 
 
 def table_of(which: str, gait: Gait) -> pd.DataFrame:
-    """γ by contour and subcycle, the mean over the scales; what is true is not known of a film."""
+    """γ by contour and subcycle, the mean over the scales; the true columns are empty."""
     rows = [
         (which, name, sub, float(np.mean(values)), *(np.nan,) * 3)
         for name, of in gait.gamma.items()
@@ -181,96 +176,92 @@ def table_of(which: str, gait: Gait) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=columns)
 
 
-def limbs(p: Settings, folder: Path) -> tuple[Learnt, Pictures | None]:
-    """The gait of the drawn dog, or of own film's limbs."""
+def limbs(p: Settings, folder: Path) -> tuple[Fit, Pictures | None]:
+    """The gait of the drawn dog, or of one's own film of limbs."""
+    pictures: Pictures | None = None
     if p.limbs == "dog":
-        pictures: Pictures | None = filmed_dog(dog(p), folder)
+        pictures = filmed_dog(dog(p), folder)
         regions, rate, name = folder / "regions", p.dog_rate_hz, "dog_walk"
         source = "the film of the drawn dog"
     else:
         assert p.regions is not None and p.regions_rate_hz is not None
-        pictures, regions, rate = None, Path(p.regions), p.regions_rate_hz
+        regions, rate = Path(p.regions), p.regions_rate_hz
         name, source = regions.name, f"regions in {regions.name}"
-    seen_in = load_regions(regions, region_contour, trace_contour)
-    cut, beat, found = film_of_regions(seen_in.frames, rate, p.points, p.split, seen_in.first)
-    for note in found.notes:
+    traces = load_regions(regions, region_contour, trace_contour)
+    walk, beat, contours = film_of_regions(traces.frames, rate, p.points, p.split, traces.first)
+    for note in contours.notes:
         print(f"gait: {note}")
-    return learnt(cut, name, float(beat.frequency_hz), p, source, beat.confidence), pictures
+    return fitted(walk, name, beat, p, source), pictures
 
 
 def driven(name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path) -> dict:
     """A drawing in motion, in every format; how far its feet slide."""
-    one, two = (load_svg(Path(key)) for key in keys)
+    first, second = (load_svg(Path(key)) for key in keys)
     frames = max(LEAST_FRAMES, round(p.frame_rate_hz / gait.frequency_hz))
-    done = transfer(one, two, gait, frames, p.points)
+    result = transfer(first, second, gait, frames, p.points)
     rate = Fraction(frames * gait.frequency_hz).limit_denominator(1001)
-    long = repeat(done.morph, max(1, round(SECONDS * gait.frequency_hz)))
+    cycles = repeat(result.morph, max(1, round(SECONDS * gait.frequency_hz)))
     for ending in ENDINGS:  # a player of MP4 stops at its end, the others begin again
-        shown = long if ending == ".mp4" else done.morph
-        save_animation(folder / f"{name}{ending}", shown, rate, p.size_px)
-    numbers: dict[str, float] = {
-        f"{name}_contours_that_fold": sum(bool(of.any()) for of in done.morph.folds.values())
-    }
-    for when, ground in (("before", done.before), ("after", done.after)):
+        morph = cycles if ending == ".mp4" else result.morph
+        save_animation(folder / f"{name}{ending}", morph, rate, p.size_px)
+    folds = sum(bool(counts.any()) for counts in result.morph.folds.values())
+    numbers: dict[str, float] = {f"{name}_contours_that_fold": folds}
+    for when, ground in (("before", result.before), ("after", result.after)):
         if ground is not None:
             numbers[f"{name}_feet_slide_{when}_pct"] = 100 * max(ground.slide.values())
     return numbers
 
 
-def fish_gait(p: Settings, swum: Learnt | None) -> Gait:
+def fish_gait(p: Settings, swimmer: Fit | None) -> Gait:
     """The gait that drives the drawn fish: a shipped one, or the clip's own."""
     if p.fish_gait is not None:
         return load_gait(Path(p.fish_gait))
-    if swum is None:
+    if swimmer is None:
         raise FinloopError(
             "gait.fish_gait is null, and no track of the clip has an outline that repeats",
             "a clip with a steady tail beat, or the path of a gait",
             "see why in reports/gait/tracks.csv, or set gait.fish_gait=data/gaits/trout.json",
         )
-    return swum.gait
+    return swimmer.gait
 
 
 def main() -> None:
     """Make data/gait/, reports/gait/."""
     p: Settings = load("gait")
     with whole_folder(OUT) as folder:
-        walked, pictures = limbs(p, folder)  # first: here most is given, and can be wrong
-        swum, tracks = outlines(p)
+        walker, pictures = limbs(p, folder)  # first: here a person gives most, and errs most
+        swimmer, tracks = outlines(p)
         save_csv(REPORT / "tracks.csv", tracks, decimals=4)
-        fish = fish_gait(p, swum)
+        fish = fish_gait(p, swimmer)
+        fits = {"limbs": walker} | ({"outline": swimmer} if swimmer else {})
         numbers: dict[str, float] = {
             "tracks": len(tracks),
             "tracks_that_repeat": int(tracks["rms_gamma_pct"].notna().sum()),
             "tracks_rms_gamma_median_pct": float(tracks["rms_gamma_pct"].median()),
             "tracks_rms_linear_median_pct": float(tracks["rms_linear_pct"].median()),
         }
-        table = table_of("limbs", walked.gait)
-        numbers |= walked.numbers("limbs")
+        tables = {film: table_of(film, fit.gait) for film, fit in fits.items()}
         if p.limbs == "dog":
-            numbers |= recovered(dog(p), table, p)
-        save_json(folder / "limbs.json", record_of(walked.gait), indent=1)
-        with whole_folder(REPORT / "limbs") as shown:
-            walked.draw(shown, pictures)
-        with whole_folder(REPORT / "outline") as shown:
-            if swum is None:
-                why = "no track of the clip has an outline that repeats: see tracks.csv"
-                print(f"gait: {why}")
-                (shown / "none.txt").write_text(why + "\n", encoding="utf-8")
-            else:
-                numbers |= swum.numbers("outline")
-                table = pd.concat([table, table_of("outline", swum.gait)], ignore_index=True)
-                save_json(folder / "outline.json", record_of(swum.gait), indent=1)
-                swum.draw(shown)
+            numbers |= recovered(dog(p), tables["limbs"], p)
+        for film, fit in fits.items():
+            numbers |= fit.numbers(film)
+            save_json(folder / f"{film}.json", record_of(fit.gait), indent=1)
+            with whole_folder(REPORT / film) as figures_of_film:
+                fit.draw(figures_of_film, pictures if film == "limbs" else None)
+        if swimmer is None:
+            why = "no track of the clip has an outline that repeats: see tracks.csv"
+            print(f"gait: {why}")
+            with whole_folder(REPORT / "outline") as empty:
+                (empty / "none.txt").write_text(why + "\n", encoding="utf-8")
         with progress("gait", 2, "drawings") as advance:
-            numbers |= driven("dog", (p.dog_1, p.dog_2), walked.gait, p, folder)
+            numbers |= driven("dog", (p.dog_1, p.dog_2), walker.gait, p, folder)
             advance()
             numbers |= driven("fish", (p.fish_1, p.fish_2), fish, p, folder)
             advance()
-    save_csv(REPORT / "gamma.csv", table, decimals=4)
-    parts = {"limbs": walked} | ({"outline": swum} if swum else {})
+    save_csv(REPORT / "gamma.csv", pd.concat(tables.values(), ignore_index=True), decimals=4)
     for name in ("by_contour", "by_scale"):
-        each = [getattr(one.worth, name).assign(film=what) for what, one in parts.items()]
-        save_csv(REPORT / f"{name}.csv", pd.concat(each, ignore_index=True), decimals=5)
+        parts = [getattr(fit.errors, name).assign(film=film) for film, fit in fits.items()]
+        save_csv(REPORT / f"{name}.csv", pd.concat(parts, ignore_index=True), decimals=5)
     save_metrics(REPORT / "metrics.json", numbers)
 
 

@@ -56,7 +56,7 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     A row is dominated by one that is nowhere greater and somewhere less. Equal rows do not dominate
     each other; a row with NaN is never on the front.
     """
-    known = ~np.isnan(costs).any(axis=1)
+    known = np.logical_not(np.isnan(costs).any(axis=1))
     a, b = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
     beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & known
     return np.asarray(known & ~beats.any(axis=1))
