@@ -7,6 +7,7 @@ for each contour and subcycle (isotonic regression), the best that a clock can d
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,9 @@ LEAST_GAIN = 0.02
 """Share of a scale's squared error, on held-out frames, that its γ must take away to count."""
 LEAST_ERROR = 1e-4
 """Body lengths: a scale whose held-out error is smaller (RMS) is not visible."""
+
+_KEYS = ["contour", "subcycle", "scale"]
+_WHOLE = -1  # in the column scale: all scales together
 
 
 @dataclass(frozen=True)
@@ -59,34 +63,31 @@ def compare(
     """
     check(film)
     scheme, masks = holdouts(film)
-    rows, scale_rows = [], []
+    rows: list[dict[str, Any]] = []
     problem: FinloopError | None = None
     for mask in masks:
         try:
-            errors = list(_errors(film, mask, split, wavelet, coarse))
+            rows += list(_errors(film, mask, split, wavelet, coarse))
         except FinloopError as error:
             problem = error
-            continue
-        for row, by_scale in errors:
-            rows.append(row)
-            scale_rows += by_scale
-    if not rows and problem is not None:
+    if problem is not None and not rows:
         raise problem
     _, subcycles = corrected_keys(film, split, wavelet, coarse)
-    contours = pd.DataFrame(rows).groupby(["contour", "subcycle"], sort=False).sum()
-    total = contours.sum()
-    rms = {c: float(np.sqrt(total[c] / total["frames"])) / film.body_length for c in CLOCKS}
+    table = pd.DataFrame(rows).groupby(_KEYS, sort=False).sum().reset_index()
+    contours = table[table["scale"] == _WHOLE].drop(columns="scale").reset_index(drop=True)
+    total = contours["frames"].sum()
+    rms = {c: float(np.sqrt(contours[c].sum() / total)) / film.body_length for c in CLOCKS}
     for c in CLOCKS:
         contours[f"rms_{c}"] = np.sqrt(contours.pop(c) / contours["frames"]) / film.body_length
-    by_scale = _scales(film, pd.DataFrame(scale_rows), subcycles)
-    return Comparison(scheme, rms, contours.reset_index(), by_scale)
+    scales = table[table["scale"] != _WHOLE].reset_index(drop=True)
+    return Comparison(scheme, rms, contours, _by_scale(film, scales, subcycles))
 
 
 def _errors(
     film: Film, mask: Mask, split: float, wavelet: str, coarse: int
-) -> Iterator[tuple[dict, list[dict]]]:
-    """Squared errors on the frames of a mask, for each contour and subcycle: its row, and one row
-    for each of its scales."""
+) -> Iterator[dict[str, Any]]:
+    """Squared errors by clock on the frames of a mask: a row for each contour and subcycle, scale
+    _WHOLE, and one for each of its scales."""
     still = LEAST_MOTION * film.body_length
     _, subcycles = corrected_keys(_part(film, ~mask), split, wavelet, coarse)
     per_limb, per_scale = (gammas_of(subcycles, per, still) for per in (False, True))
@@ -95,34 +96,23 @@ def _errors(
         test = tests[name][sub]
         if not len(test.tau):
             continue
-        size = len(model.end)
-        letter = "AB"[sub]
+        size, letter = len(model.end), "AB"[sub]
         spread = per_coefficient(per_scale[name][letter], size, coarse)
         f = free(model, test.tau)[:, None, None]
-        errors = {
-            "linear": test.coefficients - model.predict(test.tau, np.zeros(1)),
-            "gamma": test.coefficients - model.predict(test.tau, np.array(per_limb[name][letter])),
-            "gamma_scale": test.coefficients - model.predict(test.tau, spread),
-            "free": test.coefficients - (model.end + f * (model.start - model.end)),
+        predictions = {
+            "linear": model.predict(test.tau, np.zeros(1)),
+            "gamma": model.predict(test.tau, np.array(per_limb[name][letter])),
+            "gamma_scale": model.predict(test.tau, spread),
+            "free": model.end + f * (model.start - model.end),
         }
-        row = {"contour": name, "subcycle": letter, "frames": len(test.tau)}
-        for clock_name, error in errors.items():
-            distance = contour(error, size, wavelet, coarse)
-            row[clock_name] = float((distance**2).sum()) / size
-        yield (
-            row,
-            [
-                {
-                    "contour": name,
-                    "subcycle": letter,
-                    "scale": m,
-                    "frames": len(test.tau),
-                    "linear": float((errors["linear"][:, scale] ** 2).sum()) / size,
-                    "gamma_scale": float((errors["gamma_scale"][:, scale] ** 2).sum()) / size,
-                }
-                for m, scale in enumerate(model.scales)
-            ],
-        )
+        errors = {clock: test.coefficients - frames for clock, frames in predictions.items()}
+        parts = {_WHOLE: {c: contour(errors[c], size, wavelet, coarse) for c in CLOCKS}}
+        for number, scale in enumerate(model.scales):
+            parts[number] = {c: errors[c][:, scale] for c in CLOCKS}
+        for number, part in parts.items():
+            squares = {c: float((part[c] ** 2).sum()) / size for c in CLOCKS}
+            keys = dict(zip(_KEYS, (name, letter, number), strict=True))
+            yield keys | {"frames": len(test.tau)} | squares
 
 
 def _part(film: Film, mask: Mask) -> Film:
@@ -145,37 +135,31 @@ def free(model: Subcycle, tau: Points) -> Points:
     return np.interp(tau, nodes, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
 
 
-def _scales(
-    film: Film, rows: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
+def _by_scale(
+    film: Film, table: pd.DataFrame, subcycles: dict[tuple[str, int], Subcycle]
 ) -> pd.DataFrame:
-    """The table `Comparison.by_scale` from rows of squared errors."""
-    keys = ["contour", "subcycle", "scale"]
-    table = rows.groupby(keys, sort=False).sum().reset_index()
+    """The table `Comparison.by_scale` from squared errors."""
     gammas, share, count = [], [], []
-    for name, letter, m in table[keys].itertuples(index=False):
+    for name, letter, m in table[_KEYS].itertuples(index=False):
         model = subcycles[name, "AB".index(letter)]
         way, scale = model.start - model.end, model.scales[m]
         gammas.append(model.gammas(True, LEAST_MOTION * film.body_length)[m])
         share.append(float((way[scale] ** 2).sum() / max((way**2).sum(), 1e-300)))
         count.append(scale.stop - scale.start)
-    linear, fitted = table.pop("linear"), table.pop("gamma_scale")
-    frames = table.pop("frames")
-    rms = {
-        "rms_linear": np.sqrt(linear / frames) / film.body_length,
-        "rms_gamma_scale": np.sqrt(fitted / frames) / film.body_length,
-    }
+    linear, fitted, frames = table["linear"], table["gamma_scale"], table["frames"]
+    rms_linear = np.sqrt(linear / frames) / film.body_length
     gain = (linear - fitted) / linear.where(linear > 0)
-    invisible = rms["rms_linear"] < LEAST_ERROR
     verdict = np.select(
-        [invisible, gain > LEAST_GAIN, gain < -LEAST_GAIN],
+        [rms_linear < LEAST_ERROR, gain > LEAST_GAIN, gain < -LEAST_GAIN],
         ["not seen", "buys", "costs"],
         "buys nothing",
     )
-    return table.assign(
+    return table[_KEYS].assign(
         coefficients=count,
         gamma=gammas,
         energy_share=share,
-        **rms,
+        rms_linear=rms_linear,
+        rms_gamma_scale=np.sqrt(fitted / frames) / film.body_length,
         gamma_buys_pct=(100 * gain).fillna(0.0),
         verdict=verdict,
     )
