@@ -94,10 +94,7 @@ def in_sight(legal: NDArray[np.bool_], x: float, y: float, to_x: float, to_y: fl
 def tank(arena: NDArray[np.bool_], reach_px: float) -> Tank:
     """The tank for a fish no part of which is farther than `reach_px` from its centre.
 
-    Raises
-    ------
-    FinloopError
-        If such a fish does not fit in.
+    FinloopError if such a fish does not fit in.
     """
     clearance = cv2.distanceTransform(
         np.pad(arena, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
@@ -128,12 +125,8 @@ def place_goals(
     """Goals from the configuration, in pixels.
 
     `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
-    left. A fish touches what is within `touch_px` of a legal centre.
-
-    Raises
-    ------
-    FinloopError
-        If there is none, one is no pair of numbers, or one cannot be reached; all are named.
+    left. A fish touches what is within `touch_px` of a legal centre. FinloopError if there is none,
+    one is no pair of numbers, or one cannot be reached; all are named.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]

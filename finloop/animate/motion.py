@@ -115,10 +115,7 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
 def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings) -> Motion:
     """Phases and turns of a feature table.
 
-    Raises
-    ------
-    FinloopError
-        If the film shows no straight swimming, or no turn.
+    FinloopError if the film shows no straight swimming, or no turn.
     """
     length = float(features["body_length_px"].median())
     courses = [

@@ -56,12 +56,8 @@ def resampled(curve: Curve, n: int) -> Curve:
     """The polyline at n points of equal arc length: t(l) = l / L of §2.2.
 
     A closed curve keeps its first point, an open one both ends. Corners between the new points are
-    cut off, so the result is no longer than the curve.
-
-    Raises
-    ------
-    FinloopError
-        If n is below 3 for a closed curve, 2 for an open one.
+    cut off, so the result is no longer than the curve. FinloopError if n is below 3 for a closed
+    curve, 2 for an open one.
     """
     least = 3 if curve.closed else 2
     if n < least:

@@ -21,10 +21,7 @@ OUTLINE = "outline"
 def film_of_swim(swim: Swim) -> Film:
     """The steady frames of a swimming fish, lengths in body lengths.
 
-    Raises
-    ------
-    FinloopError
-        If its motion does not repeat.
+    FinloopError if its motion does not repeat.
     """
     points, phase = steady([swim])
     return Film({OUTLINE: points}, phase, 1.0, "mirror")
@@ -40,12 +37,8 @@ def film_of_regions(
     """The steady frames of an animal from the side, its limbs in the frame of the body, px.
 
     `first` is the number of the first frame. The period is computed twice, because the course of
-    the body is smoothed over a cycle.
-
-    Raises
-    ------
-    FinloopError
-        As `gait.limbs.limbs`; if the motion does not repeat.
+    the body is smoothed over a cycle. FinloopError as `gait.limbs.limbs`; if the motion does not
+    repeat.
     """
     contours = limbs(frames, n, None, first)
     beat = _beat(contours, frame_rate_hz)

@@ -86,22 +86,14 @@ def limbs(
 ) -> Limbs:
     """Contours of every limb that the frames name, in the body frame.
 
-    Parameters
-    ----------
-    frames
-        By frame: contours by id, None where one is missing. The id "body", if there is one, tells
-        where the body is; else the mean of the limbs does.
-    n
-        Points of a contour.
-    smooth_frames
-        A cycle: what the body sways in it is left to the limbs. None = it goes straight on.
-    first
-        Number of the first frame, for what is said about frames.
+    FinloopError if there is no limb, or one is seen in less than half of the frames.
 
-    Raises
-    ------
-    FinloopError
-        If there is no limb, or one is seen in less than half of the frames.
+    frames: by frame: contours by id, None where one is missing. The id "body", if there is one,
+        tells where the body is; else the mean of the limbs does.
+    n: points of a contour.
+    smooth_frames: a cycle: what the body sways in it is left to the limbs. None = it goes straight
+        on.
+    first: number of the first frame, for what is said about frames.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     if not [name for name in names if name != BODY]:

@@ -89,11 +89,7 @@ def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
     """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
 
     Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.
-
-    Raises
-    ------
-    FinloopError
-        If no track is periodic; the reasons are counted.
+    FinloopError if no track is periodic; the reasons are counted.
     """
     points, phase = list[Float](), list[Float]()
     begin = 0.0

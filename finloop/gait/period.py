@@ -55,21 +55,14 @@ def period(
 ) -> Period:
     """The period of any set of coordinates (frames, k); rows with NaN are missing frames.
 
-    Parameters
-    ----------
-    signal, frame_rate_hz
-        Coordinates in a row for each frame, and the frames a second.
-    extreme
-        (frames,): phase 0 is where the fundamental of this is greatest. Without it that of the
-        strongest mode, its largest coordinate counted positive.
-    slowest_hz, fastest_hz
-        Bounds of the search; never below one cycle in the film or above 0.4 of the frame rate.
+    FinloopError if the signal is not (frames, k), no row of it is whole, or the rate is not
+    positive. A motion that does not repeat is no error: see `why`, and `periodic`.
 
-    Raises
-    ------
-    FinloopError
-        If the signal is not (frames, k), no row of it is whole, or the rate is not positive. A
-        motion that does not repeat is no error: see `why`, and `periodic`.
+    signal, frame_rate_hz: coordinates in a row for each frame, and the frames a second.
+    extreme: (frames,), phase 0 is where the fundamental of this is greatest. Without it that of the
+        strongest mode, its largest coordinate counted positive.
+    slowest_hz, fastest_hz: bounds of the search; never below one cycle in the film or above 0.4 of
+        the frame rate.
     """
     signal = _checked(signal, frame_rate_hz)
     whole = np.asarray(np.isfinite(signal).all(axis=1))
@@ -122,13 +115,7 @@ def with_phase_zero(beat: Period, extreme: Float) -> Period:
 
 
 def require_periodic(beat: Period, name: str) -> Period:
-    """The same period, if there is one.
-
-    Raises
-    ------
-    FinloopError
-        If the motion of `name` does not repeat.
-    """
+    """The same period, if there is one. FinloopError if the motion of `name` does not repeat."""
     if beat.why:
         raise FinloopError(
             f"the motion of {name} is not periodic: {beat.why} (confidence {beat.confidence:.2f},"
@@ -162,10 +149,7 @@ def _none(frames: int, why: str) -> Period:
 def filled(signal: Float) -> Float:
     """A signal (frames, k) whose NaN are filled by linear interpolation, column by column.
 
-    Raises
-    ------
-    FinloopError
-        If a column is all NaN.
+    FinloopError if a column is all NaN.
     """
     time, out = np.arange(len(signal)), signal.copy()
     for column in out.T:

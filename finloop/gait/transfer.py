@@ -53,24 +53,15 @@ def transfer(
 ) -> Transfer:
     """The cycle of a drawing from its key poses 1 and 2, with its feet on the ground.
 
-    Parameters
-    ----------
-    key1, key2
-        Key poses with the same ids, each contour closed in both or open in both; the second is
-        fitted into the picture of the first.
-    gait
-        Its pooled γ holds for ids that it does not name.
-    frames
-        Of the cycle, at least 4.
-    points
-        Of every contour; a power of two where γ is per scale, or with `control`.
-    control
-        Control points of every contour (Fig. 14); None = all.
+    FinloopError if the poses do not belong together, a foot has no height, or a number is out of
+    range.
 
-    Raises
-    ------
-    FinloopError
-        If the poses do not belong together, a foot has no height, or a number is out of range.
+    key1, key2: key poses with the same ids, each contour closed in both or open in both; the second
+        is fitted into the picture of the first.
+    gait: its pooled γ holds for ids that it does not name.
+    frames: of the cycle, at least 4.
+    points: of every contour; a power of two where γ is per scale, or with `control`.
+    control: control points of every contour (Fig. 14); None = all.
     """
     check_sizes("cycle", frames, points, LEAST_FRAMES)
     check_pairs(key1, key2)

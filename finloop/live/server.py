@@ -240,10 +240,7 @@ def _policy(page: str, hosts: set[str]) -> str:
 def bound(port: int) -> socket.socket:
     """A socket of this machine alone; port 0: any that is free.
 
-    Raises
-    ------
-    FinloopError
-        If the port is taken or not allowed.
+    FinloopError if the port is taken or not allowed.
     """
     one = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -46,26 +46,15 @@ def morph(
 ) -> Morph:
     """The morph from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
 
-    Parameters
-    ----------
-    a, b
-        Drawings with the same ids, each contour closed in both or open in both.
-    method
-        One of METHODS; `simple` keeps every contour free of folds.
-    frames
-        At least 2, both ends included.
-    points
-        Of every contour, at least 8; a power of two where wavelets are used.
-    level
-        Of the linear morph: number of scales left out; None = none.
-    physics
-        Of the physical morph.
+    FinloopError if the drawings do not belong together, a number is out of range, or the method
+    cannot morph a contour; the message names it.
 
-    Raises
-    ------
-    FinloopError
-        If the drawings do not belong together, a number is out of range, or the method cannot
-        morph a contour; the message names it.
+    a, b: drawings with the same ids, each contour closed in both or open in both.
+    method: one of METHODS; `simple` keeps every contour free of folds.
+    frames: at least 2, both ends included.
+    points: of every contour, at least 8; a power of two where wavelets are used.
+    level: of the linear morph: number of scales left out; None = none.
+    physics: of the physical morph.
     """
     _check_numbers(method, frames, points)
     check_pairs(a, b)
