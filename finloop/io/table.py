@@ -19,23 +19,10 @@ from finloop.base.schema import Column, Schema
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
-_TYPES: dict[str, pa.DataType] = {
-    "bool": pa.bool_(),
-    "int8": pa.int8(),
-    "int16": pa.int16(),
-    "int32": pa.int32(),
-    "int64": pa.int64(),
-    "uint8": pa.uint8(),
-    "uint16": pa.uint16(),
-    "float32": pa.float32(),
-    "float64": pa.float64(),
-    "string": pa.string(),
-}
-
 
 def _arrow_type(column: Column) -> pa.DataType:
     """The type of the column in the file."""
-    inner = _TYPES[column.dtype]
+    inner = pa.type_for_alias(column.dtype)
     return pa.list_(inner, column.length) if column.length else inner
 
 
@@ -179,18 +166,13 @@ def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
         rows = array.flatten().to_numpy(zero_copy_only=False).reshape(len(array), column.length)
         return pd.Series(list(rows), dtype=object)
     if column.nullable and pa.types.is_integer(array.type):
-        return array.to_pandas(types_mapper=_NULLABLE.get)
+        return array.to_pandas(integer_object_nulls=True).astype(_nullable(column.dtype))
     return array.to_pandas()
 
 
-_NULLABLE: dict[pa.DataType, pd.api.extensions.ExtensionDtype] = {
-    pa.int8(): pd.Int8Dtype(),
-    pa.int16(): pd.Int16Dtype(),
-    pa.int32(): pd.Int32Dtype(),
-    pa.int64(): pd.Int64Dtype(),
-    pa.uint8(): pd.UInt8Dtype(),
-    pa.uint16(): pd.UInt16Dtype(),
-}
+def _nullable(dtype: str) -> str:
+    """Pandas' name of the integers that may be missing: Int32, UInt8."""
+    return dtype.replace("int", "Int").replace("u", "U")
 
 
 def _refused(what: str, problems: list[str], do: str) -> FinloopError:

@@ -4,7 +4,6 @@
 x right), uint8.
 """
 
-import json
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
@@ -22,19 +21,16 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.picture import save_picture
+from finloop.io.record import load_json, save_json
 
 KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % more bytes
 # A fixed number: x264 gives the same bytes only with the same number of threads, and the colour
 # conversion would take every core of the machine.
 THREADS = 2
 
-CLIP_NAME, FACTS_NAME, ARENA_NAME, TRUTH_NAME = (
-    "clip.mp4",
-    "facts.json",
-    "arena.png",
-    "truth.parquet",
-)
+CLIP_NAME, FACTS_NAME = "clip.mp4", "facts.json"
+ARENA_NAME, TRUTH_NAME = "arena.png", "truth.parquet"
 
 
 @dataclass(frozen=True)
@@ -75,36 +71,22 @@ class VideoFacts:
 
 def save_facts(path: Path, facts: VideoFacts) -> None:
     """Write `facts` as JSON (with `frame_rate_hz` as a plain number beside the exact fraction)."""
-    record = asdict(facts) | {
-        "frame_rate": str(facts.frame_rate),
-        "frame_rate_hz": facts.frame_rate_hz,
-        "pixel_aspect": str(facts.pixel_aspect),
-    }
-    with whole_file(path) as part:
-        part.write_text(json.dumps(record, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    fractions = {"frame_rate": str(facts.frame_rate), "pixel_aspect": str(facts.pixel_aspect)}
+    save_json(path, asdict(facts) | fractions | {"frame_rate_hz": facts.frame_rate_hz})
 
 
 def load_facts(path: Path) -> VideoFacts:
-    """Read the facts that `save_facts` wrote.
+    """Read the facts that `save_facts` wrote; FinloopError as `load_json`."""
+    keys = ", ".join(field.name for field in fields(VideoFacts))
+    do = "make the clip again: `dvc repro --force clip`"
+    return load_json(path, _facts, f"the facts of a clip: JSON with {keys}", do)
 
-    FinloopError if the file is missing, is no JSON, or lacks or has too many keys.
-    """
-    try:
-        record: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        record.pop("frame_rate_hz")
-        record["frame_rate"] = Fraction(record["frame_rate"])
-        record["pixel_aspect"] = Fraction(record["pixel_aspect"])
-        record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])
-        record["notes"] = tuple(record["notes"])
-        facts = VideoFacts(**record)
-    except (OSError, ValueError, TypeError, KeyError, AttributeError) as error:
-        keys = ", ".join(field.name for field in fields(VideoFacts))
-        raise FinloopError(
-            came=f"{path} cannot be read as the facts of a clip ({error})",
-            wanted=f"JSON with {keys}",
-            do="make the clip again: `dvc repro --force clip`",
-        ) from error
-    return facts
+
+def _facts(record: dict[str, Any]) -> VideoFacts:
+    record.pop("frame_rate_hz")
+    record |= {key: Fraction(record[key]) for key in ("frame_rate", "pixel_aspect")}
+    record["segments"] = tuple((int(a), int(b)) for a, b in record["segments"])
+    return VideoFacts(**record | {"notes": tuple(record["notes"])})
 
 
 @contextmanager
@@ -220,9 +202,7 @@ def read_spread(
 
 def save_mask(path: Path, mask: np.ndarray) -> None:
     """Write a boolean mask (h, w) as an 8-bit picture, 255 where True."""
-    with whole_file(path) as part:
-        coded = cv2.imencode(path.suffix, mask.astype(np.uint8) * 255)[1]
-        part.write_bytes(coded.tobytes())
+    save_picture(path, mask.astype(np.uint8) * 255)
 
 
 def load_mask(path: Path, width: int, height: int) -> np.ndarray:
