@@ -28,6 +28,11 @@ class Schema:
     columns: tuple[Column, ...]
 
 
+def columns(dtype: str, unit: str, *names: str, length: int = 0) -> list[Column]:
+    """Columns of one kind, none of them nullable."""
+    return [Column(name, dtype, unit, length=length) for name in names]
+
+
 def lists_to_array(column: pd.Series) -> np.ndarray:
     """Stack a list column into one array, (rows, length)."""
     return np.stack(list(column)) if len(column) else np.empty((0, 0))

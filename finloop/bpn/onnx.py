@@ -38,19 +38,13 @@ def to_onnx(model: MotionModel) -> onnx.ModelProto:
         "output_high": model.output_high,
     }
     chain = [
-        ("Max", ["input_low"]),
-        ("Min", ["input_high"]),
-        ("Sub", ["input_middle"]),
-        ("Mul", ["input_scale"]),
-        ("Gemm", ["hidden_weights", "hidden_bias"]),
-        ("Sigmoid", []),
-        ("Gemm", ["output_weights", "output_bias"]),
-        ("Sigmoid", []),
-        ("Mul", ["output_span"]),
-        ("Add", ["output_offset"]),
-        ("Max", ["output_low"]),
-        ("Min", ["output_high"]),
-    ]
+        ("Max", ["input_low"]), ("Min", ["input_high"]),
+        ("Sub", ["input_middle"]), ("Mul", ["input_scale"]),
+        ("Gemm", ["hidden_weights", "hidden_bias"]), ("Sigmoid", []),
+        ("Gemm", ["output_weights", "output_bias"]), ("Sigmoid", []),
+        ("Mul", ["output_span"]), ("Add", ["output_offset"]),
+        ("Max", ["output_low"]), ("Min", ["output_high"]),
+    ]  # fmt: skip
     names = [INPUT_NAME, *(f"step_{number}" for number in range(1, len(chain))), OUTPUT_NAME]
     nodes = [
         helper.make_node(kind, [names[number], *more], [names[number + 1]])

@@ -6,21 +6,16 @@ at the tail, both + for a bend to the left; `mask_area_px` the drawn coverage, b
 `backbone_*_px` the midline from head to tail in equal steps.
 """
 
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 
 POINTS = 65
 """Points of a true midline."""
 
 TRUTH = Schema(
     (
-        Column("fish_id", "int32", "1"),
-        Column("frame", "int32", "1"),
-        Column("x_px", "float64", "px"),
-        Column("y_px", "float64", "px"),
-        Column("head_x_px", "float64", "px"),
-        Column("head_y_px", "float64", "px"),
-        Column("tail_x_px", "float64", "px"),
-        Column("tail_y_px", "float64", "px"),
+        *columns("int32", "1", "fish_id", "frame"),
+        *columns("float64", "px", "x_px", "y_px", "head_x_px", "head_y_px"),
+        *columns("float64", "px", "tail_x_px", "tail_y_px"),
         Column("heading_deg", "float64", "deg"),
         Column("body_length_px", "float64", "px"),
         Column("bend", "float64", "1"),
@@ -28,7 +23,6 @@ TRUTH = Schema(
         Column("swimming_type", "int8", "1"),
         Column("mask_area_px", "float64", "px²"),
         Column("fins_open", "float32", "1"),
-        Column("backbone_x_px", "float32", "px", length=POINTS),
-        Column("backbone_y_px", "float32", "px", length=POINTS),
+        *columns("float32", "px", "backbone_x_px", "backbone_y_px", length=POINTS),
     )
 )

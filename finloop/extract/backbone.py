@@ -21,8 +21,6 @@ from skimage.morphology import skeletonize
 
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
-FloatArray = NDArray[np.float32] | NDArray[np.float64]
-
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # in half widths, how far inside an end its direction is taken
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()

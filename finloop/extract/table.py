@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 
 OUTLINE_POINTS = 128
 
@@ -25,26 +25,15 @@ class SceneFacts:
 
 def tracks_schema(points: int) -> Schema:
     """The table of tracks: a row per fish per frame, beside the cut-out of the same number."""
-
-    def line(name: str) -> Column:
-        return Column(name, "float32", "px", length=points)
-
-    def ring(name: str) -> Column:
-        return Column(name, "float32", "px", length=OUTLINE_POINTS)
-
     return Schema(
         (
-            Column("track_id", "int32", "1"),
-            Column("frame", "int32", "1"),
-            Column("x_px", "float64", "px"),
-            Column("y_px", "float64", "px"),
+            *columns("int32", "1", "track_id", "frame"),
+            *columns("float64", "px", "x_px", "y_px"),
             Column("area_px", "float32", "px²"),
             Column("contrast", "float32", "grey level"),
             Column("length_px", "float32", "px"),
-            line("backbone_x_px"),
-            line("backbone_y_px"),
-            line("half_width_px"),
-            ring("outline_x_px"),
-            ring("outline_y_px"),
+            *columns("float32", "px", "backbone_x_px", "backbone_y_px", length=points),
+            *columns("float32", "px", "half_width_px", length=points),
+            *columns("float32", "px", "outline_x_px", "outline_y_px", length=OUTLINE_POINTS),
         )
     )

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.schema import Column, Schema, lists_to_array
+from finloop.base.schema import Column, Schema, columns, lists_to_array
 from finloop.errors import FinloopError
 from finloop.features.area import bend
 from finloop.features.head import head_first
@@ -27,18 +27,12 @@ USED = (
 
 FEATURES = Schema(
     (
-        Column("track_id", "int32", "1"),
-        Column("frame", "int32", "1"),
+        *columns("int32", "1", "track_id", "frame"),
         Column("time_s", "float64", "s"),
-        Column("x_px", "float64", "px"),
-        Column("y_px", "float64", "px"),
-        Column("head_x_px", "float32", "px"),
-        Column("head_y_px", "float32", "px"),
-        Column("tail_x_px", "float32", "px"),
-        Column("tail_y_px", "float32", "px"),
+        *columns("float64", "px", "x_px", "y_px"),
+        *columns("float32", "px", "head_x_px", "head_y_px", "tail_x_px", "tail_y_px"),
         Column("heading_deg", "float32", "deg"),
-        Column("orientation", "int8", "1"),
-        Column("orientations", "int8", "1"),
+        *columns("int8", "1", "orientation", "orientations"),
         Column("body_length_px", "float32", "px"),
         Column("motion_area", "float32", "body length²"),
         Column("motion_area_rel", "float32", "1"),

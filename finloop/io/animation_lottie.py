@@ -18,17 +18,10 @@ def to_lottie(morph: Morph, frame_rate: Fraction) -> Json:
     """The animation as what `json.dumps` takes."""
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     return {
-        "v": "5.7.0",
-        "fr": float(frame_rate),
-        "ip": 0,
-        "op": len(morph.tau),
-        "w": ceil(morph.width),
-        "h": ceil(morph.height),
-        "nm": "morph",
-        "ddd": 0,
-        "assets": [],
+        "v": "5.7.0", "fr": float(frame_rate), "ip": 0, "op": len(morph.tau),
+        "w": ceil(morph.width), "h": ceil(morph.height), "nm": "morph", "ddd": 0, "assets": [],
         "layers": [_layer(morph, shape, k) for k, shape in enumerate(what[::-1], 1)],
-    }
+    }  # fmt: skip
 
 
 def _layer(morph: Morph, shape: Shape, index: int) -> Json:
@@ -38,19 +31,10 @@ def _layer(morph: Morph, shape: Shape, index: int) -> Json:
     ]
     items = [*paths, *_paints(shape.paint), {"ty": "tr", **_still()}]
     return {
-        "ddd": 0,
-        "ind": index,
-        "ty": 4,
-        "nm": shape.name,
-        "sr": 1,
-        "ks": _still(),
-        "ao": 0,
+        "ddd": 0, "ind": index, "ty": 4, "nm": shape.name, "sr": 1, "ks": _still(), "ao": 0,
         "shapes": [{"ty": "gr", "nm": shape.name, "it": items}],
-        "ip": 0,
-        "op": len(morph.tau),
-        "st": 0,
-        "bm": 0,
-    }
+        "ip": 0, "op": len(morph.tau), "st": 0, "bm": 0,
+    }  # fmt: skip
 
 
 def _animated_path(morph: Morph, name: str, closed: bool) -> Json:
@@ -69,16 +53,9 @@ def _paints(paint: Paint) -> list[Json]:
     """Stroke before fill: what comes first lies on top."""
     found: list[Json] = []
     if paint.stroke is not None:
-        found.append(
-            {
-                "ty": "st",
-                "c": _colour(paint.stroke),
-                "o": _constant(100 * paint.stroke_opacity),
-                "w": _constant(paint.width),
-                "lc": 2,
-                "lj": 2,
-            }
-        )
+        opacity, width = _constant(100 * paint.stroke_opacity), _constant(paint.width)
+        stroke = {"ty": "st", "c": _colour(paint.stroke), "o": opacity, "w": width}
+        found.append(stroke | {"lc": 2, "lj": 2})
     if paint.fill is not None:
         opacity = _constant(100 * paint.fill_opacity)
         found.append({"ty": "fl", "c": _colour(paint.fill), "o": opacity, "r": 2})
@@ -87,13 +64,8 @@ def _paints(paint: Paint) -> list[Json]:
 
 def _still() -> Json:
     """A transform that changes nothing."""
-    return {
-        "o": _constant(100),
-        "r": _constant(0),
-        "p": _constant([0, 0]),
-        "a": _constant([0, 0]),
-        "s": _constant([100, 100]),
-    }
+    numbers = {"o": 100, "r": 0, "p": [0, 0], "a": [0, 0], "s": [100, 100]}
+    return {key: _constant(number) for key, number in numbers.items()}
 
 
 def _colour(colour: Colour) -> Json:
