@@ -1,0 +1,181 @@
+"""A film, drawn or filmed, as the normalised clip: frames of a constant rate, facts, arena, truth.
+
+The door from the rooms of films (`clip`, `drawn`) to files: the stage `clip` and the library's
+verbs `open_film` and `draw_carp` come this way.
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from finloop.clip.arena import circle_arena, rectangle_arena
+from finloop.clip.quality import Tally
+from finloop.clip.settings import Carp, File, Settings, Zebrafish
+from finloop.drawn.carp.film import film, fits
+from finloop.drawn.truth import TRUTH
+from finloop.errors import FinloopError
+from finloop.io.footage import Loss, Timing, nearest_in_time, open_footage, segments_of
+from finloop.io.movie import VideoWriter
+from finloop.io.table import TableWriter
+from finloop.io.video import (
+    ARENA_NAME,
+    CLIP_NAME,
+    FACTS_NAME,
+    TRUTH_NAME,
+    VideoFacts,
+    load_mask,
+    save_facts,
+    save_mask,
+)
+from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
+
+_ROWS = 512  # of truth that gather before they are written
+
+
+@dataclass(frozen=True)
+class Source:
+    """A clip before it is written: its facts, as far as they are known, and its frames."""
+
+    facts: VideoFacts
+    takes: list[Iterator[tuple[float, np.ndarray]]]
+    loss: Loss
+    truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
+
+    def flush(self, table: TableWriter) -> None:
+        """Write the rows of truth to their table, and empty the list."""
+        if self.truth:
+            table.write(pd.DataFrame(self.truth))
+            self.truth.clear()
+
+
+def open_source(p: Settings) -> Source:
+    """The film that the parameters name; nothing but its head is read yet.
+
+    Raises
+    ------
+    FinloopError
+        If it cannot be opened, or the carp have no room.
+    """
+    return _carp(p) if isinstance(p, Carp) else _films(p)
+
+
+def normalise(
+    source: Source, p: Settings, folder: Path, advance: Callable[[], None] = lambda: None
+) -> tuple[VideoFacts, Tally, np.ndarray]:
+    """Write clip, facts, arena and, of a carp, truth to a folder; `advance()` after each frame.
+
+    Returns the facts, what was tallied of the frames, and the mask (height, width) of the pixels
+    where animals can be.
+
+    Raises
+    ------
+    FinloopError
+        If fewer than two frames can be read, all frames are plain, or the mask does not fit.
+    """
+    facts = source.facts
+    arena = _arena(p, facts.width_px, facts.height_px)
+    with ExitStack() as stack:
+        writer = stack.enter_context(VideoWriter.of(folder / CLIP_NAME, facts))
+        truth = None
+        if isinstance(p, Carp):
+            truth = stack.enter_context(TableWriter(folder / TRUTH_NAME, TRUTH))
+        timing, tally = _record(writer, source, truth, advance)
+    facts = replace(
+        facts,
+        frames=timing.frames,
+        segments=segments_of(timing.cuts, timing.frames),
+        frames_repeated=timing.repeated,
+        frames_dropped=timing.dropped,
+        frames_missing=source.loss.frames,
+        notes=(*facts.notes, *source.loss.notes),
+    )
+    save_facts(folder / FACTS_NAME, facts)
+    save_mask(folder / ARENA_NAME, arena)
+    return facts, tally, arena
+
+
+def _carp(p: Carp) -> Source:
+    """The film of the drawn carp."""
+    if not fits(p):
+        raise FinloopError(
+            came=f"{p.fish} carp of {p.body_length_px:g} px have no room in a tank of "
+            f"{p.width_px}×{p.height_px} px",
+            wanted="about 2.2 body lengths squared for each, and a margin along the walls",
+            do="draw fewer or smaller fish, or a larger tank (clip.width_px, clip.height_px)",
+        )
+    rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
+    facts = VideoFacts("carp", p.width_px, p.height_px, p.frames, rate, p.colour, (), crf=p.crf)
+    truth: list[dict[str, Any]] = []
+
+    def take() -> Iterator[tuple[float, np.ndarray]]:
+        for number, (frame, rows) in enumerate(film(p)):
+            truth.extend(rows)
+            yield float(number / rate), frame
+
+    return Source(facts, [take()], Loss(), truth)
+
+
+def _films(p: Zebrafish | File) -> Source:
+    """Films that follow one another in the clip."""
+    if isinstance(p, Zebrafish):
+        paths = zebrafish_clips(p.parts, cache_folder())
+        films = [open_footage(path, colour=False) for path in paths]
+    else:
+        colour = {"auto": None, "always": True, "never": False}[p.colour]
+        path = Path(p.path).expanduser()
+        films = [
+            open_footage(
+                path, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s, colour=colour
+            )
+        ]
+    facts = replace(films[0].facts(p.source, p.crf), frames=sum(f.frames_expected for f in films))
+    loss = Loss()
+    return Source(facts, [footage.frames(loss) for footage in films], loss, [])
+
+
+def _record(
+    writer: VideoWriter, source: Source, truth: TableWriter | None, advance: Callable[[], None]
+) -> tuple[Timing, Tally]:
+    """Write the takes one after the other, re-timed to a constant rate from their first frames."""
+    timing, tally = Timing(), Tally()
+    for take in source.takes:
+        for frame in nearest_in_time(take, source.facts.frame_rate, timing):
+            writer.write(frame)
+            tally.add(frame)
+            if truth and len(source.truth) >= _ROWS:
+                source.flush(truth)
+            advance()
+    if truth:
+        source.flush(truth)
+    if tally.frames < 2:
+        raise FinloopError(
+            came=f"only {tally.frames} frame(s) could be decoded",
+            wanted="at least 2 frames: without motion there is nothing to follow",
+            do="copy or record the film again",
+        )
+    if tally.plain:
+        raise FinloopError(
+            came=f"all {tally.frames} frames show an even grey of {tally.brightness_mean:.0f} "
+            "(0 = black, 255 = white)",
+            wanted="a film in which something is to be seen",
+            do="check the camera's cap, exposure and file; or choose another range of time",
+        )
+    return timing, tally
+
+
+def _arena(p: Settings, width: int, height: int) -> np.ndarray:
+    """Mask (height, width) of the pixels where animals can be."""
+    if isinstance(p, Zebrafish):
+        return rectangle_arena(width, height, *TANK_PX)
+    if not isinstance(p, File) or p.arena == "none":
+        return np.ones((height, width), bool)
+    if p.arena == "mask":
+        return load_mask(Path(*p.arena_values()).expanduser(), width, height)
+    shape = circle_arena if p.arena == "circle" else rectangle_arena
+    return shape(width, height, *p.arena_values())
