@@ -26,18 +26,28 @@ from skimage.morphology import skeletonize
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
-from finloop.extract.film import Detector, Settings, detect, rows, survey, tracks
+from finloop.extract.film import (
+    Detector,
+    Settings,
+    batches,
+    cutouts,
+    detect,
+    rows,
+    sample_frames,
+    survey,
+    tracks,
+)
 from finloop.extract.segment import silhouettes
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings
 from finloop.io.film_writer import film_writer
 from finloop.io.table import load_table, save_table
-from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
+from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, read_spread
 from finloop.io.wheel import cache_folder, zebrafish_clips
 from finloop.parallel import warm_up
 from finloop.settings import settings
-from stages.extract import WORKERS_NEED, batches, cutouts, sample
+from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
 PAIRS = 5
@@ -82,7 +92,10 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     """What the two stages do, pictures left out; returns the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
-    scene, typical = survey(sample(facts, how.samples, clip), arena, how)
+    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
+    sample = sample_frames(how.samples, facts.frames, shape, KEY_FRAME_EVERY)
+    frames = list(read_spread(clip / "clip.mp4", sample, colour=facts.colour))
+    scene, typical = survey(frames, arena, how)
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     found = detect(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)

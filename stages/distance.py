@@ -3,29 +3,14 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import (
-    EXACT,
-    PAIRS,
-    STEPS,
-    MapFacts,
-    Pairs,
-    about_mean,
-    bands,
-    computed,
-    kinds,
-    order,
-    pair_table,
-    similar,
-    step_table,
-    usual_steps,
-)
-from finloop.distance.picture import FILM, apart
+from finloop.distance.compare import blocks, compare
+from finloop.distance.map import EXACT, PAIRS, STEPS, computed
+from finloop.distance.picture import apart
 from finloop.distance.settings import Settings
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
@@ -39,13 +24,6 @@ CUTOUTS = Path("data/extract/cutouts.arrow")
 FEATURES_TABLE = Path("data/features/features.parquet")
 FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
 CHECKED = 1000  # pairs measured again in float64
-
-
-def counted(found: Iterator[Pairs], advance: Callable[[], None]) -> Iterator[Pairs]:
-    """The same, with progress."""
-    for pairs in found:
-        yield pairs
-        advance()
 
 
 def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
@@ -65,32 +43,20 @@ def main() -> None:
     """Make data/distance/, reports/distance/."""
     p: Settings = load("distance")
     features = load_table(FEATURES_TABLE, FEATURES)
-    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
-    # Pictures are made in this order, so that a band is a slice and no second copy is needed.
-    rows = order(kind, area)
-    place = np.argsort(rows)
-
+    todo = blocks(features, p)
     with open_cutouts(CUTOUTS) as film:
         reel = Reel(features, film)
-        x = about_mean(reel.frames(rows, p.size, p.pose))
-        steps = step_table(features, x, place)
-        steps["as_filmed"] = steps["step"] if p.pose == FILM else reel.steps(p.size, FILM)
-        median, p95 = usual_steps(steps)
-        most = np.inf if p.keep is None else p.keep * median
-        found = similar(x, kind[rows], area[rows], p.area_threshold, most)
-        blocks = list(bands(kind[rows], area[rows], p.area_threshold))
-        with progress("distance", len(blocks), "blocks") as advance:
-            pairs = pair_table(counted(found, advance), rows)
+        with progress("distance", len(todo), "blocks") as advance:
+            pairs, steps, facts = compare(reel, p, advance)
         pairs_inexact = inexact(pairs, reel, p.size, p.pose)
 
     with whole_folder(FOLDER) as folder:
         save_table(folder / "pairs.parquet", pairs, PAIRS)
         save_table(folder / "steps.parquet", steps, STEPS)
-        facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
         save_record(folder / "facts.json", facts)
 
     count = len(features) * (len(features) - 1) // 2
-    done = computed(blocks)
+    done = computed(todo)
     skipped_pct = 100 * (1 - done / count)
     save_metrics(
         REPORT / "metrics.json",
@@ -101,8 +67,8 @@ def main() -> None:
             "pairs_skipped_pct": skipped_pct,
             "pairs_kept": len(pairs),
             "pairs_kept_pct": 100 * len(pairs) / count,
-            "step_median": median,
-            "step_p95": p95,
+            "step_median": facts.step_median,
+            "step_p95": facts.step_p95,
             "pairs_inexact": pairs_inexact,
         },
     )

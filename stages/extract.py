@@ -3,7 +3,7 @@
 from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -11,17 +11,17 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
-from finloop.extract.background import Image, Scene, sample_size
 from finloop.extract.film import (
-    Detections,
     Detector,
+    Film,
     TrackedFish,
     Verdict,
-    detect,
-    follow,
+    batches,
+    cutouts,
+    detections,
+    nothing_followed,
     rows,
+    sample_frames,
     survey,
     tracks,
 )
@@ -36,7 +36,6 @@ from finloop.io.video import (
     CLIP_NAME,
     FACTS_NAME,
     KEY_FRAME_EVERY,
-    VideoFacts,
     load_facts,
     load_mask,
     read_frames,
@@ -50,43 +49,6 @@ LONG = 60  # frames of a long track
 WORKERS_NEED = ["finloop.extract.film", "finloop.io.video"]  # imported once, for all workers
 
 
-def sample(facts: VideoFacts, samples: int, clip: Path = CLIP) -> list[Image]:
-    """Frames spread evenly over the clip, key frames where it is long enough to choose."""
-    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    count = sample_size(samples, facts.frames, shape)
-    numbers = np.linspace(0, facts.frames - 1, count).round().astype(int)
-    if facts.frames >= count * KEY_FRAME_EVERY:
-        numbers = numbers // KEY_FRAME_EVERY * KEY_FRAME_EVERY
-    return list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
-
-
-def detections(facts: VideoFacts, scene: Scene, detector: Detector) -> Iterator[Detections]:
-    """The detections of every frame, in order."""
-    # One thread each: every core decodes its own stretch.
-    read = partial(read_frames, CLIP / CLIP_NAME, colour=facts.colour, threads=1)
-    if detector.settings.background == "mog2":  # a background depends on all frames before
-        film = follow(read(start=0, stop=facts.frames), scene, facts.frame_rate_hz)
-        return (detector(frame, tank) for frame, tank in film)
-    return detect(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
-
-
-def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
-    """The same fish in larger batches, which are quicker to write."""
-    batch: list[TrackedFish] = []
-    for some in fish:
-        batch += some
-        if len(batch) >= 512:
-            yield batch
-            batch = []
-    yield batch
-
-
-def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
-    """The cut-outs of the fish."""
-    for f in fish:
-        yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
-
-
 def main() -> None:
     """Make data/extract/ and reports/extract/metrics.json."""
     settings: Settings = load("extract")
@@ -95,14 +57,21 @@ def main() -> None:
     facts = load_facts(CLIP / FACTS_NAME)
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
-    scene, typical = survey(sample(facts, settings.samples), arena, settings)
+    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
+    sample = sample_frames(settings.samples, facts.frames, shape, KEY_FRAME_EVERY)
+    frames = list(read_spread(CLIP / CLIP_NAME, sample, colour=facts.colour))
+    scene, typical = survey(frames, arena, settings)
+    # One thread each: every core decodes its own stretch.
+    read = partial(read_frames, CLIP / CLIP_NAME, colour=facts.colour, threads=1)
+    film = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     detector = Detector(arena, typical, settings)
     cuts = [start for start, _ in facts.segments[1:]]
     tally: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
 
     def linked() -> Iterator[list[TrackedFish]]:
-        for verdicts, fish in tracks(detections(facts, scene, detector), typical, settings, cuts):
+        seen = detections(film, scene, detector, THREADS)
+        for verdicts, fish in tracks(seen, typical, settings, cuts):
             tally.update(verdicts)
             lengths.update(f.track_id for f in fish)
             advance()
@@ -116,14 +85,7 @@ def main() -> None:
             for fish in batches(linked()):
                 write(rows(fish), cutouts(fish))
         if not lengths:
-            counts = ", ".join(f"{count} {verdict}" for verdict, count in tally.items())
-            raise FinloopError(
-                f"no fish could be followed for {settings.least_frames} frames "
-                f"(silhouettes: {counts})",
-                "fish that swim by themselves, clear of the border",
-                "allow shorter tracks (extract.least_frames), other sizes "
-                "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
-            )
+            raise nothing_followed(settings, tally)
         tank = SceneFacts(
             scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points
         )

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from finloop.bpn.settings import Settings
 from finloop.errors import FinloopError
 
 INPUTS = {
@@ -198,6 +199,14 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
         )
     held = np.isin(rows.track_id, _chosen(rows.track_id, held_out, rng))
     return _enough(~held, held)
+
+
+def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
+    """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks"."""
+    rng = np.random.default_rng((p.seed, 0))
+    if by == "tracks":
+        return split_by_tracks(rows, p.held_out, rng)
+    return split_by_blocks(rows, max(1, round(p.block_s * rate_hz)), p.held_out, rng)
 
 
 def _chosen(group: NDArray[np.int64], share: float, rng: np.random.Generator) -> list[int]:

@@ -23,8 +23,10 @@ from finloop.bpn.model import (
     OUTPUT_HIGH,
     OUTPUT_LOW,
     OUTPUTS,
+    Mask,
     MotionModel,
     Numbers,
+    Rows,
     input_range,
     to_scale,
 )
@@ -93,6 +95,19 @@ def stepper(
         weights.add_(velocity)
 
     return step
+
+
+def learn(
+    rows: Rows,
+    sides: tuple[Mask, Mask],
+    p: Settings,
+    rate_hz: float,
+    advance: Callable[[], object] = lambda: None,
+) -> tuple[MotionModel, pd.DataFrame]:
+    """`train` on the first side of the rows; the second, held out, is for the curve."""
+    known, held = ((rows.inputs[side], rows.outputs[side]) for side in sides)
+    rng = np.random.default_rng((p.seed, 1))
+    return train(*known, held, p, rows.delta_frames / rate_hz, rng, advance)
 
 
 def train(

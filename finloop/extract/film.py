@@ -16,6 +16,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.backbone import trace
 from finloop.extract.background import (
@@ -24,6 +25,7 @@ from finloop.extract.background import (
     flat_background,
     in_light_of,
     median_background,
+    sample_size,
     survey_noise,
 )
 from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
@@ -66,6 +68,18 @@ def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdi
     if silhouette.area_px < settings.least_area_ratio * typical.area_px:
         return "too small"
     return "fish"
+
+
+def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
+    """Numbers of frames of `shape` spread evenly over a clip, ascending.
+
+    Multiples of `stride`, the distance of key frames, where the clip is long enough to choose.
+    """
+    count = sample_size(samples, frames, shape)
+    numbers = np.linspace(0, frames - 1, count).round().astype(int)
+    if frames >= count * stride:
+        numbers = numbers // stride * stride
+    return numbers.tolist()
 
 
 def survey(sample: Sequence[Image], arena: Image, settings: Settings) -> tuple[Scene, Typical]:
@@ -175,6 +189,23 @@ class Reader(Protocol):
     def __call__(self, *, start: int, stop: int) -> Iterator[Image]: ...
 
 
+class Film(NamedTuple):
+    """A clip to read: its length, its frames per second, and the distance of its key frames."""
+
+    read: Reader
+    frames: int
+    rate_hz: float
+    stride: int = 1
+
+
+def detections(film: Film, scene: Scene, detector: Detector, workers: int) -> Iterator[Detections]:
+    """Detections of every frame in order, against the background that the settings name."""
+    if detector.settings.background == "mog2":  # a background depends on all frames before
+        frames = film.read(start=0, stop=film.frames)
+        return (detector(*seen) for seen in follow(frames, scene, film.rate_hz))
+    return detect(film.read, film.frames, scene, detector, workers, film.stride)
+
+
 def detect(
     read: Reader, frames: int, scene: Scene, detector: Detector, workers: int, stride: int = 1
 ) -> Iterator[Detections]:
@@ -232,6 +263,34 @@ def _spot(silhouette: Silhouette, fish: Fish | None) -> Spot:
     if fish is None:
         return Spot(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False)
     return Spot(fish.x_px, fish.y_px, silhouette.area_px, box, True)
+
+
+def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
+    """The same fish in larger batches, which are quicker to write."""
+    batch: list[TrackedFish] = []
+    for some in fish:
+        batch += some
+        if len(batch) >= 512:
+            yield batch
+            batch = []
+    yield batch
+
+
+def nothing_followed(settings: Settings, verdicts: Counter[Verdict]) -> FinloopError:
+    """What to raise where no track is long enough."""
+    counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
+    return FinloopError(
+        f"no fish could be followed for {settings.least_frames} frames (silhouettes: {counts})",
+        "fish that swim by themselves, clear of the border",
+        "allow shorter tracks (extract.least_frames), other sizes "
+        "(extract.least_area_ratio, extract.most_area_ratio), or set clip.arena",
+    )
+
+
+def cutouts(fish: Iterable[TrackedFish]) -> Iterator[Cutout]:
+    """The cut-outs of the fish."""
+    for f in fish:
+        yield Cutout(f.track_id, f.frame, f.fish.x0, f.fish.y0, f.fish.cutout)
 
 
 def rows(fish: Sequence[TrackedFish]) -> pd.DataFrame:

@@ -1,0 +1,76 @@
+"""A film's pictures compared with one another: similar pairs and natural steps (Eqs. 5-8)."""
+
+from collections.abc import Callable, Iterator
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pandas as pd
+
+from finloop.distance.map import (
+    Block,
+    Ints,
+    MapFacts,
+    Pairs,
+    Picture,
+    about_mean,
+    bands,
+    kinds,
+    order,
+    pair_table,
+    similar,
+    step_table,
+    usual_steps,
+)
+from finloop.distance.picture import FILM
+from finloop.distance.settings import Settings
+
+
+class Film(Protocol):
+    """Pictures by row of the feature table, see `finloop.reel.Reel`."""
+
+    @property
+    def features(self) -> pd.DataFrame: ...
+    def frames(self, rows: Ints, size: int, pose: str) -> Picture: ...
+    def steps(self, size: int, pose: str) -> np.ndarray: ...
+
+
+class Similar(NamedTuple):
+    """Tables with the columns of `PAIRS` and `STEPS`, and how they were made."""
+
+    pairs: pd.DataFrame
+    steps: pd.DataFrame
+    facts: MapFacts
+
+
+def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
+    """The blocks of the map that `compare` computes, rows in `order`."""
+    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
+    rows = order(kind, area)
+    return list(bands(kind[rows], area[rows], p.area_threshold))
+
+
+def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: None) -> Similar:
+    """Compare every frame with those like it (Eqs. 5-8); `advance()` after each block.
+
+    Raises
+    ------
+    FinloopError
+        If the film does not move.
+    """
+    features = film.features
+    kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
+    # Pictures are made in this order, so that a band is a slice and no second copy is needed.
+    rows = order(kind, area)
+    x = about_mean(film.frames(rows, p.size, p.pose))
+    steps = step_table(features, x, np.argsort(rows))
+    steps["as_filmed"] = steps["step"] if p.pose == FILM else film.steps(p.size, FILM)
+    median, p95 = usual_steps(steps)
+    most = np.inf if p.keep is None else p.keep * median
+
+    def counted() -> Iterator[Pairs]:
+        for pairs in similar(x, kind[rows], area[rows], p.area_threshold, most):
+            yield pairs
+            advance()
+
+    facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
+    return Similar(pair_table(counted(), rows), steps, facts)
