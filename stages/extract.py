@@ -4,6 +4,7 @@ from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (bef
 
 from collections import Counter
 from collections.abc import Iterator
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import get_args
@@ -101,11 +102,7 @@ def metrics(
     long = [count for count in lengths.values() if count >= LONG]
     return {
         "frames": frames,
-        "noise_grey": tank.noise_grey,
-        "threshold_grey": tank.threshold_grey,
-        "typical_area_px": tank.typical_area_px,
-        "typical_length_px": tank.typical_length_px,
-        "typical_contrast_grey": tank.typical_contrast_grey,
+        **{name: value for name, value in asdict(tank).items() if name.endswith(("_grey", "_px"))},
         "silhouettes": tally.total(),
         **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
         "fish_frames": lengths.total(),

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple, TypeVar
 
@@ -48,20 +49,13 @@ def _album(path: Path) -> Iterator[Album]:
     """Open a folder or a stack."""
     if path.is_dir():
         files = _listed(path)
-
-        def load(k: int) -> np.ndarray:
-            return _load_picture(files[k])
-
-        yield Album(len(files), lambda k: str(files[k]), load, THREADS)
+        yield Album(len(files), lambda k: str(files[k]), lambda k: _load_picture(files[k]), THREADS)
         return
     try:
         with TiffFile(path) as stack:
-
-            def load_page(k: int) -> np.ndarray:
-                return _page(stack, k)
-
             name = f"{path}, page {{}},"
-            yield Album(len(stack.pages), lambda k: name.format(k + 1), load_page, 1)
+            load = partial(_page, stack)
+            yield Album(len(stack.pages), lambda k: name.format(k + 1), load, 1)
     except (TiffFileError, OSError) as error:
         raise FinloopError(
             came=f"{path} cannot be read as a TIFF: {error}",
