@@ -1,7 +1,7 @@
 """Compare experiments: `python -m stages.compare [name …]` writes reports/compare.html.
 
-Without names, all experiments on the present commit, and itself. What is compared lies in git, the
-numbers and parameters of each, so nothing is run and nothing brought back.
+Without names, all experiments on the present commit and that commit itself. Numbers and parameters
+are read from git: no stage runs, and the workspace stays as it is.
 """
 
 from stages.run import run  # isort: skip  (before numpy)
@@ -27,7 +27,7 @@ BASE = "present commit"
 
 
 def git(*arguments: str, at: Path | None = None) -> str:
-    """What git prints; FinloopError with what it complains of."""
+    """The output of a git command; FinloopError with its message if it fails."""
     done = subprocess.run(["git", *arguments], cwd=at, capture_output=True, text=True, check=False)
     if done.returncode:
         raise FinloopError(
@@ -45,11 +45,11 @@ def head() -> str:
 
 def experiments() -> dict[str, str]:
     """The experiments on the present commit: name → its own commit."""
-    here = head()
-    listed = git(
-        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{here[:2]}/{here[2:]}"
+    parent = head()
+    refs = git(
+        "for-each-ref", "--format=%(refname) %(objectname)", f"refs/exps/{parent[:2]}/{parent[2:]}"
     )
-    lines = (line.split() for line in listed.splitlines())
+    lines = (line.split() for line in refs.splitlines())
     return {ref.rpartition("/")[2]: commit for ref, commit in lines}
 
 
@@ -65,44 +65,45 @@ def parameters(commit: str) -> dict[str, Any]:
 
 
 def numbers(commit: str, stages: Iterable[str]) -> dict[str, float]:
-    """`stage.number` → value, of those stages that left any."""
+    """`stage.number` → value, of the stages that have metrics in this commit."""
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
-    there = git("ls-tree", "--name-only", commit, *paths).split()
+    files = git("ls-tree", "--name-only", commit, *paths).split()
     return {
         f"{Path(path).parent.name}.{key}": value
-        for path in there
+        for path in files
         for key, value in json.loads(git("show", f"{commit}:{path}")).items()
     }
 
 
-def found(names: list[str], measures: list[str]) -> Comparison:
-    """The experiments of these names, or all and the present commit, side by side."""
-    there = experiments()
-    if missing := [name for name in names if name not in there]:
+def side_by_side(names: list[str], measures: list[str]) -> Comparison:
+    """The comparison of the named experiments, by default of all and the present commit."""
+    commits_of = experiments()
+    if missing := [name for name in names if name not in commits_of]:
         raise FinloopError(
             f"no experiment {', '.join(missing)} on the present commit",
-            f"names out of: {', '.join(there) or 'none yet'}",
+            f"names out of: {', '.join(commits_of) or 'none yet'}",
             "make sweep experiment=…, or dvc exp list",
         )
-    commits = {name: there[name] for name in names} if names else there | {BASE: "HEAD"}
-    stages = {one.partition(".")[0] for one in (*measures, *(each.key for each in OBJECTIVES))}
+    commits = {name: commits_of[name] for name in names} if names else commits_of | {BASE: "HEAD"}
+    keys = [*measures, *(objective.key for objective in OBJECTIVES)]
+    stages = {key.partition(".")[0] for key in keys}
     rows = {name: parameters(commit) for name, commit in commits.items()}
     values = {name: numbers(commit, sorted(stages)) for name, commit in commits.items()}
     return comparison(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
 
 
 def compare(names: list[str], measures: list[str], title: str, why: str) -> Path:
-    """Write the page; where."""
+    """Write the page and return its path."""
     with whole_file(OUT) as part:
-        part.write_text(html(found(names, measures), title, why), encoding="utf-8")
+        part.write_text(html(side_by_side(names, measures), title, why), encoding="utf-8")
     return OUT
 
 
 def table(swept: Mapping[str, Any], measures: Iterable[str]) -> list[str]:
     """The `dvc exp show` that prints these parameters and numbers, and no others."""
-    wanted = [*swept, *(one.partition(".")[2] for one in measures)]
-    wanted += [one.key.partition(".")[2] for one in OBJECTIVES]
-    ending = "|".join(re.escape(one) for one in wanted)
+    keys = [*measures, *(objective.key for objective in OBJECTIVES)]
+    columns = [*swept, *(key.partition(".")[2] for key in keys)]
+    ending = "|".join(map(re.escape, columns))
     return ["dvc", "exp", "show", "--no-pager", "--hide-workspace", "--drop", "^(?!Experiment$).*",
             "--keep", f"(^|[.:])({ending})$"]  # fmt: skip
 
@@ -114,8 +115,8 @@ def main() -> None:
     parser.add_argument(
         "--measure", action="append", default=[], metavar="stage.number", help="one more"
     )
-    given = parser.parse_args()
-    path = compare(given.names, given.measure, "Experiments on one commit", "")
+    options = parser.parse_args()
+    path = compare(options.names, options.measure, "Experiments on one commit", "")
     print(f"{path} compares them.")
 
 

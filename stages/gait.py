@@ -135,7 +135,7 @@ def filmed_dog(walk: DogFilm, folder: Path) -> Pictures:
     with Mp4Writer(path, (walk.height_px, walk.width_px, 3), rate, CRF) as writer:
         for picture in film(walk):
             writer.write(picture)
-    save_masks(folder / "regions", (limb_masks(one) for one in read_frames(path, colour=True)))
+    save_masks(folder / "regions", map(limb_masks, read_frames(path, colour=True)))
     cycle = min(walk.frames, round(walk.frames / walk.cycles))
     ticks = np.unique(np.linspace(0, cycle - 1, FIG8_PICTURES).astype(int))
     pictures = [picture for k, picture in enumerate(read_frames(path, colour=True)) if k in ticks]

@@ -94,10 +94,10 @@ def hoop(p: Settings) -> dict[str, float]:
 
 def curves(p: Settings) -> dict[str, float]:
     """Figs. 2 and 3, and how much of K lies off its diagonal."""
-    outline = max(glyph(p.glyph), key=lambda curve: len(curve.points))
-    curve: Curve = resampled(outline, GLYPH_POINTS)
+    outline = max(glyph(p.glyph), key=lambda letter: len(letter.points))
+    letter: Curve = resampled(outline, GLYPH_POINTS)
     save_figure(
-        REPORT / "fig2.png", figure2(curve, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
+        REPORT / "fig2.png", figure2(letter, [(CUBIC, "cubic B-spline"), ("db4", "Daubechies")])
     )
     k = stiffness(p.wavelet, 64, 2)
     save_figure(REPORT / "fig3.png", figure3(k, 2, f"stiffness, {p.wavelet}, two scales"))
@@ -117,38 +117,40 @@ def main() -> None:
     drawings = load_svg(Path(p.a)), load_svg(Path(p.b))
     own = Physics(p.elastic, p.damping, p.mass)
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
-        made = {}
+        morphs = {}
         for method in METHODS:
             level = p.level if method == "linear" else None
-            made[method] = morph(*drawings, method, p.frames, p.points, level, own)
+            morphs[method] = morph(*drawings, method, p.frames, p.points, level, own)
             advance()
-        chosen = there_and_back(made[p.method]) if p.back else made[p.method]
+        film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
         rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
         with whole_folder(OUT) as folder:
             for ending in ENDINGS:
-                save_animation(folder / f"{p.method}{ending}", chosen, rate, p.size_px)
+                save_animation(folder / f"{p.method}{ending}", film, rate, p.size_px)
                 advance()
-    save_picture(REPORT / "fig4.png", sheet(made))
-    swung = {
+    save_picture(REPORT / "fig4.png", sheet(morphs))
+    swings = {
         name: morph(*drawings, "physical", p.frames, p.points, None, physics)
         for name, physics in SETTINGS.items()
     }
-    save_picture(REPORT / "fig5.png", sheet({"linear": made["linear"]} | swung))
+    save_picture(REPORT / "fig5.png", sheet({"linear": morphs["linear"]} | swings))
     folds = [
         {"method": method, "contour": name, "frames_that_fold": int((count > 0).sum()),
-         "folds": int(count.sum()), "proved_between_frames": one.continuous[name]}
-        for method, one in made.items()
-        for name, count in one.folds.items()
+         "folds": int(count.sum()), "proved_between_frames": result.continuous[name]}
+        for method, result in morphs.items()
+        for name, count in result.folds.items()
     ]  # fmt: skip
     save_csv(REPORT / "folds.csv", pd.DataFrame(folds), decimals=0)
     save_metrics(
         REPORT / "metrics.json",
         numbers
         | {
-            f"{method}_contours_that_fold": sum(bool(count.any()) for count in one.folds.values())
-            for method, one in made.items()
+            f"{method}_contours_that_fold": sum(
+                bool(count.any()) for count in result.folds.values()
+            )
+            for method, result in morphs.items()
         }
-        | {"contours": len(made[p.method].layers), "frames": p.frames},
+        | {"contours": len(morphs[p.method].layers), "frames": p.frames},
     )
 
 

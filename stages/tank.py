@@ -71,7 +71,7 @@ def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
-        np.hstack([cv2.resize(one, size, interpolation=cv2.INTER_AREA) for one in row])
+        np.hstack([cv2.resize(picture, size, interpolation=cv2.INTER_AREA) for picture in row])
         for row in pictures
     ])  # fmt: skip
 
@@ -95,18 +95,18 @@ def main() -> None:
         }
         with Scene(background, room, size) as scene:
 
-            def seen(camera: str, tick: int) -> np.ndarray:
+            def picture(camera: str, tick: int) -> np.ndarray:
                 return scene.frame(*fish.at(tick), cameras[camera], tick, time[tick])
 
-            save_picture(folder / "still.png", seen(FOLLOW, fish.bent()))
+            save_picture(folder / "still.png", picture(FOLLOW, fish.bent()))
             moments = np.linspace(0, len(fish) - 1, 2 * MOMENTS + 1).astype(int)[1::2]
-            rows = [[seen(name, int(tick)) for tick in moments] for name in PRESETS]
+            rows = [[picture(name, int(tick)) for tick in moments] for name in PRESETS]
             with (
                 progress("tank", len(fish)) as advance,
                 Mp4Writer(folder / "tank.mp4", (*size[::-1], 3), facts.frame_rate, p.crf) as film,
             ):
                 for tick in range(len(fish)):
-                    film.write(seen(p.camera, tick))
+                    film.write(picture(p.camera, tick))
                     advance()
         shape = shapes(fish.points(), fish.poses.heading)
         glb = tank_glb(

@@ -10,7 +10,7 @@ import pytest
 from conftest import ROOT
 
 from finloop.errors import FinloopError
-from finloop.gait.tool import SHIPPED, found, gaits, load_gait, main, timing
+from finloop.gait.tool import SHIPPED, gaits, load_gait, main, path_of, timing
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 
@@ -86,14 +86,14 @@ def test_what_a_viewer_should_know_is_said(tmp_path, capsys):
 
 
 def test_shipped_gaits_are_found_by_name_and_others_by_path(tmp_path):
-    assert found("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
+    assert path_of("dog_walk", SHIPPED) == SHIPPED / "dog_walk.json"
     own = tmp_path / "own.json"
     own.write_bytes((SHIPPED / "dog_walk.json").read_bytes())
-    assert found(str(own), SHIPPED) == own
+    assert path_of(str(own), SHIPPED) == own
     with pytest.raises(FinloopError, match="one of dog_walk"):
-        found("cat", SHIPPED)
+        path_of("cat", SHIPPED)
     with pytest.raises(FinloopError, match="none is here"):
-        found("cat", tmp_path / "nowhere")
+        path_of("cat", tmp_path / "nowhere")
 
 
 def test_shipped_gaits_are_whole_and_named_after_their_files():

@@ -6,18 +6,8 @@ Motion area, swimming type, displacement and included angle now give motion area
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "held_out": ["assessment"],
-        "model": [
-            "MotionModel",
-            "motion_model",
-            "motion_rows",
-            "split_by_blocks",
-            "split_by_tracks",
-        ],
-        "onnx": ["onnx_bytes"],
-        "train": ["train"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "held_out": ["assessment"],
+    "model": ["MotionModel", "motion_model", "motion_rows", "split_by_blocks", "split_by_tracks"],
+    "onnx": ["onnx_bytes"], "train": ["train"],
+})  # fmt: skip

@@ -7,13 +7,8 @@ and K (`stiffness`, §3.2), motion by it (`problem`, `dynamics`, `integrate`, `o
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "dynamics": ["energy", "solve"],
-        "filters": ["filter_bank"],
-        "problem": ["Material", "Motion", "Problem"],
-        "stiffness": ["connection"],
-        "wavelet": ["back", "forward", "truncated"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "dynamics": ["energy", "solve"], "filters": ["filter_bank"],
+    "problem": ["Material", "Motion", "Problem"], "stiffness": ["connection"],
+    "wavelet": ["back", "forward", "truncated"],
+})  # fmt: skip

@@ -113,7 +113,7 @@ def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
     return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
 
 
-# --- what the laws speak of
+# --- energy and momentum
 
 
 def energy(problem: Problem, motion: Motion) -> Array:

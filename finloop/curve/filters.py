@@ -1,4 +1,4 @@
-"""Filters of wavelets (Eqs. 2.1–2.2): PyWavelets' tables, mended; the spline of Fig. 2."""
+"""Filters of wavelets (Eqs. 2.1–2.2): PyWavelets' tables, made exact; the spline of Fig. 2."""
 
 from functools import cache
 from math import comb

@@ -19,7 +19,7 @@ from finloop.curve.wavelet import back, forward
 from finloop.errors import FinloopError
 
 ITERATIONS = 100
-"""Most of Schulz; a matrix that can be inverted in float64 needs fewer."""
+"""Largest number of Schulz iterations; any matrix that float64 can invert needs fewer."""
 
 Array = NDArray[np.float64]
 
@@ -66,7 +66,7 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
 
     scale = float(np.abs(start).max()) or 1.0
     state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
-    # From time to time: what scipy puts between its steps is less exact than they are.
+    # One call an interval: scipy interpolates between its steps less exactly than it steps.
     for begin, end in pairwise(problem.times):
         result = solve_ivp(
             slope,
@@ -115,7 +115,7 @@ def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
 def _inverse(
     matrix: csr_array, options: Options
 ) -> tuple[Callable[[Array], Array], dict[str, float]]:
-    """A function that multiplies by the inverse of the matrix, and counts of its making."""
+    """A function that solves with the matrix, and facts about the factors or iterations."""
     if options.inverse == "schulz":
         x, iterations, residual = schulz(matrix.toarray())
         facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}

@@ -19,9 +19,9 @@ from scipy.linalg import expm
 from finloop.errors import FinloopError
 
 NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
-"""Of a step, where a force is read: a polynomial through five places (Chebyshev's)."""
+"""Chebyshev's five nodes: the shares of a step at which a force is evaluated."""
 
-_ROUNDS = 60  # of finding place and force in turn
+_ROUNDS = 60  # of iteration between places and forces
 _FINEST = 2**12  # steps from one time to the next
 
 Array = NDArray[np.float64]

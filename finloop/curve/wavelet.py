@@ -75,7 +75,7 @@ def back(coefficients: Array, wavelet: str, levels: int) -> Array:
 
 @njit(cache=True)
 def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
-    """Rows of `source` (half · k,) from row `first` on, round and round, as `padded` is long."""
+    """Fill `padded` with rows of `source` (half · k,) from row `first` on, periodically."""
     start = (first % half) * k
     size = half * k
     for i in range(len(padded)):

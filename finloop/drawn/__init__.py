@@ -6,6 +6,6 @@ and of gaits (curve paper §4.2).
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__, submod_attrs={"carp.film": ["CarpFilm"], "dog.walk": ["DogFilm"], "truth": ["TRUTH"]}
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "carp.film": ["CarpFilm"], "dog.walk": ["DogFilm"], "truth": ["TRUTH"],
+})  # fmt: skip

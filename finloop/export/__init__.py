@@ -6,11 +6,7 @@ DeepLabCut's layout.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "pictures": ["cut_out", "cycle", "readable", "way"],
-        "poses": ["deeplabcut"],
-        "tracks": ["Poses", "poses"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "pictures": ["cut_out", "cycle", "readable", "way"], "poses": ["deeplabcut"],
+    "tracks": ["Poses", "poses"],
+})  # fmt: skip

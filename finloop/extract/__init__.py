@@ -6,11 +6,7 @@ tracks (`tracks`); `film` puts them together: `survey`, `detect`, `tracks`.
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "background": ["Scene", "median_background"],
-        "film": ["Detector", "Typical", "detect", "survey"],
-        "table": ["tracks_schema"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "background": ["Scene", "median_background"],
+    "film": ["Detector", "Typical", "detect", "survey"], "table": ["tracks_schema"],
+})  # fmt: skip

@@ -2,20 +2,14 @@
 
 From film to a cycle: contours in the body frame (`outline` of fish, `limbs` of walkers), the period
 (`period`), the film sorted into a cycle (`cycles`, `film`). Fitting: key frames and γ (`fit`,
-`clock`), what γ is worth (`compare`). Synthesis: the cycle from two key frames (`model`), another
-drawing (`transfer`), feet on the ground (`ground`). `tool` is the command line.
+`clock`), the error with and without γ (`compare`). Synthesis: the cycle from two key frames
+(`model`), another drawing (`transfer`), feet on the ground (`ground`). `tool` is the command line.
 """
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "clock": ["gamma_fit"],
-        "cycles": ["film_of_regions", "film_of_swim"],
-        "film": ["Film", "Keys"],
-        "model": ["Gait", "Layout", "at_phases", "four_keys"],
-        "outline": ["of_track", "swim"],
-        "period": ["Period"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "clock": ["gamma_fit"], "cycles": ["film_of_regions", "film_of_swim"], "film": ["Film", "Keys"],
+    "model": ["Gait", "Layout", "at_phases", "four_keys"], "outline": ["of_track", "swim"],
+    "period": ["Period"],
+})  # fmt: skip

@@ -1,4 +1,4 @@
-"""The worth of γ: errors of four clocks on frames held out of the fit (curve paper §4.2).
+"""How much γ lowers the error: four clocks on frames held out of the fit (curve paper §4.2).
 
 The clocks of a blend between two keys, from the stiffest to the freest: "linear", γ = 0; "gamma",
 one γ for each contour and subcycle; "gamma_scale", one γ for each scale too; "free", any monotone f

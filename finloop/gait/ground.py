@@ -1,8 +1,8 @@
 """Feet stay on the ground: between key frames drawn by hand they slide and sink a little.
 
-While a foot is on the ground the body passes over it at one speed, so seen from the body it goes
-straight back at that speed, the same for every foot. A limb whose foot does not is sheared: not at
-its top, where it hangs on the body, and fully in its foot, which so keeps its shape.
+While a foot is on the ground, the body passes over it at a constant speed. In the frame of the
+body the foot goes straight back at that speed, the same for every foot. A limb whose foot moves
+otherwise is sheared: its top, on the body, stays; its foot moves as a whole and keeps its shape.
 
 The points of a contour slide along it a little when parts of the limb become longer or shorter, so
 their motion is not that of the foot. Instead a rigid motion is fitted to the points' motion across
@@ -22,9 +22,9 @@ from numpy.typing import NDArray
 from finloop.errors import FinloopError
 
 FOOT = 0.25  # of a limb's height: the part that moves as one
-PAW = 0.15  # of a limb's height: the part whose motion is looked at
-FLAT = 0.01  # of its greatest height: a limb that is no higher is none
-SOLE = 0.03  # of a limb's height: what of it touches the ground
+PAW = 0.15  # of a limb's height: the part whose motion is measured
+FLAT = 0.01  # of a limb's greatest height: a lower one is refused
+SOLE = 0.03  # of a limb's height: the part that touches the ground
 
 Points = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -125,13 +125,13 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
     for run, way in ways:
         frame, slid = run % frames, way - speed * run
         shift[frame] = np.stack([slid.mean() - slid, level - low[frame]], axis=1)
-    shift = _passed_over(shift)
+    shift = _bridged(shift)
     shift[:, 1] = np.minimum(shift[:, 1], level - low)  # never below the ground
     share = (stack[..., 1] - top[:, None]) / (low - top)[:, None] / (1 - FOOT)
     return stack + np.minimum(share, 1)[..., None] * shift[:, None]
 
 
-def _passed_over(shift: Points) -> Points:
+def _bridged(shift: Points) -> Points:
     """Shifts (f, 2) of a cycle; missing ones (NaN) are interpolated smoothly."""
     frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()

@@ -51,10 +51,9 @@ def corresponding(
 
 
 def renumbered(model: Points, curve: Curve) -> Points:
-    """The curve at as many points as `model` (n, 2), numbered as is most like it.
+    """The curve at as many points as `model` (n, 2), in the order that is most like the model.
 
-    A closed one starts anywhere, between points too: half a step of all points would show as
-    feet that slide.
+    A closed curve may start between two points: an error of half a step would make feet slide.
     """
     a, n = _complex(model), len(model)
     if not curve.closed:

@@ -33,7 +33,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _write(options: argparse.Namespace) -> str:
     """Write the cycle and return its summary."""
     writer(options.output)  # a wrong ending is an error before the work
-    gait = load_gait(found(options.gait, SHIPPED))
+    gait = load_gait(path_of(options.gait, SHIPPED))
     frames, rate = timing(gait.frequency_hz, options.frames, options.rate)
     if options.cycles < 1 or options.cycles * frames > MOST_FRAMES:
         raise FinloopError(
@@ -42,9 +42,9 @@ def _write(options: argparse.Namespace) -> str:
             "stay between; SVG and Lottie repeat by themselves",
         )
     poses = load_svg(options.key1), load_svg(options.key2)
-    done = transfer(*poses, gait, frames, options.points, options.control)
-    save_animation(options.output, repeat(done.morph, options.cycles), rate, options.size)
-    return summary(done, gait, float(frames / rate))
+    result = transfer(*poses, gait, frames, options.points, options.control)
+    save_animation(options.output, repeat(result.morph, options.cycles), rate, options.size)
+    return summary(result, gait, float(frames / rate))
 
 
 def load_gait(path: Path) -> Gait:
@@ -52,8 +52,8 @@ def load_gait(path: Path) -> Gait:
     return load_json(path, gait_of, WANTED, DO, MOST_BYTES)
 
 
-def found(name: str, shipped: Path) -> Path:
-    """Where a gait lies: a shipped one by its name, any other by its path.
+def path_of(name: str, shipped: Path) -> Path:
+    """The file of a gait: a shipped one by its name, any other by its path.
 
     Raises
     ------
@@ -88,14 +88,14 @@ def timing(frequency_hz: float, frames: int | None, rate: Fraction | None) -> tu
     return frames, rate or Fraction(frames * frequency_hz).limit_denominator(1000)
 
 
-def summary(done: Transfer, gait: Gait, seconds: float) -> str:
+def summary(result: Transfer, gait: Gait, seconds: float) -> str:
     """What a cycle consists of and how its feet stand, in a line or more."""
-    morph = done.morph
+    morph = result.morph
     frames = len(morph.tau)
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
-    if done.before is not None and done.after is not None:
-        way = abs(done.after.speed) * frames
-        before, after = (100 * max(of.slide.values()) for of in (done.before, done.after))
+    if result.before is not None and result.after is not None:
+        way = abs(result.after.speed) * frames
+        before, after = (100 * max(of.slide.values()) for of in (result.before, result.after))
         lines[0] += (
             f"; the ground passes by at {way:.3g} widths of the drawing a cycle, feet slide"
             f" {after:.2g} % of one ({before:.2g} % between the keys as drawn)"
@@ -103,17 +103,17 @@ def summary(done: Transfer, gait: Gait, seconds: float) -> str:
     elif gait.support:
         feet = ", ".join(gait.support)
         lines.append(f"no contour is a foot of {gait.name} ({feet}): the ground is not kept")
-    if done.lifted:
+    if result.lifted:
         lines.append(
-            f"in key 2 {', '.join(done.lifted)} should stand, but their partners do:"
+            f"in key 2 {', '.join(result.lifted)} should stand, but their partners do:"
             " are left and right, or the keys, exchanged?"
         )
     if folded := {
         name: int((count > 0).sum()) for name, count in morph.folds.items() if any(count)
     }:
         lines.append("folds: " + _counted(folded, frames))
-    if done.outside:
-        lines.append("leaves the picture: " + _counted(done.outside, frames))
+    if result.outside:
+        lines.append("leaves the picture: " + _counted(result.outside, frames))
     return "\n  ".join(lines)
 
 

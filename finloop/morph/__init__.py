@@ -6,11 +6,7 @@ Corresponding points (`match`), the methods (`linear`, `simple`), folds counted 
 
 import lazy_loader
 
-__getattr__, __dir__, __all__ = lazy_loader.attach(
-    __name__,
-    submod_attrs={
-        "folds": ["is_simple", "stays_simple"],
-        "layers": ["Morph", "Physics", "morph", "there_and_back"],
-        "match": ["matched"],
-    },
-)
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "folds": ["is_simple", "stays_simple"],
+    "layers": ["Morph", "Physics", "morph", "there_and_back"], "match": ["matched"],
+})  # fmt: skip

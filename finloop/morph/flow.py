@@ -1,8 +1,8 @@
 """Simplifying a simple curve without folds: three methods (for curve paper §4.1).
 
-Each way begins at a polygon of n vertices and ends at a plain one, a pose at a time, vertex i
-staying vertex i; between successive poses the vertices go straight, and every such step has been
-proved free of contact (`morph.folds.stays_simple`) before it is taken.
+Each method returns poses from a polygon of n vertices to a plain one; vertex i stays vertex i. From
+pose to pose the vertices go straight, and each such step is taken only if it is proved free of
+contact (`morph.folds.stays_simple`).
 
 - `shortened`, closed: curve shortening, x_t = x_uu / |x_u|², rounds any simple closed curve off
   before it vanishes, and it stays simple (Gage 1984, Gage and Hamilton 1986, Grayson 1987). The
@@ -15,7 +15,7 @@ proved free of contact (`morph.folds.stays_simple`) before it is taken.
 - `retracted`, open: a part of a simple curve is simple, and so is that part enlarged. Shorter and
   shorter parts about the middle end at a line without bends.
 
-`joined` takes two such ends to each other.
+`joined` morphs one plain end into another.
 """
 
 import numpy as np

@@ -67,7 +67,7 @@ def simple_morph(a: Curve, b: Curve, frames: int, points: int) -> SimpleMorph:
     if not folds(straight, closed).any() and _linked(straight, closed):
         return SimpleMorph(straight, "linear", True)
     poses, way = _way(first, second, closed)
-    stack, on_the_way = _shown(poses, frames, closed)
+    stack, on_the_way = _frames(poses, frames, closed)
     if folds(stack, closed).any():
         raise FinloopError(
             "a morph whose frames are too narrow to be told from folded ones",
@@ -122,7 +122,7 @@ def _shortest(a: Poses, b: Poses, closed: bool, below: float) -> tuple[float, in
 
     Where two poses are not free, plainer ones may be: their less plain forerunners are left out.
     """
-    before, after = _gone(a), _gone(b)
+    before, after = _lengths(a), _lengths(b)
     far = before[:, None] + _apart(a, b) + after
     open_to = far < below
 
@@ -176,7 +176,7 @@ def _apart(a: Poses, b: Poses) -> Points:
 
 @njit(cache=True)
 def _free(first: Points, second: Points, closed: bool) -> bool:
-    """Whether the straight way is simple throughout."""
+    """Whether the straight motion from one polygon to the other is simple throughout."""
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
@@ -187,13 +187,13 @@ def _free(first: Points, second: Points, closed: bool) -> bool:
     return no_contact(path, closed)
 
 
-def _shown(poses: Poses, frames: int, closed: bool) -> tuple[Poses, bool]:
+def _frames(poses: Poses, frames: int, closed: bool) -> tuple[Poses, bool]:
     """Frames at an even pace, smoothed in time as far as they stay simple, of an area in bounds.
 
     And whether each is a pose of the unsmoothed way, but for its size.
     """
     on_the_way = True
-    along = _gone(poses)
+    along = _lengths(poses)
     marks = np.linspace(0, along[-1], frames)
     k = np.clip(np.searchsorted(along, marks, side="right") - 1, 0, len(along) - 2)
     share = ((marks - along[k]) / (along[k + 1] - along[k]))[:, None, None]
@@ -233,8 +233,8 @@ def _within(stack: Points) -> Points:
     return out
 
 
-def _gone(poses: Points) -> Points:
-    """How far the vertices have gone on average at each pose (k,)."""
+def _lengths(poses: Points) -> Points:
+    """Mean length of the vertices' ways up to each pose (k,)."""
     steps = np.hypot(*np.moveaxis(np.diff(poses, axis=0), 2, 0)).mean(axis=1)
     return np.r_[0.0, np.cumsum(steps)]
 

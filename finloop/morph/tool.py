@@ -26,22 +26,26 @@ def _write(options: argparse.Namespace) -> str:
     writer(options.output)  # a wrong ending is an error before the work
     drawings = load_svg(options.a), load_svg(options.b)
     physics = Physics(options.elastic, options.damping, options.mass)
-    done = morph(*drawings, options.method, options.frames, options.points, options.level, physics)
-    film = there_and_back(done) if options.back else done
+    result = morph(
+        *drawings, options.method, options.frames, options.points, options.level, physics
+    )
+    film = there_and_back(result) if options.back else result
     save_animation(options.output, film, options.fps, options.size)
-    return summary(done)
+    return summary(result)
 
 
-def summary(done: Morph) -> str:
+def summary(result: Morph) -> str:
     """What a morph consists of and whether it folds, in a line or two."""
-    frames = len(done.tau)
-    text = f"{len(done.layers)} contours, {frames} frames, "
-    if folded := {name: int((count > 0).sum()) for name, count in done.folds.items() if any(count)}:
+    frames = len(result.tau)
+    text = f"{len(result.layers)} contours, {frames} frames, "
+    if folded := {
+        name: int((count > 0).sum()) for name, count in result.folds.items() if any(count)
+    }:
         each = ", ".join(f"{name} in {count}" for name, count in folded.items())
         return text + f"folds: {each} of {frames} frames"
-    if all(done.continuous.values()):
+    if all(result.continuous.values()):
         return text + "no folds, neither in a frame nor between frames"
-    unproved = ", ".join(name for name, proved in done.continuous.items() if not proved)
+    unproved = ", ".join(name for name, proved in result.continuous.items() if not proved)
     return text + f"no folds in a frame; between frames not proved of {unproved}"
 
 

@@ -1,6 +1,6 @@
 """The pictures of the page, declared: where each lies, which figure of which paper it is.
 
-A picture that is not there (a film without loops, a gait that was not found) is left out.
+A picture whose file does not exist (a film without loops or without a gait) is left out.
 """
 
 from typing import NamedTuple

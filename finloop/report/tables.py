@@ -9,7 +9,7 @@ MODES = {"nn": "learned", "loops": "filmed", "hybrid": "hybrid", "film": "film"}
 
 
 class Measure(NamedTuple):
-    """A row of `reports/animate/measures.csv` in words; `good` says which values are."""
+    """A row of `reports/animate/measures.csv` in words; `good` is the range of good values."""
 
     key: str
     words: str
@@ -47,7 +47,7 @@ class Table(NamedTuple):
 
 
 def number(value: Any, digits: int = 3) -> str:
-    """A number of so many significant digits, thousands apart; empty where there is none."""
+    """A number with `digits` significant digits and commas between thousands; NaN is empty."""
     if value is None or isinstance(value, str):
         return value or ""
     if pd.isna(value):
@@ -61,7 +61,7 @@ def number(value: Any, digits: int = 3) -> str:
 
 
 def measures(table: pd.DataFrame) -> Table:
-    """MEASURES that were found; `found` as in measures.csv: a row a measure, a column a mode."""
+    """MEASURES that are in a table like measures.csv: a row a measure, a column a mode."""
     table = table.set_index("measure")
     for key in ("speed", "turn_rate"):  # what the film's own halves differ by is the yardstick
         halves, of = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
@@ -78,12 +78,12 @@ def measures(table: pd.DataFrame) -> Table:
         if measure.key in table.index
     ]
     return Table(
-        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "wanted"], rows
+        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "goal"], rows
     )
 
 
 def of_frame(frame: pd.DataFrame, caption: str, digits: int = 4) -> Table:
-    """Any table as it is."""
+    """Any data frame, its numbers shortened."""
     rows = [[number(cell, digits) for cell in row] for row in frame.itertuples(index=False)]
     return Table(caption, [str(name).replace("_", " ") for name in frame.columns], rows)
 

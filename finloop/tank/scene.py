@@ -31,7 +31,7 @@ _RIM = 1.08  # the glass stands out of the water
 
 
 class Scene:
-    """One window, drawn again and again; `close` it, or use it in a `with` block.
+    """A window off screen that draws picture after picture; `close` it, or use a `with` block.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ class Scene:
         self.close()
 
     def close(self) -> None:
-        """Give the window back."""
+        """Close the window."""
         self._plotter.close()
 
     def frame(
@@ -89,8 +89,8 @@ class Scene:
         place, colours = self._water.at(time_s, views.place[tick], views.height_px is not None)
         self._surface.points[:] = place
         self._surface.point_data[_COLOURS][:] = colours
-        for one in (self._fish, self._skin, self._floor_picture, self._surface):
-            one.Modified()
+        for item in (self._fish, self._skin, self._floor_picture, self._surface):
+            item.Modified()
         self._window.Render()
         width, height = self._size
         self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)

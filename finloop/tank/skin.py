@@ -54,12 +54,12 @@ class Skins:
         width = limited(self._film.half_width[row : row + 1], line, self._typical)
         place = plan(self._how, line, _INSIDE * width)[0].swapaxes(0, 1)
         origin = np.array([cutout.x0_px, cutout.y0_px])
-        at = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
-        seen = cv2.remap(
-            _colours(cutout.pixels), at[..., 0], at[..., 1], cv2.INTER_LINEAR,
+        places = (place * (1, -1) + (self._centres[row] - origin)).astype(np.float32)
+        pixels = cv2.remap(
+            _colours(cutout.pixels), places[..., 0], places[..., 1], cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REPLICATE,
         )  # fmt: skip
-        skin = seen.reshape(AROUND, LENGTHWISE, -1)
+        skin = pixels.reshape(AROUND, LENGTHWISE, -1)
         if skin.shape[2] == 1:
             skin = skin.repeat(3, axis=2)
         skin = skin + self._pale[..., None] * (_PALE - skin)

@@ -1,4 +1,4 @@
-"""What an edit list asks for, as the backbone and the half widths of one fish, tick after tick.
+"""The backbone and the half widths of one fish at every tick of an edit list.
 
 A picture of an edit list is a frame of the film or a sprite, and a sprite is a frame of the film,
 turned and perhaps mirrored. So every tick has one backbone of the film, or in a cross-fade two,
@@ -32,7 +32,7 @@ class Film:
 
 
 class Cast(NamedTuple):
-    """Which body of the film is seen, how it is turned, and whether it is mirrored first.
+    """The body of the film at every tick, how it is turned, and whether it is mirrored first.
 
     Mirrored is about the line of direction `axis_deg` through the mass centre. All are (ticks,).
     """
