@@ -12,7 +12,7 @@ from scipy.linalg import expm
 
 from finloop.curve.dynamics import energy, force_at, momentum, solve
 from finloop.curve.integrate import schulz
-from finloop.curve.oscillator import Oscillators, driven, moved, response
+from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
 from finloop.curve.problem import METHODS, Material, Options, Problem
 from finloop.curve.stiffness import eigenvalues, stiffness_phi
 from finloop.curve.wavelet import control, from_control, mirrored
@@ -62,7 +62,7 @@ def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
     """Against the exponential of the first-order system (3.15), the force a state of its own."""
     of = Oscillators(density, np.array([c]), np.array([k]))
     times = np.array([0.0, 0.3, 1.0])
-    places, speeds = moved(of, np.array([[a]]), np.array([[v]]), times, np.array([[q]]))
+    places, speeds = motion(of, np.array([[a]]), np.array([[v]]), times, np.array([[q]]))
     system = np.array([[0, 1, 0], [-k / density, -c / density, 1 / density], [0, 0, 0]])
     for time, place, speed in zip(times, places[:, 0, 0], speeds[:, 0, 0], strict=True):
         wanted = expm(time * system) @ [a, v, q]
@@ -77,7 +77,7 @@ def test_the_three_damping_cases(c, case):
     assert of.cases()[case] == 1
     assert sum(of.cases().values()) == 1
     t = np.linspace(0, 3, 20)
-    places, _ = moved(of, np.array([[1.0]]), np.array([[0.5]]), t, None)
+    places, _ = motion(of, np.array([[1.0]]), np.array([[0.5]]), t, None)
     r1, r2 = np.roots([1, c, 4]).astype(complex)
     if case == "double":
         wanted = (1 + 2.5 * t) * np.exp(-2 * t)
@@ -115,7 +115,7 @@ def test_a_driven_oscillator_follows_a_force_of_time_and_place(density):
     def push(time, places):
         return np.sin(5 * time) - 0.5 * places**2
 
-    places, speeds, _ = driven(of, a, v, times, push, 1e-10)
+    places, speeds, _ = forced_motion(of, a, v, times, push, 1e-10)
 
     def slope(t, y):
         x = y[:2, None]
@@ -138,7 +138,7 @@ def test_a_force_too_wild_is_refused():
     of = Oscillators(1.0, np.zeros(1), np.ones(1))
     one = np.ones((1, 1))
     with pytest.raises(FinloopError, match="too fast"):
-        driven(
+        forced_motion(
             of,
             one,
             one,

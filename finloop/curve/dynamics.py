@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.curve.integrate import METHOD
-from finloop.curve.oscillator import Numbers, Oscillators, driven, moved
+from finloop.curve.oscillator import Numbers, Oscillators, forced_motion, motion
 from finloop.curve.problem import (
     Material,
     Motion,
@@ -72,8 +72,8 @@ class Basis(NamedTuple):
 def modal(problem: Problem, options: Options) -> Solution:
     """Exact: K of the φ basis is circulant, so the Fourier modes are independent.
 
-    A force that depends on place and time couples them; then `driven` refines its steps down to
-    `options.tolerance`.
+    A force that depends on place and time couples them; then `forced_motion` refines its steps
+    down to `options.tolerance`.
     """
     n = len(problem.rest)
     basis = Basis(
@@ -104,11 +104,11 @@ def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
         def push(time: float, places: Numbers) -> Numbers:
             return basis.to(force_at(problem, time, basis.points(places)))
 
-        places, speeds, estimate = driven(of, u, v, problem.times, push, options.tolerance)
+        places, speeds, estimate = forced_motion(of, u, v, problem.times, push, options.tolerance)
     else:
         none = problem.force is None
         q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
-        places, speeds = moved(of, u, v, problem.times - problem.times[0], q)
+        places, speeds = motion(of, u, v, problem.times - problem.times[0], q)
     facts = {f"{name}_roots": float(count) for name, count in of.cases().items()}
     return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
 

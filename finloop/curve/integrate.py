@@ -94,8 +94,8 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
 def schulz(matrix: Array, tolerance: float = 1e-10) -> tuple[Array, int, float]:
     """X ← 2X − XCX from Cᵀ / ‖CᵀC‖: the inverse (n, n), iterations, and max |I − XC|.
 
-    The paper's norm is not said; the largest row sum is at least the largest eigenvalue, which is
-    what convergence takes. FinloopError if it does not converge: the matrix is singular, or nearly.
+    The paper names no norm. Here it is the largest row sum: no eigenvalue is larger, so that it
+    converges. FinloopError if it does not: the matrix is singular, or nearly.
     """
     unit = np.eye(len(matrix))
     x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()

@@ -59,21 +59,21 @@ class Response(NamedTuple):
     pushed_rate: Array
 
 
-def response(of: Oscillators, times: Array, forced: bool = True) -> Response:
+def response(oscillators: Oscillators, times: Array, forced: bool = True) -> Response:
     """Eq. 3.16 in all its damping cases, and with a constant force; not `forced`: `pushed` is 0.
 
     Written so that nothing cancels or overflows from one case to the next: the double root is the
     limit of both others.
     """
     t = np.asarray(times, np.float64)[:, None]
-    k = of.stiffness
-    if of.density == 0:
-        rate = k / of.damping
+    k = oscillators.stiffness
+    if oscillators.density == 0:
+        rate = k / oscillators.damping
         place = np.exp(-rate * t)
         none = np.zeros_like(place)
-        pushed = t * _decayed(rate * t) / of.damping
-        return Response(place, none, pushed, -rate * place, none, place / of.damping)
-    gamma, square = of.damping / (2 * of.density), k / of.density
+        pushed = t * _decayed(rate * t) / oscillators.damping
+        return Response(place, none, pushed, -rate * place, none, place / oscillators.damping)
+    gamma, square = oscillators.damping / (2 * oscillators.density), k / oscillators.density
     inside = gamma**2 - square
     root, real = np.sqrt(np.abs(inside)), inside >= 0
     slow = np.where(real, square / np.where(real & (gamma + root > 0), gamma + root, 1), gamma)
@@ -87,8 +87,10 @@ def response(of: Oscillators, times: Array, forced: bool = True) -> Response:
     place = even + gamma * speed
     pushed = np.zeros_like(place)
     if forced:
-        pushed = t**2 * _pushed(2 * gamma * t, square * t**2, slow * t, place) / of.density
-    return Response(place, speed, pushed, -square * speed, even - gamma * speed, speed / of.density)
+        pushed = t**2 * _pushed(2 * gamma * t, square * t**2, slow * t, place) / oscillators.density
+    return Response(
+        place, speed, pushed, -square * speed, even - gamma * speed, speed / oscillators.density
+    )
 
 
 def _decayed(x: Array) -> Array:
@@ -115,11 +117,11 @@ def _pushed(total: Array, product: Array, slow: Array, place: Array) -> Array:
     return np.where((total < 0.5) & (product < 0.25), series, np.where(far, apart, rest))
 
 
-def moved(
-    of: Oscillators, a: Numbers, v: Numbers, times: Array, force: Numbers | None
+def motion(
+    oscillators: Oscillators, a: Numbers, v: Numbers, times: Array, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
     """Places and speeds (t, m, d) at times after the start, force (m, d) constant; exact."""
-    table = Response(*(part[..., None] for part in response(of, times, force is not None)))
+    table = Response(*(part[..., None] for part in response(oscillators, times, force is not None)))
     places, speeds = table.place * a + table.speed * v, table.place_rate * a + table.speed_rate * v
     if force is not None:
         places, speeds = places + table.pushed * force, speeds + table.pushed_rate * force
@@ -129,27 +131,29 @@ def moved(
 # --- forces of place and time
 
 
-def driven(
-    of: Oscillators, a: Numbers, v: Numbers, times: Array, force: Force, tolerance: float
+def forced_motion(
+    oscillators: Oscillators, a: Numbers, v: Numbers, times: Array, force: Force, tolerance: float
 ) -> tuple[Numbers, Numbers, float]:
-    """As `moved` from times[0] on, by a force of place and time; also the estimated error.
+    """As `motion` from times[0] on, by a force of place and time; also the estimated error.
 
     Within a step the force is a polynomial in time, and what it does to an oscillator is exact;
     place and force at the nodes are found in turn. Steps are halved until places change by no more
     than `tolerance` of the farthest; that change is the error. FinloopError if the force is too
     wild for the finest steps.
     """
-    if of.density == 0:
-        v = (force(float(times[0]), a) - of.stiffness[:, None] * a) / of.damping[:, None]
+    if oscillators.density == 0:
+        v = (force(float(times[0]), a) - oscillators.stiffness[:, None] * a) / oscillators.damping[
+            :, None
+        ]
     before, steps = None, 1
     while steps <= _FINEST:
-        motion = _stepped(of, a, v, times, force, steps, tolerance)
-        if motion is not None and before is not None:
-            size = np.abs(motion[0]).max()
-            change = float(np.abs(motion[0] - before).max() / size) if size else 0.0
+        state = _stepped(oscillators, a, v, times, force, steps, tolerance)
+        if state is not None and before is not None:
+            size = np.abs(state[0]).max()
+            change = float(np.abs(state[0] - before).max() / size) if size else 0.0
             if change <= tolerance:
-                return *motion, change
-        before = None if motion is None else motion[0]
+                return *state, change
+        before = None if state is None else state[0]
         steps *= 2
     raise FinloopError(
         f"the force changes too fast for {_FINEST} steps from one time to the next",
@@ -159,7 +163,7 @@ def driven(
 
 
 def _stepped(
-    of: Oscillators,
+    oscillators: Oscillators,
     a: Numbers,
     v: Numbers,
     times: Array,
@@ -167,13 +171,13 @@ def _stepped(
     steps: int,
     tolerance: float,
 ) -> tuple[Numbers, Numbers] | None:
-    """`driven` with so many steps from a time to the next; None if place and force do not agree."""
+    """`forced_motion` with a number of steps between times; None if the iteration fails."""
     places, speeds = [a], [v]
     width, tables = 0.0, None
     for start, stop in pairwise(times):
         if tables is None or not np.isclose(stop - start, width, rtol=1e-12, atol=0):
             width = stop - start
-            tables = _tables(of, width / steps)
+            tables = _tables(oscillators, width / steps)
         for number in range(steps):
             state = _step(a, v, start + number * width / steps, force, tables, tolerance)
             if state is None:
@@ -193,50 +197,50 @@ class Tables(NamedTuple):
     speed: Array
 
 
-def _tables(of: Oscillators, step: float) -> Tables:
+def _tables(oscillators: Oscillators, step: float) -> Tables:
     """The responses to τ^p / p! stand in exponentials of the oscillators' equations together with
     w₀′ = w₁, w₁′ = w₂, …, w₀ being the force; τ is time in steps.
     """
-    m, count = len(of.stiffness), len(NODES)
-    first = 1 if of.density == 0 else 2
+    m, count = len(oscillators.stiffness), len(NODES)
+    first = 1 if oscillators.density == 0 else 2
     system = np.zeros((m, first + count, first + count))
-    if of.density == 0:
-        system[:, 0, 0] = -step * of.stiffness / of.damping
-        system[:, 0, 1] = step / of.damping
+    if oscillators.density == 0:
+        system[:, 0, 0] = -step * oscillators.stiffness / oscillators.damping
+        system[:, 0, 1] = step / oscillators.damping
         scale = np.ones(m)
     else:  # of place and of speed in steps, the place scaled so that both are of one size
-        scale = np.maximum(1, step * np.sqrt(of.stiffness / of.density))
+        scale = np.maximum(1, step * np.sqrt(oscillators.stiffness / oscillators.density))
         system[:, 0, 1] = scale
-        system[:, 1, 0] = -(step**2) * of.stiffness / of.density / scale
-        system[:, 1, 1] = -step * of.damping / of.density
-        system[:, 1, 2] = step**2 / of.density
+        system[:, 1, 0] = -(step**2) * oscillators.stiffness / oscillators.density / scale
+        system[:, 1, 1] = -step * oscillators.damping / oscillators.density
+        system[:, 1, 2] = step**2 / oscillators.density
     chain = np.arange(first, first + count - 1)
     system[:, chain, chain + 1] = 1
-    grown = expm(NODES[:, None, None, None] * system)
+    powers_of_system = expm(NODES[:, None, None, None] * system)
     powers = np.array([factorial(p) for p in range(count)])
     # Force at the nodes → coefficients of τ^p.
     fit = np.linalg.inv(NODES[:, None] ** np.arange(count))
-    place = (grown[:, :, 0, first:] * powers) @ fit / scale[:, None]
-    if of.density == 0:
+    place = (powers_of_system[:, :, 0, first:] * powers) @ fit / scale[:, None]
+    if oscillators.density == 0:
         at_node = np.eye(count)[:, None]
-        speed = (at_node - of.stiffness[:, None] * place) / of.damping[:, None]
+        speed = (at_node - oscillators.stiffness[:, None] * place) / oscillators.damping[:, None]
     else:
-        speed = (grown[:, :, 1, first:] * powers) @ fit / step
-    return Tables(step, response(of, NODES * step), place, speed)
+        speed = (powers_of_system[:, :, 1, first:] * powers) @ fit / step
+    return Tables(step, response(oscillators, NODES * step), place, speed)
 
 
 def _step(
-    a: Numbers, v: Numbers, start: float, force: Force, of: Tables, tolerance: float
+    a: Numbers, v: Numbers, start: float, force: Force, tables: Tables, tolerance: float
 ) -> tuple[Numbers, Numbers] | None:
     """Places and speeds a step on; None if place and force do not settle."""
-    free = of.free
+    free = tables.free
     base = free.place[..., None] * a + free.speed[..., None] * v
     places = base
     for _ in range(_ROUNDS):
         pushes = np.stack(
-            [force(start + c * of.step, place) for c, place in zip(NODES, places, strict=True)]
+            [force(start + c * tables.step, place) for c, place in zip(NODES, places, strict=True)]
         )
-        following = base + np.einsum("jmi,imd->jmd", of.place, pushes)
+        following = base + np.einsum("jmi,imd->jmd", tables.place, pushes)
         change, size = np.abs(following - places).max(), np.abs(following).max()
         places = following
         if not np.isfinite(size) or change <= 1e-3 * tolerance * size:
@@ -246,4 +250,4 @@ def _step(
     if not np.isfinite(size):
         return None
     rate = free.place_rate[-1][:, None] * a + free.speed_rate[-1][:, None] * v
-    return places[-1], rate + np.einsum("mi,imd->md", of.speed[-1], pushes)
+    return places[-1], rate + np.einsum("mi,imd->md", tables.speed[-1], pushes)

@@ -4,7 +4,7 @@ Glossary: *rest* u₀ (n, d) the natural shape; *displacement* u from it; ρ *de
 s₁ *mass_damping*, s₂ *stiffness_damping*; Q a force per length, at every point.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -90,75 +90,45 @@ class Solution(NamedTuple):
     facts: dict[str, float]
 
 
-def _refusals(
-    method: str,
-    material: Material,
-    shapes: tuple[Array, Array, Array],
-    times: Array,
-    force: Array | Field | None,
-) -> Iterator[tuple[bool, str, str]]:
-    """Conditions that no problem may meet, each with what came and what is wanted instead."""
-    rest, u, v = shapes
-    numbers = np.array(list(vars(material).values()), np.float64)
-    values = [rest, u, v, times, numbers, *([force] if isinstance(force, np.ndarray) else [])]
-    massless = material.density == 0
-    yield from (
-        (method not in METHODS, f"the method {method!r}", f"one of {', '.join(METHODS)}"),
-        (
-            not all(np.isfinite(array).all() for array in values),
-            "numbers that are not finite in a curve, a material, the times or a force",
-            "finite numbers",
-        ),
-        (
-            not (u.ndim == 2 and u.shape == v.shape == rest.shape),
-            f"a rest shape of shape {rest.shape}, displacements {u.shape}, velocities {v.shape}",
-            "the same shape (n, d)",
-        ),
-        (
-            isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
-            f"a force of shape {getattr(force, 'shape', ())}",
-            f"{u.shape}, or {u.shape[1:]} for the same one at every point",
-        ),
-        (
-            times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
-            "times that do not rise",
-            "rising times, the first one of the start",
-        ),
-        (
-            bool((numbers < 0).any()),
-            f"a material with a negative number: {material}",
-            "density, elastic and both dampings of 0 or more",
-        ),
-        (
-            massless and material.mass_damping == 0,
-            "a curve without mass (density 0) and without mass_damping",
-            "mass_damping above 0: without it C cannot be inverted, a shift meets no resistance",
-        ),
-        (
-            massless and method == "runge-kutta",
-            "runge-kutta on Eq. 3.15, which divides by the density, 0",
-            "a density above 0, or one of the Euler methods, modal or decoupled",
-        ),
-        (
-            not massless and method.endswith("euler"),
-            f"{method} with density {material.density:g}",
-            "density 0: these methods are of C q̇ + K q = Q (§3.3)",
-        ),
-    )
-
-
 def checked(problem: Problem, method: str) -> Problem:
     """The problem with every field an array; FinloopError if it makes no sense."""
-    material, times = problem.material, np.asarray(problem.times, np.float64)
+    material, force = problem.material, problem.force
+    times, rest = np.asarray(problem.times, np.float64), np.asarray(problem.rest, np.float64)
     u = np.asarray(problem.displacement, np.float64)
     v = np.zeros_like(u) if problem.velocity is None else np.asarray(problem.velocity, np.float64)
-    rest = np.asarray(problem.rest, np.float64)
-    force = problem.force
+    values = [rest, u, v, times, np.array(list(vars(material).values()), np.float64)]
+    negative = bool((values[-1] < 0).any())
     if force is not None and not callable(force):
         force = np.asarray(force, np.float64)
-    refusals = _refusals(method, material, (rest, u, v), times, force)
-    for wrong, came, goal in refusals:
-        if wrong:
+        values.append(force)
+    massless = material.density == 0
+    refusals = (  # (whether it applies, what came, what is needed)
+        (method not in METHODS, f"the method {method!r}", f"one of {', '.join(METHODS)}"),
+        (not all(np.isfinite(array).all() for array in values),
+         "numbers that are not finite in a curve, a material, the times or a force",
+         "finite numbers"),
+        (not (u.ndim == 2 and u.shape == v.shape == rest.shape),
+         f"a rest shape of shape {rest.shape}, displacements {u.shape}, velocities {v.shape}",
+         "the same shape (n, d)"),
+        (isinstance(force, np.ndarray) and force.shape not in (u.shape, u.shape[1:]),
+         f"a force of shape {getattr(force, 'shape', ())}",
+         f"{u.shape}, or {u.shape[1:]} for the same one at every point"),
+        (times.ndim != 1 or len(times) < 1 or bool((np.diff(times) <= 0).any()),
+         "times that do not rise", "rising times, the first one of the start"),
+        (negative, f"a material with a negative number: {material}",
+         "density, elastic and both dampings of 0 or more"),
+        (massless and material.mass_damping == 0,
+         "a curve without mass (density 0) and without mass_damping",
+         "mass_damping above 0: without it C cannot be inverted, a shift meets no resistance"),
+        (massless and method == "runge-kutta",
+         "runge-kutta on Eq. 3.15, which divides by the density, 0",
+         "a density above 0, or one of the Euler methods, modal or decoupled"),
+        (not massless and method.endswith("euler"),
+         f"{method} with density {material.density:g}",
+         "density 0: these methods are of C q̇ + K q = Q (§3.3)"),
+    )  # fmt: skip
+    for applies, came, goal in refusals:
+        if applies:
             raise FinloopError(came, goal, "change it in the problem, or take another method")
     return Problem(rest, u, material, times, v, force, problem.wavelet)
 

@@ -63,8 +63,8 @@ def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
     The other limbs are behind. Of ids that are neither fore nor hind the right ones are ahead.
     """
     total = np.zeros(len(next(iter(points.values()))))
-    for name, of in points.items():
-        x = of[..., 0].mean(axis=1)
+    for name, limb in points.items():
+        x = limb[..., 0].mean(axis=1)
         sign = 1 if ("right" in name) != ("hind" in name) else -1
         total += sign * filled((x - np.nanmean(x))[:, None])[:, 0]
     return total

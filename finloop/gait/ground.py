@@ -104,11 +104,14 @@ def _paths(limbs: Mapping[str, Points], support: Support) -> Paths:
 
 
 def _ground(paths: Paths) -> Ground:
-    every = [(run - run.mean(), way - way.mean()) for of in paths.values() for run, way in of]
-    spread = sum(float(run @ run) for run, _ in every)
-    speed = sum(float(run @ way) for run, way in every) / spread if spread else 0.0
+    runs = [
+        (run - run.mean(), way - way.mean()) for supports in paths.values() for run, way in supports
+    ]
+    spread = sum(float(run @ run) for run, _ in runs)
+    speed = sum(float(run @ way) for run, way in runs) / spread if spread else 0.0
     slide = {
-        name: max(float(np.ptp(way - speed * run)) for run, way in of) for name, of in paths.items()
+        name: max(float(np.ptp(way - speed * run)) for run, way in supports)
+        for name, supports in paths.items()
     }
     return Ground(speed, slide)
 

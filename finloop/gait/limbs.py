@@ -203,12 +203,14 @@ def _checked(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, 
     notes, wrong, hints = [], [], []
     often = {
         name
-        for name, of in regions.items()
-        if sum(isinstance(region, Curve) for region in of) >= LEAST_SHARE * len(of)
+        for name, frames in regions.items()
+        if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
     }
-    for name, of in regions.items():
+    for name, frames in regions.items():
         lacking = {
-            why: [k for k, each in enumerate(of, first) if isinstance(each, str) and each == why]
+            why: [
+                k for k, each in enumerate(frames, first) if isinstance(each, str) and each == why
+            ]
             for why in (MISSING, EMPTY, BORDER)
         }
         gaps = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
@@ -223,7 +225,9 @@ def _checked(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, 
             )
         if gaps:
             notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
-        size = np.array([area(region) if isinstance(region, Curve) else np.nan for region in of])
+        size = np.array(
+            [area(region) if isinstance(region, Curve) else np.nan for region in frames]
+        )
         if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
             notes.append(
                 f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"

@@ -75,14 +75,14 @@ def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = P
     if not beat.cycles:
         return Swim(own, beat, length)
     smooth = course(np.column_stack([centre, angle]), beat.phase)
-    kept = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
-    flat = kept.reshape(len(kept), -1)
-    straight = bent(course(flat, beat.phase).reshape(kept.shape)) <= STRAIGHT
+    straightened = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
+    flat = straightened.reshape(len(straightened), -1)
+    straight = bent(course(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
     steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
         return Swim(own, replace(steady, why=why), length)
-    return Swim(kept, with_phase_zero(steady, -tail(kept)), length)
+    return Swim(straightened, with_phase_zero(steady, -tail(straightened)), length)
 
 
 def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
@@ -106,7 +106,9 @@ def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
         why = Counter(re.sub(r"[\d.]+ cycles", "… cycles", swim.period.why) for swim in swims)
         raise FinloopError(
             "no track has a steady tail beat: "
-            + "; ".join(f"{count} of {len(swims)}: {what}" for what, count in why.most_common()),
+            + "; ".join(
+                f"{count} of {len(swims)}: {reason}" for reason, count in why.most_common()
+            ),
             "a fish that beats its tail evenly for two beats or more, swimming straight",
             "take film of steady swimming, at ten frames a beat or more",
         )
@@ -119,7 +121,7 @@ def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
     `snout_px` (frames, 2); point 0 is the place on the outline nearest to it, between its points.
     """
     out = np.empty((len(outline_px), n, 2))
-    for outline, snout, into in zip(outline_px, snout_px, out, strict=True):
+    for outline, snout, row in zip(outline_px, snout_px, out, strict=True):
         ring = clockwise(Curve(outline, True)).points
         ends = np.roll(ring, -1, axis=0)
         way = ends - ring
@@ -130,7 +132,7 @@ def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
         line = np.concatenate([near[i : i + 1], np.roll(ring, -i - 1, axis=0), near[i : i + 1]])
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
         marks = np.arange(n) / n * along[-1]
-        into[:] = np.stack([np.interp(marks, along, line[:, c]) for c in range(2)], axis=1)
+        row[:] = np.stack([np.interp(marks, along, line[:, c]) for c in range(2)], axis=1)
     return out
 
 

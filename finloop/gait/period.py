@@ -75,8 +75,10 @@ def period(
     low = max(frame_rate_hz / frames, slowest_hz)
     high = min(_FASTEST * frame_rate_hz, fastest_hz)
     if high <= low:
-        held = frames * high / frame_rate_hz
-        return _none(frames, f"{frames} frames hold {held:.1g} of a cycle of at most {high:.3g} Hz")
+        share_of_cycle = frames * high / frame_rate_hz
+        return _none(
+            frames, f"{frames} frames hold {share_of_cycle:.1g} of a cycle of at most {high:.3g} Hz"
+        )
     grid = grid_of(low, high) / frame_rate_hz
     share = shares(modes, grid)
     path = ridge(share, grid)

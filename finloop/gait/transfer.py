@@ -125,7 +125,7 @@ def with_pooled_gamma(gait: Gait) -> Gait:
     if POOLED in gait.gamma or not gait.gamma:
         return gait
     pooled = {
-        sub: (float(np.mean([np.mean(of[sub]) for of in gait.gamma.values()])),)
+        sub: (float(np.mean([np.mean(gammas[sub]) for gammas in gait.gamma.values()])),)
         for sub in ("A", "B")
     }
     return replace(gait, gamma={**gait.gamma, POOLED: pooled})

@@ -57,8 +57,8 @@ def physical(
     material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
     times = np.linspace(0, 1, frames)
     start = np.column_stack([bent, slowest])
-    moved = solve(Problem(np.zeros_like(start), start, material, times)).displacement
-    course = moved[:, 0, 2] / slowest[0]
-    swing = moved[:, :points, :2] + course[:, None, None] * place
+    modes = solve(Problem(np.zeros_like(start), start, material, times)).displacement
+    course = modes[:, 0, 2] / slowest[0]
+    swing = modes[:, :points, :2] + course[:, None, None] * place
     left = np.clip((1 - times) / FADE, 0, 1)
     return rest + (left**2 * (3 - 2 * left))[:, None, None] * swing

@@ -64,9 +64,9 @@ def measures(table: pd.DataFrame) -> Table:
     """MEASURES that are in a table like measures.csv: a row a measure, a column a mode."""
     table = table.set_index("measure")
     for key in ("speed", "turn_rate"):  # what the film's own halves differ by is the yardstick
-        halves, of = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
-        if halves in table.index and of in table.index:
-            table.loc[of, "film"] = table.loc[halves, "film"]
+        halves, distance = f"{key}_halves_kinematic_distance_sd", f"{key}_kinematic_distance_sd"
+        if halves in table.index and distance in table.index:
+            table.loc[distance, "film"] = table.loc[halves, "film"]
     modes = [name for name in MODES if name in table]
     rows = [
         [

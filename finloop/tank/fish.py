@@ -49,13 +49,13 @@ class Fish:
             self.shape(slice(at, at + _BATCH))[0].astype(np.float32)
             for at in range(0, len(self), _BATCH)
         ]
-        every = np.concatenate(parts)
-        return every.reshape(len(every), -1, 3)
+        surfaces = np.concatenate(parts)
+        return surfaces.reshape(len(surfaces), -1, 3)
 
     def typical_skin(self, most: int = 25) -> Picture:
         """The median of the skins at some ticks."""
-        some = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
-        return np.rint(np.median([self.skin(int(tick)) for tick in some], axis=0)).astype(np.uint8)
+        ticks = np.unique(np.linspace(0, len(self) - 1, most).astype(int))
+        return np.rint(np.median([self.skin(int(tick)) for tick in ticks], axis=0)).astype(np.uint8)
 
     @property
     def head(self) -> Floats:

@@ -22,10 +22,10 @@ class Glb:
         self._data = bytearray()
         self._document: dict[str, Any] = {"asset": {"version": "2.0", "generator": generator}}
 
-    def add(self, kind: str, thing: dict[str, Any]) -> int:
+    def add(self, kind: str, item: dict[str, Any]) -> int:
         """Add to the document's list of this kind ("nodes", "meshes", "materials" …)."""
         known = self._document.setdefault(kind, [])
-        known.append(thing)
+        known.append(item)
         return len(known) - 1
 
     def use(self, extension: str) -> None:

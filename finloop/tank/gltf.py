@@ -44,20 +44,20 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     points (ticks, v, 3): relative to the mass centre, y up; heading (ticks,): rad.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    own = points.copy()
-    own[..., 0] = cos * points[..., 0] + sin * points[..., 1]
-    own[..., 1] = cos * points[..., 1] - sin * points[..., 0]
-    flat = own.reshape(len(own), -1)
-    some = flat[np.unique(np.linspace(0, len(flat) - 1, _SAMPLE).astype(int))]
-    mean = some.mean(0)
-    _, size, axes = np.linalg.svd(some - mean, full_matrices=False)
-    kept = min(modes, int((size > 1e-9 * max(size[0], 1e-9)).sum()))
-    spread = size[:kept, None] / np.sqrt(len(some))
-    weights = (flat - mean) @ axes[:kept].T / spread.T
-    off = (flat - mean - weights @ (spread * axes[:kept])).reshape(own.shape)
+    turned = points.copy()
+    turned[..., 0] = cos * points[..., 0] + sin * points[..., 1]
+    turned[..., 1] = cos * points[..., 1] - sin * points[..., 0]
+    flat = turned.reshape(len(turned), -1)
+    sample = flat[np.unique(np.linspace(0, len(flat) - 1, _SAMPLE).astype(int))]
+    mean = sample.mean(0)
+    _, size, axes = np.linalg.svd(sample - mean, full_matrices=False)
+    count = min(modes, int((size > 1e-9 * max(size[0], 1e-9)).sum()))
+    spread = size[:count, None] / np.sqrt(len(sample))
+    weights = (flat - mean) @ axes[:count].T / spread.T
+    off = (flat - mean - weights @ (spread * axes[:count])).reshape(turned.shape)
     return Shapes(
         mean.reshape(-1, 3),
-        (spread * axes[:kept]).reshape(kept, len(mean) // 3, 3),
+        (spread * axes[:count]).reshape(count, len(mean) // 3, 3),
         weights,
         float(np.linalg.norm(off, axis=-1).max()),
     )

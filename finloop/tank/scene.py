@@ -84,8 +84,8 @@ class Scene:
         self._fish.point_data["Normals"][:] = normals.reshape(-1, 3)
         self._skin.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
         floor = cv2.flip(self._floor.lit(points, time_s), 0)
-        held = self._floor_picture.point_data[_COLOURS]
-        held[:] = floor.reshape(held.shape)
+        colours_of_floor = self._floor_picture.point_data[_COLOURS]
+        colours_of_floor[:] = floor.reshape(colours_of_floor.shape)
         place, colours = self._water.at(time_s, views.place[tick], views.height_px is not None)
         self._surface.points[:] = place
         self._surface.point_data[_COLOURS][:] = colours
