@@ -41,12 +41,12 @@ ALT = (
     "filmed from above, over its shadow on the floor of the film."
 )
 MOMENTS = 3  # on the contact sheet, spread over the film
-_SHEET_PX = 480  # a picture on the contact sheet is so wide
+_SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 @contextmanager
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
-    """The fish of the edit list, as long as its film lasts, and that part of the list."""
+    """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
     edit = load_edit(DATA / "animate", p.mode, "tank", EDIT)
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
@@ -67,7 +67,7 @@ def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
-    """Rows of pictures, made smaller."""
+    """One picture of rows of pictures, reduced in size."""
     height, width = pictures[0][0].shape[:2]
     size = _SHEET_PX, round(_SHEET_PX * height / width)
     return np.vstack([
@@ -80,19 +80,14 @@ def main() -> None:
     """Make data/tank/, reports/tank/."""
     p: Settings = load("tank")
     choose_window()
-    facts, background = (
-        load_facts(DATA / "clip" / FACTS_NAME),
-        load_picture(EXTRACT / "background.png"),
-    )
-    rate = facts.frame_rate_hz
+    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    background, rate = load_picture(EXTRACT / "background.png"), facts.frame_rate_hz
     with opened(p) as (fish, edit), whole_folder(OUT) as folder:
+        heading, time = fish.poses.heading, edit["time_s"].to_numpy(float)
         depth, size = p.depth * fish.length_px, (p.width_px, p.height_px)
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, size[0] / size[1])
-        time = edit["time_s"].to_numpy(float)
-        cameras = {
-            name: views(name, room, fish.place, fish.poses.heading, rate)
-            for name in (*PRESETS, p.camera)
-        }
+        names = (*PRESETS, p.camera)
+        cameras = {name: views(name, room, fish.place, heading, rate) for name in names}
         with Scene(background, room, size) as scene:
 
             def picture(camera: str, tick: int) -> np.ndarray:
@@ -108,24 +103,18 @@ def main() -> None:
                 for tick in range(len(fish)):
                     film.write(picture(p.camera, tick))
                     advance()
-        shape = shapes(fish.points(), fish.poses.heading)
-        glb = tank_glb(
-            room, background, fish.typical_skin(), shape, fish.place, fish.poses.heading, rate
-        )
+        shape = shapes(fish.points(), heading)
+        glb = tank_glb(room, background, fish.typical_skin(), shape, fish.place, heading, rate)
         save_bytes(folder / "tank.glb", glb)
         way = [upright((place - room.middle) / room.length) for place in fish.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
     save_picture(REPORT / "contact_sheet.png", sheet(rows))
-    save_metrics(
-        REPORT / "metrics.json",
-        {
-            "frames": len(fish),
-            "duration_s": len(fish) / rate,
-            "gltf_shapes": len(shape.modes),
-            "gltf_error_px": shape.error_px,
-            "gltf_error_pct_of_length": 100 * shape.error_px / fish.length_px,
-        },
-    )
+    numbers = {
+        "frames": len(fish), "duration_s": len(fish) / rate, "gltf_shapes": len(shape.modes),
+        "gltf_error_px": shape.error_px,
+        "gltf_error_pct_of_length": 100 * shape.error_px / fish.length_px,
+    }  # fmt: skip
+    save_metrics(REPORT / "metrics.json", numbers)
 
 
 if __name__ == "__main__":
