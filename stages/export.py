@@ -29,7 +29,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, placed
 from finloop.render.painter import Box, Placed
 from finloop.sprites.orient import SPRITES
-from finloop.sprites.pick import SIDES, WORDS
+from finloop.sprites.stretch import SIDES, WORDS
 from stages.gallery import open_gallery
 from stages.settings import load
 

@@ -18,10 +18,12 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.reel import Reel
 from finloop.sprites import atlas
+from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
-from finloop.sprites.orient import SPRITES, Choice, choose, drawn, sprite_table
-from finloop.sprites.pick import PICTURE, SIDES, swimmers
+from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.settings import Settings
+from finloop.sprites.stretch import SIDES
+from finloop.sprites.swimmers import swimmers
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
@@ -59,12 +61,12 @@ def main() -> None:
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
     features = load_table(FEATURES_TABLE, FEATURES)
-    table = swimmers(features, tracks)
+    table = swimmers(features, tracks, settings)
 
     with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
-        look = partial(Reel(features, cutouts).headed, size=PICTURE)
+        look = partial(Reel(features, cutouts).headed, size=settings.picture_px)
         chosen = choose(table, look, rate_hz, settings)
-        sprites = sprite_table(table, chosen)
+        sprites = sprite_table(table, chosen, settings)
         with (
             whole_folder(FOLDER) as folder,
             progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
@@ -77,9 +79,7 @@ def main() -> None:
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
         loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
 
-    still = settings.slide is not None or is_still(
-        chosen["slide"], table, round(settings.slide_least_s * rate_hz)
-    )
+    still = settings.slide is not None or is_still(chosen["slide"], table, rate_hz, settings)
     say(chosen, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)

@@ -13,7 +13,6 @@ MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS = 350, 60, 6
 EXCEPTIONS: set[str] = {
     "finloop/bpn/train.py::train",
     "finloop/live/server.py::app",
-    "finloop/sprites/pick.py",
 }
 
 

@@ -7,7 +7,7 @@ anticlockwise as seen.
 
 import json
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import cv2
@@ -32,8 +32,17 @@ from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
 from finloop.reel import Reel
+from finloop.settings import settings
 from finloop.sprites import atlas as sprites_atlas
-from finloop.sprites import pick as sprites_pick
+from finloop.sprites.candidates import beats, slides, turns
+from finloop.sprites.choice import (
+    Choice,
+    best_of_tracks,
+    choose,
+    closure,
+    combination,
+    sharpness,
+)
 from finloop.sprites.metrics import (
     complete,
     faults,
@@ -44,26 +53,12 @@ from finloop.sprites.metrics import (
 )
 from finloop.sprites.orient import (
     SPRITES,
-    Choice,
-    Settings,
-    choose,
     drawn,
-    phases,
     placed,
     sprite_table,
 )
-from finloop.sprites.pick import (
-    beats,
-    closure,
-    cycle_heading,
-    pictured,
-    sharpness,
-    slides,
-    smooth,
-    swimmers,
-    together,
-    turns,
-)
+from finloop.sprites.stretch import Stretch, cycle_heading, phases
+from finloop.sprites.swimmers import smooth, swimmers
 from finloop.sprites.turn import Placed, reflection, rotation, trimmed, turned
 
 ORIENTATIONS = 24  # conf/features/default.yaml
@@ -72,7 +67,7 @@ RATE = 25.0
 POINTS = 33
 LENGTH = 60.0
 HALF_WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt
-AUTOMATIC = Settings(None, None, None, None, 0.4, 1.0, 4096)
+AUTOMATIC = settings("sprites")
 
 
 # -- a toy film -------------------------------------------------------------------------------------
@@ -88,11 +83,11 @@ class Film:
 
     @property
     def table(self):
-        return swimmers(self.features, self.tracks)
+        return swimmers(self.features, self.tracks, AUTOMATIC)
 
     @property
     def look(self):
-        return partial(Reel(self.features, Held(self.cutouts)).headed, size=sprites_pick.PICTURE)
+        return partial(Reel(self.features, Held(self.cutouts)).headed, size=AUTOMATIC.picture_px)
 
 
 class Held(list):
@@ -193,7 +188,7 @@ def chosen(toy):
 
 @pytest.fixture(scope="module")
 def sprites(toy, chosen):
-    return sprite_table(toy.table, chosen)
+    return sprite_table(toy.table, chosen, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
@@ -201,13 +196,8 @@ def pictures(toy, sprites):
     return list(drawn(sprites, toy.cutouts))
 
 
-def pick(film, **asked):
-    return choose(
-        film.table,
-        film.look,
-        RATE,
-        Settings(**{**vars(AUTOMATIC), **asked}),
-    )
+def pick(film, **values):
+    return choose(film.table, film.look, RATE, replace(AUTOMATIC, **values))
 
 
 # -- turning ----------------------------------------------------------------------------------------
@@ -332,7 +322,7 @@ def test_aligned_fish_are_headed_right_in_the_middle(toy):
     rows = np.array([3, 8])
     for picture in look(rows, table["heading"].to_numpy()[rows]):
         one = Placed((255 * picture).round().astype(np.uint8), 0, 0)
-        np.testing.assert_allclose(centre(one), (sprites_pick.PICTURE - 1) / 2, atol=0.2)
+        np.testing.assert_allclose(centre(one), (AUTOMATIC.picture_px - 1) / 2, atol=0.2)
         assert abs(tilt(one)) < 2
         assert picture.max() <= 1
 
@@ -374,7 +364,7 @@ def test_swimmers_say_how_fish_move(toy):
 def test_doubtful_frames_cannot_be_used(toy, column, value):
     spoilt = toy.features.copy()
     spoilt.loc[30, column] = value
-    usable = swimmers(spoilt, toy.tracks)["usable"].to_numpy()
+    usable = swimmers(spoilt, toy.tracks, AUTOMATIC)["usable"].to_numpy()
     assert not usable[30] and usable.sum() == len(usable) - 1
 
 
@@ -419,9 +409,10 @@ def test_a_slide_has_a_still_tail(toy, chosen):
     slide = chosen["slide"].stretch
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
-    assert is_still(chosen["slide"], toy.table, 10)
-    assert not is_still(chosen["straight"], toy.table, 10)
-    assert not is_still(chosen["slide"], toy.table, 100)
+    assert is_still(chosen["slide"], toy.table, RATE, AUTOMATIC)
+    assert not is_still(chosen["straight"], toy.table, RATE, AUTOMATIC)
+    long = replace(AUTOMATIC, slide_least_s=4.0, slide_most_s=4.0)
+    assert not is_still(chosen["slide"], toy.table, RATE, long)
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
@@ -465,7 +456,7 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     other = {"left": "right", "right": "left"}[gone]
     assert picked[gone].mirrored and not picked[other].mirrored
     assert picked[gone].stretch == picked[other].stretch
-    table = sprite_table(one.table, picked)
+    table = sprite_table(one.table, picked, AUTOMATIC)
     mine, theirs = (table[table["sequence"] == w].reset_index() for w in (gone, other))
     for name in ("bend", "sideways", "turn_deg", "head_offset_deg"):
         np.testing.assert_allclose(mine[name], -theirs[name], atol=1e-5)
@@ -498,11 +489,11 @@ def test_a_film_without_a_glide_slides_as_straight_as_it_can():
     one = film((("beat", 30), ("left", 16), ("beat", 30)))
     picked = pick(one)
     assert len(picked["slide"].stretch) >= 2
-    assert not is_still(picked["slide"], one.table, 10)
+    assert not is_still(picked["slide"], one.table, RATE, AUTOMATIC)
 
 
 def test_a_film_of_doubtful_frames_says_so(toy):
-    table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks)
+    table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
     with pytest.raises(FinloopError, match="head and tail are in doubt"):
         choose(table, toy.look, RATE, AUTOMATIC)
 
@@ -511,7 +502,7 @@ def test_spoilt_frames_are_never_picked(toy, chosen):
     spoilt = toy.features.copy()
     at = chosen["straight"].stretch.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
-    table = swimmers(spoilt, toy.tracks)
+    table = swimmers(spoilt, toy.tracks, AUTOMATIC)
     picked = choose(table, toy.look, RATE, AUTOMATIC)
     for choice in picked.values():
         assert table["usable"][choice.stretch.rows].all()
@@ -521,25 +512,26 @@ def test_spoilt_frames_are_never_picked(toy, chosen):
 def test_candidates_do_not_reach_across_tracks(toy):
     cut = toy.table.copy()
     cut.loc[70:, "track_id"] = 9  # amid the left turn and its surroundings
-    for found in (beats(cut, RATE), slides(cut, RATE, 0.4, 1.0), turns(cut, 1), turns(cut, -1)):
-        if len(found):
-            last = found["start"].to_numpy() + found["length"].to_numpy()
-            assert not ((found["start"] < 70) & (last > 70)).any()
+    cycles = [find(cut, RATE, AUTOMATIC) for find in (beats, slides)]
+    for candidates in cycles + [turns(cut, side, AUTOMATIC) for side in (1, -1)]:
+        if len(candidates):
+            last = candidates["start"].to_numpy() + candidates["length"].to_numpy()
+            assert not ((candidates["start"] < 70) & (last > 70)).any()
 
 
 def test_one_animal_for_all_unless_it_costs_much(toy):
     table = pd.concat([toy.table, toy.table.assign(track_id=8)], ignore_index=True)
 
     def stretch(track, cost):
-        return sprites_pick.Stretch(track, 0, 9, slice(0, 10), {"fault": cost})
+        return Stretch(track, 0, 9, slice(0, 10), {"fault": cost})
 
     both = {
         "straight": [stretch(3, 1.0), stretch(8, 1.1)],
         "left": [stretch(3, 2.0), stretch(8, 1.9)],
     }
-    assert {s.track_id for s in together(table, both).values()} == {3}
+    assert {s.track_id for s in combination(table, both, AUTOMATIC).values()} == {3}
     both["left"] = [stretch(3, 9.0), stretch(8, 1.9)]
-    assert {s.track_id for s in together(table, both).values()} == {8}
+    assert {s.track_id for s in combination(table, both, AUTOMATIC).values()} == {8}
 
 
 def test_the_head_s_yaw_does_not_tilt_the_line():
@@ -559,9 +551,10 @@ def test_closure_counts_natural_steps():
 
 def test_a_loop_that_closes_is_preferred(toy):
     (first, _), *_ = plan_frames(PLAN, "beat")
-    found = pd.DataFrame({"start": first + 5, "length": [BEAT - 3, BEAT, BEAT + 3], "fault": 1.0})
-    look = toy.look
-    (best,) = pictured(toy.table, found, look, 1e-6, loops=True)
+    candidates = pd.DataFrame(
+        {"start": first + 5, "length": [BEAT - 3, BEAT, BEAT + 3], "fault": 1.0}
+    )
+    (best,) = best_of_tracks(toy.table, candidates, toy.look, 1e-6, AUTOMATIC, loops=True)
     assert len(best) == BEAT and set(best.faults) == {"fault", "does not close", "soft"}
 
 
@@ -575,9 +568,9 @@ def test_blurred_pictures_are_soft(toy):
 
 @pytest.mark.parametrize(("swing", "still"), [(0.04, True), (0.06, False)])
 def test_a_still_tail_moves_less_than_its_width(swing, still):
-    stretch = sprites_pick.Stretch(3, 0, 11, slice(0, 12))
+    stretch = Stretch(3, 0, 11, slice(0, 12))
     table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
-    assert is_still(Choice(stretch), table, 10) == still
+    assert is_still(Choice(stretch), table, RATE, AUTOMATIC) == still
 
 
 def test_faults_explain_the_choice(chosen):
@@ -602,7 +595,7 @@ def test_listed_frames_are_taken_as_they_are(toy):
 def test_listed_frames_may_be_a_track_s_last(toy):
     end = int(toy.tracks["frame"].max())
     picked = pick(toy, slide=f"3:{end - 9}-{end}")
-    rows = sprite_table(toy.table, picked).query("sequence == 'slide'")
+    rows = sprite_table(toy.table, picked, AUTOMATIC).query("sequence == 'slide'")
     np.testing.assert_allclose(rows["forward"], 2.5 / LENGTH, atol=4e-3)
     assert len(rows) == 10
     result = loop_numbers("slide", picked["slide"], toy.table, toy.look)
@@ -632,8 +625,8 @@ def test_nonsense_in_the_list_is_refused(toy, asked, message):
 
 def test_phases_need_frames_on_both_sides_of_the_bend(toy):
     ((a, b),) = plan_frames(PLAN, "left")
-    half = sprites_pick.Stretch(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
-    assert phases(toy.table, half, 1) == ["none"]
+    half = Stretch(3, a, (a + b) // 2 - 1, slice(a, (a + b) // 2))
+    assert phases(toy.table, half, 1, AUTOMATIC.hold) == ["none"]
 
 
 # -- the table and the pictures ---------------------------------------------------------------------
@@ -932,6 +925,7 @@ def test_stage_that_fails_leaves_nothing_behind(work):
     ("asked", "message"),
     [
         ("sprites.slide_least_s=2.0", "slide_least_s is more than slide_most_s"),
+        ("sprites.swing_most=0.05", "swing_least is more than swing_most"),
         ("sprites.page_px=100", "page_px"),
         ("sprites.slide_least_s=-1.0", "slide_least_s"),
     ],

@@ -7,8 +7,9 @@ from finloop.distance.picture import apart, steps
 from finloop.features.metrics import table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import orientations_of
-from finloop.sprites.orient import Choice
-from finloop.sprites.pick import SIDES, STILL, Look, closure, cycle_heading
+from finloop.sprites.choice import Choice, Look, closure
+from finloop.sprites.settings import Settings
+from finloop.sprites.stretch import SIDES, cycle_heading
 
 TYPES = {"straight": STRAIGHT, "slide": STRAIGHT, "left": LEFT, "right": RIGHT}
 
@@ -85,10 +86,11 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
     return result
 
 
-def is_still(choice: Choice, table: pd.DataFrame, least: int) -> bool:
+def is_still(choice: Choice, table: pd.DataFrame, rate_hz: float, settings: Settings) -> bool:
     """Whether a slide is one: long enough, and with a still tail."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
-    return len(tail) >= least and float(np.ptp(tail)) <= STILL
+    long = len(tail) >= round(settings.slide_least_s * rate_hz)
+    return long and float(np.ptp(tail)) <= settings.still
 
 
 def faults(chosen: dict[str, Choice]) -> pd.DataFrame:

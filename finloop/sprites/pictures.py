@@ -13,11 +13,11 @@ Floats = NDArray[np.float64]
 
 def outlines(reel: Reel) -> list[Floats]:
     """The hull (k, 2) of every sprite, px from the mass centre at the drawn size: ahead, left."""
-    found = []
+    hulls = []
     for number, row in enumerate(reel.sprites.itertuples()):
         cutout = reel.sprite(number)
         solid = np.argwhere(cutout.pixels[..., -1] >= _SOLID)[:, ::-1].astype(np.float32)
         hull = cv2.convexHull(solid)[:, 0].astype(float)
         offset = hull + np.array([cutout.x0_px - row.x_px, cutout.y0_px - row.y_px])
-        found.append(offset * np.array([row.scale, -row.scale]))
-    return found
+        hulls.append(offset * np.array([row.scale, -row.scale]))
+    return hulls

@@ -1,0 +1,214 @@
+"""Candidates for sprites: every tail beat, glide and turn of the film, with its faults.
+
+A fault is measured in units of what is just acceptable; `settings` are those of
+`sprites.settings`, tables those of `sprites.swimmers`.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from numpy.lib.stride_tricks import sliding_window_view
+from numpy.typing import NDArray
+
+from finloop.features.swimming_type import STRAIGHT
+from finloop.sprites.settings import Settings
+from finloop.sprites.swimmers import smooth, spans
+
+
+def beats(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+    """Every stretch that is one tail beat, swum straight: a row each, with its faults.
+
+    Columns: start, length (rows of `table`), and one per fault. The frame after the last is in the
+    track too, since it is compared with the first.
+    """
+    least = max(settings.beat_frames, round(settings.beat_least_s * rate_hz))
+    parts = []
+    for track, n, start, at in _straight(table, least, round(settings.beat_most_s * rate_hz)):
+        tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
+        power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
+        power[:, 1 : (n + 1) // 2] *= 2
+        total = np.maximum(power[:, 1:].sum(1), 1e-12)
+        swing = np.maximum(np.ptp(tail, axis=1), 1e-6)
+        faults = _common_faults(track, start, n, settings) | {
+            "several waves": (1 - power[:, 1] / total) / (1 - settings.one_wave),
+            "flicker": settings.flicker_frames / n,
+            "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
+        }
+        parts.append(pd.DataFrame({"start": at, "length": n, "swing": swing, **faults}))
+    waves = _joined(parts)
+    if waves.empty:
+        return waves
+    beat = waves["swing"].between(settings.swing_least, settings.swing_most)
+    waves = waves[beat & (waves["several waves"] <= 1)]
+    untypical = np.abs(np.log2(waves["swing"] / waves["swing"].median()))
+    return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
+
+
+def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+    """Every stretch of gliding, a row each as in `beats`.
+
+    Stretches shorter than `slide_least_s` are among them only if there are no longer ones, and
+    those whose tail moves more than `still` only if no tail is still.
+    """
+    least, most = (
+        max(3, round(settings.slide_least_s * rate_hz)),
+        max(3, round(settings.slide_most_s * rate_hz)),
+    )
+    typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
+    for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
+        parts = []
+        for track, n, start, at in _straight(table, shortest, most):
+            tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
+            speed = sliding_window_view(track["speed"].to_numpy(), n)[start].mean(1)
+            faults = _common_faults(track, start, n, settings) | {
+                "tail moves": np.ptp(tail, axis=1) / settings.still,
+                "tail aside": np.abs(tail.mean(1)) / settings.still,
+                "untypical speed": np.abs(np.log2(np.maximum(speed, 1e-6) / typical)) / 2,
+                "short": least / n,
+            }
+            parts.append(pd.DataFrame({"start": at, "length": n, **faults}))
+        glides = _joined(parts)
+        if not glides.empty:
+            still = glides[glides["tail moves"] <= 1]
+            return glides if still.empty else still
+    return pd.DataFrame()
+
+
+def _straight(
+    table: pd.DataFrame, least: int, most: int
+) -> Iterator[tuple[pd.DataFrame, int, NDArray[np.intp], NDArray[np.intp]]]:
+    """Windows of `least` … `most` usable straight frames, the frame after them straight as well.
+
+    Yields a track, a length, the windows' first rows in that track and the same in `table`.
+    """
+    fine = ((table["type"] == STRAIGHT) & table["usable"]).to_numpy()
+    for span in spans(table):
+        for n in range(least, min(most, span.stop - span.start - 1) + 1):
+            start = np.flatnonzero(sliding_window_view(fine[span], n + 1).all(1))
+            if start.size:
+                yield table.iloc[span], n, start, start + span.start
+
+
+def _common_faults(
+    track: pd.DataFrame, start: NDArray[np.intp], n: int, settings: Settings
+) -> dict[str, NDArray[np.float64]]:
+    """Faults that beats and slides share, of windows of `n` frames that begin at `start`."""
+    heading = track["heading"].to_numpy()
+    speed = sliding_window_view(track["speed"].to_numpy(), n)[start]
+    area = sliding_window_view(track["area_px"].to_numpy(), n + 1)[start]
+    change = np.abs(speed[:, -(n // 2) :].mean(1) - speed[:, : n // 2].mean(1))
+    return {
+        "drift": np.abs(heading[start + n] - heading[start]) / settings.drift_deg,
+        "speed changes": change / np.maximum(speed.mean(1), 1e-6) / settings.speed_change,
+        "area changes": np.ptp(area, axis=1) / area.mean(1) / settings.area_change,
+        "another size": track["animal_off"].to_numpy()[start],
+        "not alone": _crowded(
+            sliding_window_view(track["alone"].to_numpy(), n)[start].min(1), settings
+        ),
+    }
+
+
+def _crowded(alone: NDArray[np.floating], settings: Settings) -> NDArray[np.float64]:
+    """1 where another fish is just far enough away, 0 from twice that."""
+    return np.clip(2 - alone / settings.alone, 0, 1)
+
+
+def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+# -- turns -----------------------------------------------------------------------------------------
+
+
+def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
+    """The strongest whole turns to one side, a row each as in `beats`.
+
+    A turn is whole if all its frames are usable, it has frames before and after the largest bend,
+    and the heading changes. Weaker turns are taken only if there are no stronger ones: `strong`.
+    """
+    bend = side * table["bend"].to_numpy()
+    turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
+    if not turning.any() or bend[turning].max() <= 0:
+        return pd.DataFrame()
+    strongest = bend[turning].max()
+    rows = [
+        turn
+        for span in spans(table)
+        for peak in _peaks(bend[span], turning[span])
+        if (turn := _turn(table, span, span.start + peak, side, strongest, settings)) is not None
+    ]
+    for share in settings.strong:
+        kept = [row for row in rows if row["weaker"] <= (1 - share) / settings.weaker + 1e-9]
+        if kept:
+            return pd.DataFrame(kept)
+    return pd.DataFrame()
+
+
+def _peaks(bend: NDArray[np.floating], turning: NDArray[np.bool_]) -> NDArray[np.intp]:
+    """Frames that are bent more than the one before and no less than the one after."""
+    inner = np.flatnonzero((bend[1:-1] > bend[:-2]) & (bend[1:-1] >= bend[2:])) + 1
+    return inner[turning[inner] & (bend[inner] > 0)]
+
+
+def _turn(
+    table: pd.DataFrame, span: slice, peak: int, side: int, strongest: float, settings: Settings
+) -> dict[str, float] | None:
+    """The turn around `peak`, the row of its largest bend; None if it is not whole."""
+    bend = side * table["bend"].to_numpy()
+    first = _downhill(bend, peak, span.start, -1, settings)
+    last = _downhill(bend, peak, span.stop - 1, 1, settings)
+    before = first - 1  # the head has begun to turn by the first frame that is bent at all
+    if before >= span.start and abs(bend[before]) < settings.bent * bend[peak]:
+        first = before
+    inside = slice(first, last + 1)
+    held = np.flatnonzero(bend[inside] >= settings.hold * bend[peak]) + first
+    if first == held[0] or last == held[-1] or last + 1 >= span.stop:
+        return None
+    if not table["usable"].to_numpy()[inside].all():
+        return None
+    if (table["type"].to_numpy()[inside] == -side).any():
+        return None
+    heading = table["heading"].to_numpy()[first : last + 2]
+    step = side * np.diff(smooth(heading))
+    if step.sum() < settings.turn_least_deg:
+        return None
+    area = table["area_px"].to_numpy()[inside]
+    ends = np.abs(bend[[first, last]])
+    n = last - first + 1
+    return {
+        "start": first,
+        "length": n,
+        "weaker": (1 - bend[peak] / strongest) / settings.weaker,
+        "bent at the ends": ends.sum() / bend[peak] / (2 * settings.bent),
+        "turns back": -np.minimum(step, 0).sum() / settings.drift_deg,
+        "goes on": abs(heading[-1] - heading[-2]) / settings.drift_deg,
+        "bends twice": _climbs(bend[inside]) / bend[peak] / settings.bent,
+        "jumps": step.max() / settings.jump_deg,
+        "flicker": settings.flicker_frames / n,
+        "area changes": np.abs(np.diff(area)).max() / area.mean() / settings.area_change,
+        "another size": table["animal_off"].to_numpy()[first],
+        "not alone": float(_crowded(table["alone"].to_numpy()[inside].min(), settings)),
+    }
+
+
+def _downhill(bend: NDArray[np.floating], peak: int, end: int, way: int, settings: Settings) -> int:
+    """The row between `peak` and `end` where the fish is straightest before it bends again.
+
+    `way`: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.
+    """
+    low = row = peak
+    while row != end and abs(bend[low]) > settings.straight_bend * bend[peak]:
+        row += way
+        if abs(bend[row]) < abs(bend[low]):
+            low = row
+        elif bend[row] < 0 or bend[row] > bend[low] + settings.bent * bend[peak]:
+            break
+    return low
+
+
+def _climbs(bend: NDArray[np.floating]) -> float:
+    """How much the bend falls before its peak and rises after it, together."""
+    step = np.diff(bend)
+    peak = int(bend.argmax())
+    return float(-np.minimum(step[:peak], 0).sum() + np.maximum(step[peak:], 0).sum())

@@ -1,0 +1,191 @@
+"""The choice of frames for sprites (fish paper §3.3; there it is made by hand).
+
+Four sequences: *straight* (one full tail beat whose end meets its beginning), *slide* (gliding with
+a still tail, a loop too), and the strongest *left* and *right* turns, from nearly straight through
+the bend back to nearly straight. The candidate with the smallest sum of faults is taken, so its
+faults explain the choice. Only the best candidates are compared as pictures.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.distance.picture import apart, steps
+from finloop.errors import FinloopError
+from finloop.features.swimming_type import STRAIGHT
+from finloop.sprites.candidates import beats, slides, turns
+from finloop.sprites.settings import Settings
+from finloop.sprites.stretch import SIDES, WORDS, Stretch, cycle_heading, from_text
+
+_SAMPLE = 200  # frames whose median sharpness is the clip's; more do not change it
+
+Look = Callable[[NDArray[np.intp], NDArray[np.floating]], NDArray[np.float32]]
+"""Rows of the table of swimmers and a heading for each → pictures (n, size, size, channels) of
+these fish, headed right, their mass centres in the middle, all of one length."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The film's frames for one sequence; `mirrored` where the other side's turn stands in."""
+
+    stretch: Stretch
+    mirrored: bool = False
+
+
+def choose(
+    table: pd.DataFrame, look: Look, rate_hz: float, settings: Settings
+) -> dict[str, Choice]:
+    """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
+
+    `table` is of `swimmers`. A side without a turn gets the other one mirrored. FinloopError if
+    the settings name frames that do not exist, or there is no tail beat, or no turn.
+    """
+    sharp = _typical_sharpness(table, look, settings)
+    stretches: dict[str, Sequence[Stretch]] = {}
+    for word in WORDS:
+        text = getattr(settings, word)
+        if text is not None:
+            stretches[word] = [from_text(table, word, text, settings.hold)]
+            continue
+        if word in SIDES:
+            candidates = turns(table, SIDES[word], settings)
+        else:
+            candidates = (beats if word == "straight" else slides)(table, rate_hz, settings)
+        stretches[word] = best_of_tracks(
+            table, candidates, look, sharp, settings, loops=word not in SIDES
+        )
+    _check(stretches, settings)
+    chosen = {word: Choice(s) for word, s in combination(table, stretches, settings).items()}
+    if "slide" not in chosen:  # nothing glides: the straightest there is
+        chosen["slide"] = chosen["straight"]
+    for word, other in (("left", "right"), ("right", "left")):
+        if word not in chosen:
+            chosen[word] = Choice(chosen[other].stretch, mirrored=True)
+    return {word: chosen[word] for word in WORDS}
+
+
+def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> float:
+    """Median `sharpness` of usable frames spread over the film."""
+    usable = np.flatnonzero(table["usable"])
+    if not usable.size:
+        raise FinloopError(
+            "no frame of the film can become a sprite: everywhere head and tail are in doubt "
+            f"(head_confidence < {settings.head_confidence}), or the length is not the animal's, "
+            "or another fish is near",
+            "frames of one fish, clear of others",
+            "film fewer fish, or a longer clip; or give frames in conf/sprites/default.yaml",
+        )
+    rows = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
+    return float(np.median(sharpness(look(rows, table["heading"].to_numpy()[rows]))))
+
+
+def _check(stretches: dict[str, Sequence[Stretch]], settings: Settings) -> None:
+    """FinloopError where the film has no tail beat, or no turn to either side."""
+    do = "take a longer clip, or list frames, e.g. sprites.{}=8:120-140"
+    if not stretches["straight"]:
+        raise FinloopError(
+            "no full tail beat in the film: no straight stretch of one track swings its tail once "
+            f"to each side in {settings.beat_least_s}-{settings.beat_most_s} s and "
+            f"{settings.beat_frames} frames",
+            "a fish that swims straight for one tail beat, clear of others",
+            do.format("straight") + "; at a low frame rate film faster",
+        )
+    if not (stretches["left"] or stretches["right"]):
+        raise FinloopError(
+            "no whole turn in the film, neither to the left nor to the right",
+            "a fish that bends from straight to one side and back to straight, clear of others",
+            do.format("left") + "; or lower features.turn_threshold_deg, features.bend_threshold",
+        )
+
+
+def best_of_tracks(
+    table: pd.DataFrame, candidates: pd.DataFrame, look: Look, sharp: float, settings: Settings,
+    *, loops: bool,
+) -> list[Stretch]:  # fmt: skip
+    """The best candidate of each track, with the faults of its pictures; the best track first.
+
+    `sharp`: the clip's median of `sharpness`. With `loops` the frame after the last should be like
+    the first, within a natural step.
+    """
+    if candidates.empty:
+        return []
+    faults = [name for name in candidates if name not in ("start", "length")]
+    cost = candidates[faults].sum(axis=1)
+    number = table["track_id"].to_numpy()[candidates["start"]]
+    order = cost.sort_values(kind="stable").index
+    rank = cost[order].groupby(pd.Series(number, candidates.index)[order]).cumcount()
+    best: dict[int, Stretch] = {}
+    for at in order[(rank < settings.candidates_per_track).to_numpy()][: settings.candidates]:
+        start, n = int(candidates.at[at, "start"]), int(candidates.at[at, "length"])
+        more = {}
+        rows = np.arange(start, start + n + 1)
+        pictures = look(
+            rows, cycle_heading(table, start, n) if loops else table["heading"].to_numpy()[rows]
+        )
+        if loops:
+            more["does not close"] = closure(pictures)
+        more["soft"] = max(0.0, 1 - float(np.median(sharpness(pictures))) / sharp) / settings.soft
+        track = int(table["track_id"].iat[start])
+        one = Stretch(
+            track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
+            slice(start, start + n), candidates.loc[at, faults].to_dict() | more,
+        )  # fmt: skip
+        if track not in best or one.cost < best[track].cost:
+            best[track] = one
+    return sorted(best.values(), key=lambda s: s.cost)
+
+
+def closure(pictures: NDArray[np.floating]) -> float:
+    """How far the last picture is from the first, over the median step between these pictures.
+
+    They are a loop's frames and the one after them.
+    """
+    return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
+
+
+def sharpness(pictures: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Gradient energy (n,) of pictures (n, h, w, channels) per opaque pixel."""
+    down, right = np.diff(pictures, axis=1)[:, :, :-1], np.diff(pictures, axis=2)[:, :-1]
+    return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)
+
+
+def combination(
+    table: pd.DataFrame, stretches: dict[str, Sequence[Stretch]], settings: Settings
+) -> dict[str, Stretch]:
+    """One stretch of each sequence; their faults and the changes of animal cost least together.
+
+    Another track than that of the first sequence costs `other_track`, and 1 for a relative
+    difference of `size_off` in length, contrast and area, on average.
+    """
+    words = [word for word in stretches if stretches[word]]
+    looks = (
+        table[table["type"] == STRAIGHT]
+        .groupby("track_id")[["length_px", "contrast", "area_px"]]
+        .median()
+        .reindex(table["track_id"].unique())
+        .fillna(table[["length_px", "contrast", "area_px"]].median())
+    )
+    like = np.log(looks)
+
+    def strange(a: int, b: int) -> float:
+        if a == b:
+            return 0.0
+        difference = float(np.abs(like.loc[a] - like.loc[b]).mean())
+        return settings.other_track + difference / settings.size_off
+
+    best: tuple[float, dict[str, Stretch]] = (np.inf, {})
+    for first in stretches[words[0]]:
+        chosen = {words[0]: first}
+        total = settings.cycle_weight * first.cost
+        for word in words[1:]:
+            price, chosen[word] = min(
+                ((s.cost + strange(first.track_id, s.track_id), s) for s in stretches[word]),
+                key=lambda priced: priced[0],
+            )
+            total += price
+        if total < best[0]:
+            best = (total, chosen)
+    return best[1]
