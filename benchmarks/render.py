@@ -42,7 +42,7 @@ def swim(gallery: Gallery, count: int, fades: bool, seed: int) -> list[Placed]:
         angle = at + 0.01 * tick
         x, y = 640 + 300 * np.cos(angle), 360 - 200 * np.sin(angle)
         one, other = (
-            gallery.turned("frame", (tick + n) % count, np.degrees(turn + angle), 1.02)
+            gallery.turned("frame", (tick + n) % count, 0, np.degrees(turn + angle), 1.02)
             for n in (0, 9)
         )
         placed.append(Placed(x, y, one, other if fades else None, 0.4 if fades else 0.0))

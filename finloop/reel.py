@@ -26,7 +26,7 @@ _LOT = 500  # pictures at a time
 
 
 def sprite_row(sprite: int, orientation: int, orientations: int) -> int:
-    """The row of the sprites' store at which a sprite lies in an orientation."""
+    """The row of the sprites' store at which a sprite lies in an orientation, 1 … orientations."""
     return sprite * orientations + orientation - 1
 
 
@@ -59,9 +59,14 @@ class Reel:
             if not np.array_equal(self.sprites[_KEY].to_numpy(), true):
                 problems.append(f"{len(self.sprites)} sprites are of other frames than they say")
         if self.store is not None:
-            count = len(self.sprites) * self.orientations
-            if len(self.store) != count:
-                problems.append(f"{len(self.store)} pictures of sprites, but {count} sprites")
+            index, count = self.store.index, self.orientations
+            rows = sprite_row(index["sprite"], index["orientation"], count)
+            if not np.array_equal(rows, np.arange(len(self.sprites) * count)):
+                made, wanted = (
+                    len(self.store),
+                    f"{len(self.sprites)} sprites in {count} orientations",
+                )
+                problems.append(f"{made} pictures of sprites, wanted {wanted}")
         if problems:
             raise FinloopError(
                 "; ".join(problems),

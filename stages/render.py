@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, FRAME, SPRITE, Goal
+from finloop.animate.edit_list import EDIT, SPRITE, Goal
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.edit_list import load_edit
@@ -88,7 +88,7 @@ def main() -> None:
     stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
     with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
         change = films(p, edit, goals, gallery, background, advance)
-        natural = film_steps(Painter(background), gallery, FRAME, tracks)
+        natural = film_steps(Painter(background), gallery, tracks)
     save_metrics(
         REPORT / "metrics.json",
         step_numbers(change, natural)

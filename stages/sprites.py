@@ -16,7 +16,7 @@ from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.reel import Reel
+from finloop.reel import Reel, sprite_row
 from finloop.sprites import atlas
 from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
@@ -44,9 +44,9 @@ def say(chosen: dict[str, Choice], still: bool) -> None:
 def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: float) -> int:
     """Write atlas-0.png, atlas-0.json … from sprites.arrow in `folder`; how many pages."""
     with open_cutouts(folder / "sprites.arrow") as store:
-        pages = atlas.pages(sprites, store.index, page_px)
+        pages, count = atlas.pages(sprites, store.index, page_px), orientations_of(sprites)
         for number, page in enumerate(pages):
-            picture = atlas.picture(page, lambda row: store[row].pixels)
+            picture = atlas.picture(page, lambda s, o: store[sprite_row(s, o, count)].pixels)
             (folder / f"atlas-{number}.png").write_bytes(atlas.png(picture))
             text = json.dumps(atlas.document(pages, number, sprites, store.index, rate_hz))
             (folder / f"atlas-{number}.json").write_text(text + "\n", encoding="utf-8")
@@ -72,7 +72,7 @@ def main() -> None:
             progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
-            with CutoutWriter(folder / "sprites.arrow") as writer:
+            with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
                 for one in drawn(sprites, cutouts):
                     writer.write(one)
                     advance()

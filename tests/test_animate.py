@@ -13,7 +13,6 @@ from toy_film import (
     DELTA,
     HEAD,
     LENGTH,
-    ORIENTATIONS,
     RATE,
     TOUCH,
     film_of,
@@ -400,9 +399,7 @@ def test_the_network_is_asked_and_obeyed(player):
     asked = table[table["motion_area"].notna() & table["reason"].notna()]
     assert (table["state"][table["motion_area"].notna()] == "turn").all()
     area = sprites()["motion_area_rel"].to_numpy()
-    shown = [
-        area[table["source"].iloc[a:b].to_numpy() // ORIENTATIONS].max() for a, b in _turns(table)
-    ]
+    shown = [area[table["source"].iloc[a:b].to_numpy()].max() for a, b in _turns(table)]
     assert len(shown) == len(asked)
     assert np.corrcoef(asked["motion_area"], shown)[0, 1] > 0.8
 
@@ -425,8 +422,8 @@ def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
 
 def test_orientation_and_rest_make_the_heading(player):
     table = played(player, [], 2000, 1)
-    sector = table["source"].to_numpy() % ORIENTATIONS * 15.0
-    made = wrap_deg(sector + table["rotation_deg"].to_numpy(float))
+    direction = (table["orientation"].to_numpy(float) - 1) * 15.0
+    made = wrap_deg(direction + table["rotation_deg"].to_numpy(float))
     assert wrap_deg(made - table["heading_deg"].to_numpy(float)) == pytest.approx(0, abs=1e-4)
     assert np.abs(table["rotation_deg"]).max() <= 7.5 + 1e-4
 
@@ -518,6 +515,12 @@ def test_kinematic_distance_is_in_deviations_of_the_film():
     assert shifted == pytest.approx(2)
 
 
+def named(kind, source):
+    """The pictures of an edit list, every sprite in orientation 1."""
+    table = pd.DataFrame({"kind": kind, "source": source})
+    return table.assign(orientation=np.where(table["kind"] == SPRITE, 1, None))
+
+
 @pytest.mark.parametrize(
     ("shown", "longest"),
     [
@@ -530,18 +533,23 @@ def test_kinematic_distance_is_in_deviations_of_the_film():
 )
 def test_longest_exact_repeat(shown, longest):
     for kind in (SPRITE, FRAME):
-        assert measures.longest_repeat(pd.DataFrame({"kind": kind, "source": shown})) == longest
+        assert measures.longest_repeat(named(kind, shown)) == longest
 
 
 def test_longest_repeat_of_a_cycle_is_half_of_it_all():
-    table = pd.DataFrame({"kind": FRAME, "source": np.tile([1, 2, 3], 8)})
+    table = named(FRAME, np.tile([1, 2, 3], 8))
     assert measures.longest_repeat(table) == 12
 
 
 def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
     kinds = [SPRITE] * 4 + [FRAME] * 4
-    table = pd.DataFrame({"kind": kinds, "source": [0, 1, 2, 3, 0, 1, 2, 3]})
-    assert measures.longest_repeat(table) == 0
+    assert measures.longest_repeat(named(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
+
+
+def test_a_sprite_in_another_orientation_is_no_repeat():
+    table = named(SPRITE, [0, 1, 2, 3, 0, 1, 2, 3])
+    assert measures.longest_repeat(table) == 4
+    assert measures.longest_repeat(table.assign(orientation=[1] * 4 + [2] * 4)) == 0
 
 
 @pytest.mark.parametrize("kind", [SPRITE, FRAME])
@@ -551,7 +559,7 @@ def test_a_fish_half_out_of_the_tank_is_counted(waters, kind):
     here = players_of(waters, hulls=hulls)[NETWORK]
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
-        drawn = table.assign(heading_deg=heading, kind=kind, source=[5, 5, 29, 29])
+        drawn = table.assign(heading_deg=heading, kind=kind, source=[0, 0, 1, 1])
         assert measures.outside(drawn, here) == count
         other = drawn.assign(kind=FRAME if kind == SPRITE else SPRITE)
         assert measures.outside(other, here) == 0
@@ -560,9 +568,8 @@ def test_a_fish_half_out_of_the_tank_is_counted(waters, kind):
 def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
     sprites_ = player.cast.sprites.assign(head_offset_deg=np.arange(32) % 2 * 10.0)
     swaying = replace(player, cast=replace(player.cast, sprites=sprites_))
-    source = np.arange(8) * ORIENTATIONS
     table = pd.DataFrame(
-        {"kind": SPRITE, "source": source, "x_px": 0.0, "y_px": 0.0, "heading_deg": 0.0}
+        {"kind": SPRITE, "source": np.arange(8), "x_px": 0.0, "y_px": 0.0, "heading_deg": 0.0}
     )
     _, rate = measures.motion_of_edit(table, swaying)
     assert np.abs(rate) == pytest.approx(10.0 * RATE / DELTA)

@@ -760,11 +760,19 @@ def test_a_frame_is_named_by_its_row():
     assert list(table["source"]) == list(flat(found)[1][:300])
 
 
+def test_a_sprite_has_an_orientation_and_a_frame_has_none():
+    _, table = edit_of(hybrid_player(fade_s=3 / RATE), [Goal("A", 200.0, 200.0)], 1500, 2)
+    for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
+        assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
+        assert (table[name].notna() == (table[kind] == SPRITE)).all()
+        assert table[name].dropna().between(1, ORIENTATIONS).all()
+
+
 @pytest.mark.parametrize("make", [loops_player, hybrid_player])
 @pytest.mark.parametrize("fade", [0, 3])
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make, fade):
     found, table = edit_of(make(stay_s=0.4, fade_s=fade / RATE), [Goal("A", 200.0, 200.0)], 1500, 2)
-    number = table["source"].to_numpy() // np.where(table["kind"] == FRAME, 1, ORIENTATIONS)
+    number = table["source"].to_numpy()
     kind, weight = table["kind"].to_numpy(), table["weight"].to_numpy(float)
     rotation = table["rotation_deg"].to_numpy(float)
     order_ = order().following
@@ -792,7 +800,7 @@ def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make,
                 turned = row["partner_rotation_deg"] - rotation[begin - 1]
                 assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
             else:
-                assert row["partner"] // ORIENTATIONS == old
+                assert row["partner"] == old
 
 
 def test_wandering_uses_much_of_the_tank_and_of_the_film():
@@ -861,7 +869,7 @@ def test_hybrid_switches_by_gateways_and_the_heading_goes_on():
     out = np.flatnonzero((kind[1:] == SPRITE) & (kind[:-1] == FRAME)) + 1
     assert len(into) > 5 and len(out) > 5
     for tick in into:
-        assert table["source"][tick] in ins[table["source"][tick - 1] // ORIENTATIONS]
+        assert table["source"][tick] in ins[table["source"][tick - 1]]
         assert wrap_deg(heading[tick] - heading[tick - 1]) == pytest.approx(0, abs=1e-3)
     assert (table["exit"][out] == "no_way").all()
     share = (table["mode"] == LOOPS).mean()

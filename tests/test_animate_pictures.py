@@ -62,11 +62,12 @@ def sprites_of(folder: Path, table: pd.DataFrame, rows: list[int]) -> pd.DataFra
         row=rows, sequence="straight", step=np.arange(len(rows)), mirrored=False, scale=1.0,
         turn_deg=turn[rows], orientations=ORIENTATIONS,
     )  # fmt: skip
-    with CutoutWriter(folder / "sprites.arrow") as writer:
-        for row in picked.itertuples():
-            for sector in range(ORIENTATIONS):
-                pixels = turned(fish(wide=row.wide), 15.0 * sector)
-                writer.write(Cutout(int(row.track_id), int(row.frame), 100, 200, pixels))
+    with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
+        for sprite, row in enumerate(picked.itertuples()):
+            for number in range(1, ORIENTATIONS + 1):
+                pixels = turned(fish(wide=row.wide), 15.0 * (number - 1))
+                key = int(row.track_id), int(row.frame), 100, 200, pixels, sprite, number
+                writer.write(Cutout(*key))
     return picked.reset_index(drop=True)
 
 
@@ -86,28 +87,31 @@ def shown(tmp_path):
         yield Pictures(Reel(table, film, sprites, store), SIZE)
 
 
+PICTURE = ["kind", "source", "orientation", "rotation_deg", "scale"]
+PARTNER = [f"partner_{name}".removesuffix("_source") for name in PICTURE]
+
+
 def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
     """An edit list of (kind, row or sprite, heading), without cross-fades."""
     rows = []
     for kind, number, heading in ticks:
         if kind == FRAME:
             rotation = wrap_deg(heading - shown.reel.features["heading_deg"][number])
-            rows.append((kind, number, float(rotation), 1.0, heading))
+            rows.append((kind, number, pd.NA, float(rotation), 1.0, heading))
         else:
             sector = int(orientation(np.array(heading), ORIENTATIONS))
             rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
-            rows.append((kind, number * ORIENTATIONS + sector - 1, rest, 1.0, heading))
-    table = pd.DataFrame(rows, columns=["kind", "source", "rotation_deg", "scale", "heading_deg"])
+            rows.append((kind, number, sector, rest, 1.0, heading))
+    table = pd.DataFrame(rows, columns=[*PICTURE, "heading_deg"]).astype({"orientation": "Int8"})
     return table.assign(
-        partner_kind=None, partner=pd.array([pd.NA] * len(rows), "Int32"),
+        partner_kind=None, partner_orientation=pd.array([pd.NA] * len(rows), "Int8"), partner=pd.array([pd.NA] * len(rows), "Int32"),
         partner_rotation_deg=np.nan, partner_scale=np.nan, weight=0.0,
     )  # fmt: skip
 
 
 def faded(edit: pd.DataFrame, tick: int, other: pd.Series, weight: float) -> pd.DataFrame:
-    names = ["partner_kind", "partner", "partner_rotation_deg", "partner_scale"]
     edit = edit.copy()
-    for name, value in zip(names, other[["kind", "source", "rotation_deg", "scale"]], strict=True):
+    for name, value in zip(PARTNER, other[PICTURE], strict=True):
         edit.loc[tick, name] = value
     edit.loc[tick, "weight"] = weight
     return edit
@@ -175,7 +179,8 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
     for heading in (0.0, 100.0, -37.0):
         edit = edit_of(shown, (FRAME, 4, heading), (SPRITE, 3, heading), (SPRITE, 0, heading))
         one, same, other = (
-            shown(r.kind, r.source, r.rotation_deg, r.scale) for r in edit.itertuples()
+            shown(r.kind, r.source, r.orientation, r.rotation_deg, r.scale)
+            for r in edit.itertuples()
         )
         far = np.linalg.norm(one - other)
         assert np.linalg.norm(one - same) < 0.4 * far
@@ -186,9 +191,9 @@ def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
         number = row
         cutout, at = shown.reel.film[number], shown.reel.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
-        assert np.array_equal(shown(FRAME, number, 25.0, 1.0), wanted)
-    large = shown(FRAME, 0, 0.0, 2.0)[..., 1].sum() / shown(FRAME, 0, 0.0, 1.0)[..., 1].sum()
-    assert large > 2.5  # 4, but for what reaches beyond the edge
+        assert np.array_equal(shown(FRAME, number, pd.NA, 25.0, 1.0), wanted)
+    one, twice = (shown(FRAME, 0, pd.NA, 0.0, scale)[..., 1].sum() for scale in (1.0, 2.0))
+    assert twice > 2.5 * one  # 4, but for what reaches beyond the edge
     assert SPAN < 2
 
 
@@ -294,7 +299,7 @@ def test_what_is_unlike_does_not_fade_and_what_is_alike_does(shown):
     clean = without_ghosts(edit, shown, 8.0)
     pd.testing.assert_frame_equal(edit, kept)
     assert list(clean["weight"]) == [0.6, 0.3, 0.0, 0.0, 0.0, 0.4]
-    gone = clean.loc[3, ["partner_kind", "partner", "partner_rotation_deg", "partner_scale"]]
+    gone = clean.loc[3, PARTNER]
     assert gone.isna().all()
     same = [c for c in edit.columns if not c.startswith("partner") and c != "weight"]
     pd.testing.assert_frame_equal(clean[same], edit[same])

@@ -171,8 +171,10 @@ def edit_list(n, **columns):
 def test_an_edit_list_says_what_it_shows():
     tracks = pd.DataFrame({"track_id": [7, 7, 9], "frame": [3, 4, 0]})
     edit = edit_list(
-        3, kind=["frame", "sprite", "sprite"], source=[2, 0, 7 * ORIENTATIONS + 23],
-        partner_kind=[None, "frame", "sprite"], partner=pd.array([None, 1, 24], dtype="Int32"),
+        3, kind=["frame", "sprite", "sprite"], source=[2, 0, 7],
+        orientation=pd.array([None, 1, 24], dtype="Int8"),
+        partner_orientation=pd.array([None, None, 1], dtype="Int8"),
+        partner_kind=[None, "frame", "sprite"], partner=pd.array([None, 1, 1], dtype="Int32"),
     )  # fmt: skip
     found = readable(edit, tracks, sprite_table())
     assert found["track_id"].tolist() == [9, 5, 5] and found["frame"].tolist() == [0, 70, 77]
@@ -376,14 +378,18 @@ def folder(tmp_path, monkeypatch):
     with CutoutWriter(data / "extract/cutouts.arrow") as writer:
         for k in frame:
             writer.write(Cutout(5, int(k), 15 + int(k), 25, drop(channels=4)))
-    with CutoutWriter(data / "sprites/sprites.arrow") as writer:
+    with CutoutWriter(data / "sprites/sprites.arrow", sprites=True) as writer:
         for sprite in range(len(sprites)):
-            for number in range(ORIENTATIONS):
-                pixels = drop(channels=4, turn=number // 6) // [*[1 + sprite % 3] * 3, 1]
-                writer.write(Cutout(sprite, number, 35, 25, pixels.astype(np.uint8)))
+            for number in range(1, ORIENTATIONS + 1):
+                pixels = drop(channels=4, turn=(number - 1) // 6) // [*[1 + sprite % 3] * 3, 1]
+                key = sprite, number
+                writer.write(Cutout(*key, 35, 25, pixels.astype(np.uint8), *key))
     stages.sprites.write_atlas(data / "sprites", sprites, 2048, float(RATE))
     kinds = np.array(["frame", "sprite"])[np.arange(TICKS) // 6]
-    save_table(data / "animate/nn.parquet", edit_list(TICKS, kind=kinds), EDIT)
+    ticks, sprite = np.arange(TICKS), kinds == "sprite"
+    number = pd.Series(ticks + 1, dtype="Int8").where(sprite)
+    edit = edit_list(TICKS, kind=kinds, source=np.where(sprite, 0, ticks), orientation=number)
+    save_table(data / "animate/nn.parquet", edit, EDIT)
     return tmp_path
 
 
@@ -465,7 +471,7 @@ def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said)
 def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     store = [Cutout(0, 0, 35, 25, drop()) for _ in range(12 * ORIENTATIONS)]
     own = np.array([35, 25]) + centre(drop()[..., -1].astype(float))
-    gallery = Gallery({"sprite": Shelf(store, own[None].repeat(len(store), 0))})
+    gallery = Gallery({"sprite": Shelf(store, own[None].repeat(12, 0), ORIENTATIONS)})
     steps, half = cycle(sprite_table(), "left", gallery)
     alone = Alone(2 * half + 1, 2 * half + 1, 1)
     crop = way(steps, alone)

@@ -126,7 +126,7 @@ class World:
 
     def __init__(self, folder, features, cutouts, sprites, pose=BODY):
         self.features, self.sprites, self.pose = features, sprites, pose
-        with CutoutWriter(folder / "sprites.arrow") as writer:
+        with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
             for one in drawn(sprites, cutouts):
                 writer.write(one)
         with CutoutWriter(folder / "cutouts.arrow") as writer:

@@ -1,5 +1,7 @@
 """Reel: one row number for tables and pictures; a sprite is a number and an orientation."""
 
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -17,7 +19,8 @@ class Held(list):
 
     @property
     def index(self):
-        return pd.DataFrame([one[:2] for one in self], columns=["track_id", "frame"])
+        key = ["track_id", "frame", "sprite", "orientation"]
+        return pd.DataFrame([(*one[:2], *one[5:]) for one in self], columns=key)
 
 
 def smear(number):
@@ -47,13 +50,20 @@ def reel():
     sprites = sprites.assign(
         row=rows, mirrored=[False, False, True], scale=1.0, turn_deg=7.0, orientations=ORIENTATIONS
     )
-    store = Held(Cutout(0, 0, 15, 25, smear(100 + n)) for n in range(3 * ORIENTATIONS))
+    store = Held(
+        Cutout(0, 0, 15, 25, smear(100 + n), *key)
+        for n, key in enumerate(product(range(3), range(1, ORIENTATIONS + 1)))
+    )
     return Reel(features, film, sprites, store)
 
 
-def test_every_sprite_and_orientation_has_its_own_row_of_the_store():
-    rows = [sprite_row(s, o, ORIENTATIONS) for s in range(3) for o in range(1, ORIENTATIONS + 1)]
-    assert rows == list(range(3 * ORIENTATIONS))
+@pytest.mark.parametrize("count", [1, 4, 24, 120])
+def test_sprite_row_is_a_bijection(count):
+    rows = [sprite_row(s, o, count) for s, o in product(range(7), range(1, count + 1))]
+    assert rows == list(range(7 * count))
+
+
+def test_a_sprite_in_an_orientation_is_the_picture_of_its_row():
     one = reel()
     assert np.array_equal(one.sprite(2, 3).pixels, smear(100 + 2 * ORIENTATIONS + 2))
 
@@ -101,7 +111,7 @@ def test_what_comes_after_a_sprite_is_the_film_s_next_frame_turned_on():
     assert np.array_equal(after[2], ahead)
 
 
-@pytest.mark.parametrize("change", ["cut-outs", "sprites", "pictures of sprites"])
+@pytest.mark.parametrize("change", ["cut-outs", "sprites", "pictures of sprites", "order"])
 def test_what_is_not_of_one_film_is_refused(change):
     one = reel()
     film, sprites, store = one.film, one.sprites, one.store
@@ -109,7 +119,10 @@ def test_what_is_not_of_one_film_is_refused(change):
         film = Held(reversed(film))
     elif change == "sprites":
         sprites = sprites.assign(row=[1, 4, 99])
-    else:
+    elif change == "pictures of sprites":
         store = Held(store[1:])
+    else:
+        store = Held([store[1], store[0], *store[2:]])
+        change = "pictures of sprites"
     with pytest.raises(FinloopError, match=change):
         Reel(one.features, film, sprites, store)

@@ -319,6 +319,7 @@ def edit_list(n, **columns):
     """An edit list of n ticks on the film's own pictures, every column as given."""
     usual = {
         "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
+        "orientation": pd.array([pd.NA] * n, "Int8"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
         "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
         "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0,
@@ -344,7 +345,7 @@ def test_rows_are_drawn_as_they_say():
         partner_rotation_deg=[np.nan, -20.0], partner_scale=[np.nan, 0.5],
     )  # fmt: skip
     first, second = placed(edit, shelf)
-    pictures = [shelf.picture("frame", i) for i in range(3)]
+    pictures = [shelf.frame(i) for i in range(3)]
     assert first == (30.0, 45.0, Turned(pictures[0]), None, 0.0)
     assert second == (
         90.0,
@@ -358,7 +359,7 @@ def test_rows_are_drawn_as_they_say():
 def test_the_gallery_holds_no_more_than_it_may():
     shelf = gallery(5, keep=2)
     for number in (0, 1, 2, 3, 4, 4, 3):
-        assert isinstance(shelf.picture("frame", number), Picture)
+        assert isinstance(shelf.frame(number), Picture)
     info = shelf.picture.cache_info()
     assert (info.currsize, info.hits, info.misses) == (2, 2, 5)
 
@@ -387,6 +388,24 @@ FADE = {"weight": 0.5, "partner_kind": "frame", "partner_rotation_deg": 0.0, "pa
 def test_what_cannot_be_drawn_is_said_at_once(harm, said):
     with pytest.raises(FinloopError, match=said):
         placed(edit_list(3, **harm), gallery())
+
+
+@pytest.mark.parametrize(
+    ("harm", "said"),
+    [
+        ({"orientation": [1, 24, 25]}, "tick 2: orientation is 25, wanted an orientation, 1 … 24"),
+        ({}, "tick 0: orientation is <NA>"),
+        ({"orientation": 1, "source": 2}, "source is 2, wanted a sprite, 0 … 1"),
+        (
+            {"orientation": 1, **FADE, "partner_kind": "sprite", "partner": 0},
+            "partner_orientation is",
+        ),
+    ],
+)
+def test_a_sprite_that_is_in_no_orientation_is_refused(harm, said):
+    shelf = Shelf([Cutout(0, 0, 10, 20, drop())] * 48, np.full((2, 2), 25.0), 24)
+    with pytest.raises(FinloopError, match=said):
+        placed(edit_list(3, **{"kind": "sprite"} | harm), Gallery({"sprite": shelf}))
 
 
 def test_all_problems_are_said_together_and_none_is_none():
@@ -425,12 +444,12 @@ def test_steps_of_the_film_join_consecutive_frames_of_one_track():
             "y_px": places[:, 1],
         }
     )
-    found = film_steps(painter, shelf, "frame", tracks)
-    pictures = [seen(*places[i], Turned(shelf.picture("frame", i))).astype(float) for i in range(5)]
+    found = film_steps(painter, shelf, tracks)
+    pictures = [seen(*places[i], Turned(shelf.frame(i))).astype(float) for i in range(5)]
     wanted = [np.linalg.norm(pictures[a] - pictures[b]) for a, b in ((0, 1), (3, 4))]
     assert found == pytest.approx(wanted)
-    assert len(film_steps(painter, shelf, "frame", tracks, most=1)) == 1
-    assert len(film_steps(painter, shelf, "frame", tracks.iloc[:1])) == 0
+    assert len(film_steps(painter, shelf, tracks, most=1)) == 1
+    assert len(film_steps(painter, shelf, tracks.iloc[:1])) == 0
 
 
 def test_step_numbers_are_one_where_nothing_differs():
@@ -793,9 +812,10 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     """The second of two sprites, which lies elsewhere in its picture."""
     pixels = [np.pad(drop(31, 4), ((5 * i, 0), (0, 0), (0, 0))) for i in range(2)]
     own = centre(drop()[..., -1].astype(float))
-    with CutoutWriter(folder / "data/sprites/sprites.arrow") as store:
-        for row in range(48):
-            store.write(Cutout(0, row, 7, 9, pixels[row // 24]))
+    with CutoutWriter(folder / "data/sprites/sprites.arrow", sprites=True) as store:
+        for sprite in range(2):
+            for number in range(1, 25):
+                store.write(Cutout(0, sprite, 7, 9, pixels[sprite], sprite, number))
     numbers = {column.name: 0 for column in SPRITES.columns if column.dtype != "string"}
     table = pd.DataFrame({"sequence": "straight", "phase": "cycle", **numbers}, index=range(2))
     table = table.assign(
@@ -809,7 +829,8 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
     edited(
         folder,
         kind="sprite",
-        source=np.int32(24),
+        source=np.int32(1),
+        orientation=np.int8(1),
         x_px=160.0,
         y_px=120.0,
         rotation_deg=np.float32(0),

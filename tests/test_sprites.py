@@ -31,7 +31,7 @@ from finloop.io.picture import load_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
 from finloop.plots.sprites import contact_sheet
-from finloop.reel import Reel
+from finloop.reel import Reel, sprite_row
 from finloop.settings import settings
 from finloop.sprites import atlas as sprites_atlas
 from finloop.sprites.candidates import beats, slides, turns
@@ -716,7 +716,9 @@ def test_numbers_are_flat_and_finite(toy, sprites):
 
 
 def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
-    sheet = contact_sheet(sprites, lambda row: placed(pictures[row]), columns=6, size=60)
+    sheet = contact_sheet(
+        sprites, lambda s, o: placed(pictures[sprite_row(s, o, ORIENTATIONS)]), columns=6, size=60
+    )
     lines = sum(-(-len(rows) // 6) for _, rows in sprites.groupby("sequence")) + ORIENTATIONS // 6
     assert sheet.shape == (60 * lines, 360, 3) and sheet.std() > 5
 
@@ -735,7 +737,7 @@ def few(sprites):
 @pytest.fixture(scope="module")
 def store(tmp_path_factory, few, toy):
     path = tmp_path_factory.mktemp("store") / "sprites.arrow"
-    with CutoutWriter(path) as writer:
+    with CutoutWriter(path, sprites=True) as writer:
         for one in drawn(few, toy.cutouts):
             writer.write(one)
     with open_cutouts(path) as opened:
@@ -745,7 +747,9 @@ def store(tmp_path_factory, few, toy):
 def write_atlas(folder, few, store, page_px):
     made = sprites_atlas.pages(few, store.index, page_px)
     for number, page in enumerate(made):
-        rgba = sprites_atlas.picture(page, lambda row: store[row].pixels)
+        rgba = sprites_atlas.picture(
+            page, lambda s, o: store[sprite_row(s, o, ORIENTATIONS)].pixels
+        )
         (folder / f"atlas-{number}.png").write_bytes(sprites_atlas.png(rgba))
         text = json.dumps(sprites_atlas.document(made, number, few, store.index, RATE))
         (folder / f"atlas-{number}.json").write_text(text)

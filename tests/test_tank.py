@@ -111,19 +111,19 @@ def test_from_above_it_covers_what_the_painter_draws(row, angle, scale):
     assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
-@pytest.mark.parametrize("number", [0, 5, 24 + 0, 24 + 17])
-def test_sprites_are_turned_and_mirrored_as_their_pictures_are(number):
+@pytest.mark.parametrize(("sprite", "orientation"), [(0, 1), (0, 6), (1, 1), (1, 18)])
+def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientation):
     """Ground truth: the sprite's own picture, made as the stage `sprites` makes it."""
     tracks, _, cutouts = toy()
-    one = SPRITE.iloc[number // 24]
+    one = SPRITE.iloc[sprite]
     x, y = tracks.loc[one.frame, ["x_px", "y_px"]].astype(float)
     shown = turned(
-        placed_cutout(cutouts[one.frame]), x, y, number % 24 * 15 - one.heading_deg,
+        placed_cutout(cutouts[one.frame]), x, y, 15 * (orientation - 1) - one.heading_deg,
         mirror_axis_deg=one.heading_deg if one.mirrored else None,
     )  # fmt: skip
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
     painter.draw(90, 75, Turned(picture(shown.pixels, x - shown.x0_px, y - shown.y0_px), 20.0))
-    edit = edit_list(1, kind="sprite", source=number, rotation_deg=20.0)
+    edit = edit_list(1, kind="sprite", source=sprite, orientation=orientation, rotation_deg=20.0)
     assert overlap(covered(fish_of(edit), 0, (150, 200)), painter.frame.max(2) > 90) > 0.88
 
 
@@ -164,7 +164,7 @@ def test_the_skin_is_the_film_seen_from_above():
 
 def test_a_mirrored_fish_has_its_colours_mirrored():
     plain = fish_of(edit_list(1, kind="frame", source=1)).skin(0)
-    mirrored = fish_of(edit_list(1, kind="sprite", source=24)).skin(0)
+    mirrored = fish_of(edit_list(1, kind="sprite", source=1, orientation=1)).skin(0)
     assert np.array_equal(mirrored, plain[::-1]) and not np.array_equal(mirrored, plain)
 
 

@@ -76,8 +76,8 @@ SPRITE = pd.DataFrame({
 
 def edit_list(n, **columns):
     usual = {
-        "kind": "frame", "source": 0, "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0, "y_px": 75.0,
-        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
+        "kind": "frame", "source": 0, "orientation": pd.array([pd.NA] * n, "Int8"), "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0, "y_px": 75.0,
+        "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
         "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "heading_deg": 0.0,
     }  # fmt: skip
     return pd.DataFrame(usual | columns, index=range(n))

@@ -43,8 +43,11 @@ class Drops:
 
 def view_of(mode=HYBRID, fish=1, seed=0, colour=False):
     floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
-    counts = {FRAME: len(rich_film().more), SPRITE: 24 * 60}
-    gallery = Gallery({kind: Shelf(Drops(n), np.full((n, 2), 15.0)) for kind, n in counts.items()})
+    frames, sprites, middle = len(rich_film().more), 60, (15.0, 15.0)
+    gallery = Gallery({
+        FRAME: Shelf(Drops(frames), np.full((frames, 2), middle)),
+        SPRITE: Shelf(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
+    })  # fmt: skip
     return View(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
 
 

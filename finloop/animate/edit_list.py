@@ -1,9 +1,9 @@
 """The edit list: what is drawn where at every tick. Planners write it, renderers read it.
 
-A tick is the time of one film frame. The picture is a sprite (a row of the sprites' store) or a
-frame (a row of the cut-outs' store); it is turned by `rotation_deg` anticlockwise about its mass
-centre, which is drawn at (x_px, y_px) of the tank. In a cross-fade a second picture, the partner,
-is drawn at the same place, and `weight` is its share.
+A tick is the time of one film frame. The picture, `source`, is the number of a sprite, in one of
+its orientations (1 … n), or a row of the film, a frame, which has no orientation. It is turned by
+`rotation_deg` anticlockwise about its mass centre, which is drawn at (x_px, y_px) of the tank. In a
+cross-fade a second picture, the partner, is drawn at the same place, and `weight` is its share.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from typing import NamedTuple
 from finloop.base.schema import Column, Schema
 
 SPRITE, FRAME = "sprite", "frame"
-"""Kinds of source: a picture of the sprites' store, or of the film's cut-outs."""
+"""Kinds of source: a sprite in an orientation, or a row of the film."""
 
 NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
 """The modes: sprites moved by what the network learnt; the film, jumping at loops; both in turn."""
@@ -22,12 +22,14 @@ EDIT = Schema(
         Column("time_s", "float64", "s"),
         Column("kind", "string", "1"),
         Column("source", "int32", "1"),
+        Column("orientation", "int8", "1", nullable=True),
         Column("rotation_deg", "float32", "deg"),
         Column("scale", "float32", "1"),
         Column("x_px", "float64", "px"),
         Column("y_px", "float64", "px"),
         Column("partner_kind", "string", "1", nullable=True),
         Column("partner", "int32", "1", nullable=True),
+        Column("partner_orientation", "int8", "1", nullable=True),
         Column("partner_rotation_deg", "float32", "deg", nullable=True),
         Column("partner_scale", "float32", "1", nullable=True),
         Column("weight", "float32", "1"),

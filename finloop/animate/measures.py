@@ -119,7 +119,7 @@ def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """
     sprite = (edit["kind"] != FRAME).to_numpy()
-    number = np.where(sprite, edit["source"] // player.waters.sprites.orientations, 0)
+    number = np.where(sprite, edit["source"], 0)
     sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     head = edit["heading_deg"].to_numpy(float) + sway
     return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.waters.motion)
@@ -230,8 +230,7 @@ def of_states(edit: pd.DataFrame) -> dict[str, float]:
 
 def longest_repeat(edit: pd.DataFrame) -> int:
     """The longest run of pictures that comes twice, the second after the first, in ticks."""
-    pictures = np.where(edit["kind"] == FRAME, -1 - edit["source"], edit["source"])
-    longest = 0
+    pictures, longest = _pictures(edit), 0
     for lag in range(1, len(pictures)):
         if len(pictures) - lag <= longest:
             break
@@ -240,6 +239,12 @@ def longest_repeat(edit: pd.DataFrame) -> int:
         if edges.size:
             longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
     return longest
+
+
+def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
+    """A number (ticks,) for each picture that an edit list names, the same for the same."""
+    names = ["kind", "source", "orientation"]
+    return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 
 
 def film_states(features: pd.DataFrame, motion: Motion) -> dict[str, float]:
@@ -258,8 +263,8 @@ def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> di
 
     jumps: ticks at which the picture does not follow; only those from frame to frame count.
     """
-    same = (edit[["kind", "source"]] == edit[["kind", "source"]].shift()).all(axis=1).to_numpy()
-    runs = np.diff(np.flatnonzero(np.append(~same, True)))
+    changes = np.diff(_pictures(edit)) != 0
+    runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
     frame = (edit["kind"] == FRAME).to_numpy()
     across = jumps[frame[jumps] & frame[jumps - 1]]
     return {

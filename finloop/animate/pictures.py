@@ -24,14 +24,15 @@ class Pictures:
     reel: Reel
     size: int
 
-    def __call__(self, kind: str, source: int, rotation_deg: float, scale: float) -> Picture:
-        """The picture of a sprite or frame, turned as asked."""
-        reel, number = self.reel, int(source)
+    def __call__(
+        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float
+    ) -> Picture:
+        """A sprite in an orientation, or a frame (its orientation does not count), turned."""
+        reel = self.reel
         if kind == FRAME:
-            one, cutout = reel.places[number], reel.film[number]
+            one, cutout = reel.places[source], reel.film[source]
         else:
-            number, rest = divmod(number, reel.orientations)
-            one, cutout = reel.sprite_places[number], reel.sprite(number, rest + 1)
+            one, cutout = reel.sprite_places[source], reel.sprite(source, orientation)
         return picture(cutout, one, reel.length_px / scale, self.size, float(rotation_deg))
 
     @cached_property
@@ -47,9 +48,18 @@ class Pictures:
 
 def fade_distance(row: Any, pictures: Pictures) -> float:
     """Eq. 5 between the two pictures of a cross-fade, a row of an edit list."""
-    shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
-    partner = pictures(row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale)
-    return float(apart(shown, partner))
+    return float(apart(_own(row, pictures), _partner(row, pictures)))
+
+
+def _own(row: Any, pictures: Pictures) -> Picture:
+    return pictures(row.kind, row.source, row.orientation, row.rotation_deg, row.scale)
+
+
+def _partner(row: Any, pictures: Pictures) -> Picture:
+    return pictures(
+        row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
+        row.partner_scale,
+    )  # fmt: skip
 
 
 def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.DataFrame:
@@ -64,7 +74,7 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
             ghosts.append(row.Index)
     clean = edit.copy()
     clean.loc[ghosts, "weight"] = 0.0
-    clean.loc[ghosts, ["partner_kind", "partner"]] = None
+    clean.loc[ghosts, ["partner_kind", "partner", "partner_orientation"]] = None
     clean.loc[ghosts, ["partner_rotation_deg", "partner_scale"]] = np.nan
     return clean
 
@@ -82,12 +92,9 @@ def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
 
 def _drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
     for row in edit.itertuples():
-        shown = pictures(row.kind, row.source, row.rotation_deg, row.scale)
+        shown = _own(row, pictures)
         if row.weight > 0:
-            partner = pictures(
-                row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
-            )
-            shown = (1 - row.weight) * shown + row.weight * partner
+            shown = (1 - row.weight) * shown + row.weight * _partner(row, pictures)
         yield shown
 
 
@@ -96,7 +103,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
 
     What the film shows after the picture on screen, turned as that is, against what is drawn.
     """
-    next_sprite, count = film_next(pictures.reel.sprites), pictures.reel.orientations
+    next_sprite = film_next(pictures.reel.sprites)
     found, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
@@ -106,16 +113,16 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
             follows = int(pictures.reel.after(before.source))
             if now.kind == FRAME and now.source == follows != before.source:
                 continue
-            expected = pictures(FRAME, follows, before.rotation_deg + turn, before.scale)
+            before = before._replace(source=follows, rotation_deg=before.rotation_deg + turn)
+            expected = _own(before, pictures)
         else:
-            number = before.source // count
-            if now.kind == SPRITE and now.source // count == next_sprite[number]:
+            if now.kind == SPRITE and now.source == next_sprite[before.source]:
                 continue
-            expected = pictures.after[number]
+            expected = pictures.after[before.source]
         if now.kind == FRAME:
-            drawn = pictures(FRAME, now.source, now.rotation_deg + turn, now.scale)
+            drawn = _own(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
         else:
-            drawn = pictures.headed[now.source // count]
+            drawn = pictures.headed[now.source]
         found.append(float(apart(drawn, expected)))
         ticks.append(tick)
     return np.array(found), np.array(ticks, np.intp)

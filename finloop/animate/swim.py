@@ -89,10 +89,10 @@ class Player:
         return edit_list(swim(self, goals, ticks, rng), ticks, self)
 
     def hull(self, kind: str, source: int) -> Floats:
-        """The outline of a picture as an edit list names it."""
+        """The outline of a frame or sprite."""
         if kind == FRAME:
             return self.cast.frame_hulls[source].astype(float)
-        return self.cast.sprite_hulls[source // self.waters.sprites.orientations]
+        return self.cast.sprite_hulls[source]
 
     def following(self, kind: str, number: int) -> int:
         """The picture after this one, itself where there is none."""
@@ -170,9 +170,11 @@ def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
     """The first `ticks` ticks as an edit list with the columns of `EDIT`."""
     table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, player))
     faded = table["weight"] > 0
-    table["partner"] = pd.array(table["partner"], "Int32")
+    table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
     table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
+    for of in ("", "partner_"):
+        table.loc[table[f"{of}kind"] != SPRITE, f"{of}orientation"] = pd.NA
     table = table.assign(**decision_columns(swum.stretches, ticks))
     return table[[column.name for column in EDIT.columns]]
 
@@ -251,15 +253,15 @@ class Shown:
 
 
 def drawn(shown: Shown, heading: Floats, player: Player) -> dict[str, NDArray[np.generic]]:
-    """The columns kind, source, rotation_deg, scale of an edit list."""
+    """The columns kind, source, orientation (a frame's is 0), rotation_deg, scale."""
     waters, count = player.waters, player.waters.sprites.orientations
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))
     sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
-    oriented = sprite * count + sector - 1
     return {
         "kind": np.where(shown.frame, FRAME, SPRITE),
-        "source": np.where(shown.frame, frame, oriented),
+        "source": shown.number,
+        "orientation": np.where(shown.frame, 0, sector),
         "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
         "scale": np.where(
             shown.frame, waters.film.scale[frame], player.cast.sprites["scale"].to_numpy()[sprite]

@@ -8,13 +8,18 @@ from numpy.typing import NDArray
 
 
 class Cutout(NamedTuple):
-    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel."""
+    """One picture (h, w, 2 or 4) uint8, premultiplied; x0_px, y0_px: its upper left pixel.
+
+    sprite, orientation (1 … n): which one it is; None of a frame as filmed.
+    """
 
     track_id: int
     frame: int
     x0_px: int
     y0_px: int
     pixels: NDArray[np.uint8]
+    sprite: int | None = None
+    orientation: int | None = None
 
     def over(self, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
@@ -28,7 +33,8 @@ class Cutout(NamedTuple):
 class Cutouts(Protocol):
     """Cut-outs by number, as `finloop.io.cutouts.open_cutouts` gives them.
 
-    `index`: a row per cut-out in the store's order, with its track_id, frame, place and size.
+    `index`: a row per cut-out in the store's order, with its track_id, frame, place and size,
+    and of the sprites' store sprite and orientation.
     """
 
     @property

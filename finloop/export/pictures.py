@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, SPRITE
 from finloop.base.schema import Column, Schema
-from finloop.features.table import orientations_of
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, Placed
 
@@ -127,7 +126,7 @@ def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[
     """
     rows = sprites[sprites["sequence"] == sequence]
     steps = [
-        gallery.turned(SPRITE, int(sprite) * orientations_of(rows), 0.0, float(scale))
+        gallery.turned(SPRITE, int(sprite), 1, 0.0, float(scale))
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
     half = RIM + max(math.ceil(one.scale * math.hypot(*one.picture.near.shape)) for one in steps)
@@ -139,23 +138,21 @@ def readable(edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame) ->
 
     tracks: track_id and frame of every cut-out; sprites: schema SPRITES.
     """
-    shown = _shown(edit["kind"], edit["source"], tracks, sprites)
-    partner = _shown(edit["partner_kind"], edit["partner"], tracks, sprites)
+    shown = _shown(edit, "", "source", tracks, sprites)
+    partner = _shown(edit, "partner_", "partner", tracks, sprites)
     return pd.concat([edit, shown, partner.add_prefix("partner_")], axis=1)
 
 
 def _shown(
-    kind: pd.Series, source: pd.Series, tracks: pd.DataFrame, sprites: pd.DataFrame
+    edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:
-    number = source.fillna(0).to_numpy(int)
+    kind, number = edit[f"{prefix}kind"], edit[source].fillna(0).to_numpy(int)
     is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
-    sprite, turned = np.divmod(np.where(is_sprite, number, 0), orientations_of(sprites))
-    cutout = np.where(is_sprite, 0, number)
-    picked = sprites.iloc[sprite]
+    cutout, picked = np.where(is_sprite, 0, number), sprites.iloc[np.where(is_sprite, number, 0)]
     names = [
-        f"{sequence}/{orientation + 1:02d}/{step:02d}"
-        for sequence, orientation, step in zip(
-            picked["sequence"], turned, picked["step"], strict=True
+        f"{sequence}/{at:02d}/{step:02d}"
+        for sequence, at, step in zip(
+            picked["sequence"], edit[f"{prefix}orientation"].fillna(0), picked["step"], strict=True
         )
     ]
     where = {

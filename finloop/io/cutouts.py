@@ -30,32 +30,40 @@ _INDEX = {
     "width_px": (pa.int16(), "px"),
     "channels": (pa.int8(), "1"),
 }
-_SCHEMA = pa.schema(
-    [pa.field(name, kind, False, {"unit": unit}) for name, (kind, unit) in _INDEX.items()]
-    + [pa.field("pixels", pa.binary(), False, {"codec": "zstd"})]
+_KEY = {"sprite": (pa.int32(), "1"), "orientation": (pa.int8(), "1")}
+_FILM, _SPRITES = (
+    pa.schema(
+        [pa.field(name, kind, False, {"unit": unit}) for name, (kind, unit) in index.items()]
+        + [pa.field("pixels", pa.binary(), False, {"codec": "zstd"})]
+    )
+    for index in (_INDEX, _INDEX | _KEY)
 )
 _BATCH = 256  # cut-outs per record batch
 _CODEC = pa.Codec("zstd", compression_level=1)
 
 
 class CutoutWriter:
-    """Write cut-outs one after the other; the file appears at `path` when the block ends well."""
+    """Write cut-outs one after the other; the file appears at `path` when the block ends well.
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    sprites: whether they are sprites, and the index says which one in which orientation.
+    """
+
+    def __init__(self, path: Path, sprites: bool = False) -> None:
+        self._path, self._schema = path, _SPRITES if sprites else _FILM
         self._rows: list[tuple[Any, ...]] = []
 
     def __enter__(self) -> "CutoutWriter":
         self._stack = ExitStack()
         part = self._stack.enter_context(whole_file(self._path))
-        self._file = self._stack.enter_context(pa.ipc.new_file(str(part), _SCHEMA))
+        self._file = self._stack.enter_context(pa.ipc.new_file(str(part), self._schema))
         return self
 
     def write(self, cutout: Cutout) -> None:
         """Append one cut-out."""
         pixels = np.ascontiguousarray(cutout.pixels)
         packed = _CODEC.compress(pixels, asbytes=True)
-        self._append((*cutout[:4], *pixels.shape, packed))
+        key = cutout[5:] if self._schema is _SPRITES else ()
+        self._append((*cutout[:4], *pixels.shape, *key, packed))
 
     def copy(self, store: "CutoutStore", rows: NDArray[np.intp]) -> None:
         """Append these rows of another store, as they are packed there."""
@@ -71,8 +79,8 @@ class CutoutWriter:
     def _flush(self) -> None:
         if self._rows:
             columns = zip(*self._rows, strict=True)
-            arrays = [pa.array(c, f.type) for c, f in zip(columns, _SCHEMA, strict=True)]
-            self._file.write_batch(pa.record_batch(arrays, schema=_SCHEMA))
+            arrays = [pa.array(c, f.type) for c, f in zip(columns, self._schema, strict=True)]
+            self._file.write_batch(pa.record_batch(arrays, schema=self._schema))
             self._rows = []
 
     def __exit__(self, kind: Any, *error: Any) -> bool | None:
@@ -116,7 +124,8 @@ class CutoutStore:
                 do="make it again: `dvc repro --force extract`",
             ) from error
         pixels = np.frombuffer(raw, np.uint8).reshape(shape)
-        return Cutout(int(at.track_id), int(at.frame), int(at.x0_px), int(at.y0_px), pixels)
+        key = (int(at[name]) for name in _KEY if name in at)
+        return Cutout(int(at.track_id), int(at.frame), int(at.x0_px), int(at.y0_px), pixels, *key)
 
 
 @contextmanager
@@ -135,10 +144,10 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
                 wanted="the file that the stage `extract` wrote",
                 do="make it again: `dvc repro --force extract`",
             ) from error
-        if not table.schema.equals(_SCHEMA):
+        if not any(map(table.schema.equals, (_FILM, _SPRITES))):
             raise FinloopError(
                 came=f"{path} has the columns {', '.join(table.column_names)}",
-                wanted=", ".join(_SCHEMA.names),
+                wanted=", ".join(_FILM.names) + "; of sprites " + ", ".join(_KEY) + " too",
                 do="make it again: `dvc repro --force extract`",
             )
-        yield CutoutStore(table.select(list(_INDEX)).to_pandas(), table.column("pixels"))
+        yield CutoutStore(table.drop_columns("pixels").to_pandas(), table.column("pixels"))

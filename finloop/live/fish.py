@@ -28,17 +28,20 @@ _DRAG_S = 0.08  # while a goal is moved, a stretch is swum at least so long
 class Row(NamedTuple):
     """What is kept of a tick: of an edit list's row what is drawn and shown, and where the goal is.
 
-    goal_x_px, goal_y_px: NaN where there is no goal; decided: the tick of the decision in force.
+    orientation: 0 of a frame; goal_x_px, goal_y_px: NaN where there is no goal; decided: the tick
+    of the decision in force.
     """
 
     kind: str
     source: int
+    orientation: int
     rotation_deg: float
     scale: float
     x_px: float
     y_px: float
     partner_kind: str
     partner: int
+    partner_orientation: int
     partner_rotation_deg: float
     partner_scale: float
     weight: float

@@ -136,9 +136,10 @@ class View:
         turned, partner = self.gallery.turned, None
         if row.weight > 0:
             partner = turned(
-                row.partner_kind, row.partner, row.partner_rotation_deg, row.partner_scale
-            )
-        fish = turned(row.kind, row.source, row.rotation_deg, row.scale)
+                row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
+                row.partner_scale,
+            )  # fmt: skip
+        fish = turned(row.kind, row.source, row.orientation, row.rotation_deg, row.scale)
         return Placed(row.x_px, row.y_px, fish, partner, row.weight)
 
     def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:

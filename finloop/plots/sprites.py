@@ -16,24 +16,26 @@ _GROUND, _INK = 205, (150, 30, 30)
 
 
 def contact_sheet(
-    sprites: pd.DataFrame, pictures: Callable[[int], Placed], columns: int = 12, size: int = 150
+    sprites: pd.DataFrame,
+    pictures: Callable[[int, int], Placed],
+    columns: int = 12,
+    size: int = 150,
 ) -> Picture:
     """Every step of each sequence in orientation 1, then all orientations of the strongest bend.
 
-    `pictures` gives row sprite · orientations + orientation − 1 of sprites.arrow. A cross marks the
-    pivot.
+    pictures(sprite, orientation): as stored. A cross marks the pivot.
     """
     count = orientations_of(sprites)
     reach = 1 + max(
-        _reach(pictures(row.sprite * count + o), row)
+        _reach(pictures(row.sprite, o), row)
         for row in sprites.itertuples()
-        for o in (0, count // 4)
+        for o in (1, 1 + count // 4)
     )
     bands = []
     for word, rows in sprites.groupby("sequence", sort=False):
         tiles = [
             _tile(
-                pictures(row.sprite * count), row, reach, size,
+                pictures(row.sprite, 1), row, reach, size,
                 f"{word} {row.step} {row.phase}",
                 f"{row.track_id}:{row.frame} a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg",
             )
@@ -45,10 +47,10 @@ def contact_sheet(
         _rows(
             [
                 _tile(
-                    pictures(row.sprite * count + o), row, reach, size,
-                    f"orientation {o + 1}", f"{direction_deg(o + 1, count):.0f} deg",
+                    pictures(row.sprite, o), row, reach, size,
+                    f"orientation {o}", f"{direction_deg(o, count):.0f} deg",
                 )
-                for o in range(count)
+                for o in range(1, count + 1)
             ],
             columns,
         )

@@ -12,6 +12,7 @@ from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.errors import FinloopError
 from finloop.features.table import orientations_of
+from finloop.reel import sprite_row
 from finloop.render.painter import Picture, Placed, Turned, picture
 
 PLACE = ["x_px", "y_px"]
@@ -25,27 +26,39 @@ class Store(Protocol):
 
 
 class Shelf(NamedTuple):
-    """Cut-outs of one kind with their mass centres in the film, (n, 2) px."""
+    """Cut-outs of the n frames, or of the n sprites in so many orientations.
+
+    centres_px (n, 2): their mass centres in the film.
+    """
 
     store: Store
     centres_px: NDArray[np.float64]
+    orientations: int = 1
 
 
 class Gallery:
-    """Pictures by kind and number, the most recent `keep` of them held."""
+    """Pictures as an edit list names them, the most recent `keep` of them held."""
 
     def __init__(self, shelves: Mapping[str, Shelf], keep: int = 512) -> None:
         self.shelves = shelves
         self.picture = lru_cache(keep)(self._picture)
 
-    def _picture(self, kind: str, number: int) -> Picture:
-        cutout = self.shelves[kind].store[number]
-        x, y = self.shelves[kind].centres_px[number]
+    def _picture(self, kind: str, source: int, orientation: int) -> Picture:
+        shelf = self.shelves[kind]
+        cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
+        x, y = shelf.centres_px[source]
         return picture(cutout.pixels, x - cutout.x0_px, y - cutout.y0_px)
 
-    def turned(self, kind: str, number: int, rotation_deg: float, scale: float) -> Turned:
-        """A picture, turned."""
-        return Turned(self.picture(kind, number), rotation_deg, scale)
+    def frame(self, row: int) -> Picture:
+        """The picture of a row of the film."""
+        return self.picture(FRAME, row, 1)
+
+    def turned(
+        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float
+    ) -> Turned:
+        """A sprite in an orientation, or a frame (its orientation does not count), turned."""
+        one = self.frame(source) if kind == FRAME else self.picture(kind, source, int(orientation))
+        return Turned(one, rotation_deg, scale)
 
 
 def shelves(
@@ -60,17 +73,17 @@ def shelves(
     FinloopError
         If a table belongs to another store.
     """
-    centres = {FRAME: tracks}
+    made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
-        centres[SPRITE] = table.loc[table.index.repeat(orientations_of(table))]
-    for kind, store in stores.items():
-        if len(store) != len(centres[kind]):
+        made[SPRITE] = Shelf(stores[SPRITE], table[PLACE].to_numpy(), orientations_of(table))
+    for kind, (store, centres, orientations) in made.items():
+        if len(store) != len(centres) * orientations:
             raise FinloopError(
-                f"{len(store)} pictures of kind {kind}, but {len(centres[kind])} mass centres",
-                "a mass centre for every picture",
+                f"{len(store)} pictures of kind {kind}, but {len(centres)} mass centres",
+                "a mass centre for every frame and sprite",
                 "make both again: `dvc repro --force extract sprites`",
             )
-    return {kind: Shelf(store, centres[kind][PLACE].to_numpy()) for kind, store in stores.items()}
+    return made
 
 
 def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
@@ -84,8 +97,8 @@ def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
     _refuse(edit, gallery.shelves)
 
     def given() -> Iterator[Placed]:
-        own = ("kind", "source", "rotation_deg", "scale")
-        other = ("partner_kind", "partner", "partner_rotation_deg", "partner_scale")
+        own = ("kind", "source", "orientation", "rotation_deg", "scale")
+        other = [f"partner_{name}".removesuffix("_source") for name in own]
         columns = (edit[list(names)].itertuples(index=False) for names in (own, other))
         where = edit[["x_px", "y_px", "weight"]].itertuples(index=False)
         for fish, partner, (x, y, weight) in zip(*columns, where, strict=True):
@@ -109,7 +122,7 @@ def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
             more = f" (and at {len(wrong) - 1} more ticks)" if len(wrong) > 1 else ""
             problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
 
-    sizes = {kind: len(shelf.store) for kind, shelf in shelves.items()}
+    sizes = {kind: len(shelf.centres_px) for kind, shelf in shelves.items()}
     refuse(edit["tick"] != np.arange(len(edit)), "tick", "0, 1, 2, …")
     for column in ("x_px", "y_px"):
         refuse(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
@@ -124,6 +137,10 @@ def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
         for name, size in sizes.items():
             bad = used & (kind == name) & ((row < 0) | (row >= size))
             refuse(bad, number, f"a {name}, 0 … {size - 1}")
+        if SPRITE in shelves:
+            most, column = shelves[SPRITE].orientations, f"{prefix}orientation"
+            bad = used & (kind == SPRITE) & ~edit[column].fillna(0).between(1, most)
+            refuse(bad, column, f"an orientation, 1 … {most}")
         scale = edit[f"{prefix}scale"].to_numpy(float)
         refuse(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)

@@ -43,11 +43,11 @@ class Steps:
 
 
 def film_steps(
-    painter: Painter, gallery: Gallery, kind: str, tracks: pd.DataFrame, most: int = 400
+    painter: Painter, gallery: Gallery, tracks: pd.DataFrame, most: int = 400
 ) -> NDArray[np.float64]:
     """The steps of the film itself: its fish drawn alone at their own places, frame after frame.
 
-    tracks: track_id, frame and mass centre, a row per picture of this `kind`; at most so many pairs
+    tracks: track_id, frame and mass centre, a row per frame; at most so many pairs
     of consecutive frames, spread over the film.
     """
     track, frame = (tracks[name].to_numpy() for name in ("track_id", "frame"))
@@ -60,7 +60,7 @@ def film_steps(
         for row in pair:
             x, y = places[row]
             painter.wipe()
-            step = steps.to(painter.draw(x, y, Turned(gallery.picture(kind, int(row)))))
+            step = steps.to(painter.draw(x, y, Turned(gallery.frame(int(row)))))
         found.append(step)
     painter.wipe()
     return np.array(found)

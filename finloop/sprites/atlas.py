@@ -20,12 +20,14 @@ from finloop.features.table import orientations_of
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour
 BLEED = 2  # px that colour reaches out under transparent pixels
+_KEY = ["sprite", "orientation"]
 
 
 class Spot(NamedTuple):
-    """A picture on a page: its row in sprites.arrow, its name, its upper left pixel, its size."""
+    """A sprite in an orientation on a page: its name, its upper left pixel, its size."""
 
-    row: int
+    sprite: int
+    orientation: int
     name: str
     group: str
     x: int
@@ -45,7 +47,7 @@ class Page(NamedTuple):
 def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page]:
     """Lay out every sprite of every orientation, a sequence in an orientation never torn apart.
 
-    `index` is that of sprites.arrow: sizes, and nothing of the pictures is needed.
+    `index` is that of sprites.arrow: of each sprite and orientation the size.
 
     Raises
     ------
@@ -71,15 +73,14 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
 
 def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
     """The pictures of each sequence in each orientation, named and not yet placed."""
-    width, height = index["width_px"].to_numpy(), index["height_px"].to_numpy()
-    count = orientations_of(sprites)
+    sizes = index.set_index(_KEY)[["width_px", "height_px"]]
     for sequence, rows in sprites.groupby("sequence", sort=False):
-        for number in range(count):
-            group = f"{sequence}/{number + 1:02d}"
+        for number in range(1, orientations_of(sprites) + 1):
+            group = f"{sequence}/{number:02d}"
             yield [
-                Spot(at, f"{group}/{step:02d}", group, 0, 0, int(width[at]), int(height[at]))
+                Spot(sprite, number, f"{group}/{step:02d}", group, 0, 0, *map(int, size))
                 for sprite, step in zip(rows["sprite"], rows["step"], strict=True)
-                for at in [sprite * count + number]
+                for size in [sizes.loc[(sprite, number)]]
             ]
 
 
@@ -107,7 +108,7 @@ def _smallest(spots: list[Spot], page_px: int) -> Page:
 
 def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
     """Pack rows of pictures, highest first; None if they do not fit. The order stays as given."""
-    placed: dict[int, Spot] = {}
+    placed: dict[str, Spot] = {}
     x = y = PADDING
     shelf = right = 0
     for spot in sorted(spots, key=lambda s: (-s.height, -s.width)):
@@ -115,18 +116,18 @@ def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
             x, y, shelf = PADDING, y + shelf + PADDING, 0
         if x + spot.width + PADDING > width or y + spot.height + PADDING > height:
             return None
-        placed[spot.row] = spot._replace(x=x, y=y)
+        placed[spot.name] = spot._replace(x=x, y=y)
         x += spot.width + PADDING
         shelf, right = max(shelf, spot.height), max(right, x)
-    return Page(right, y + shelf + PADDING, [placed[spot.row] for spot in spots])
+    return Page(right, y + shelf + PADDING, [placed[spot.name] for spot in spots])
 
 
-def picture(page: Page, pixels: Callable[[int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
-    """A page as (h, w, 4) RGBA with straight alpha; `pixels` gives a row of sprites.arrow."""
+def picture(page: Page, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
+    """A page as (h, w, 4) RGBA with straight alpha; pixels(sprite, orientation): as stored."""
     canvas = np.zeros((page.height, page.width, 4), np.uint8)
     for spot in page.spots:
         here = canvas[spot.y : spot.y + spot.height, spot.x : spot.x + spot.width]
-        source = pixels(spot.row)
+        source = pixels(spot.sprite, spot.orientation)
         here[..., :3], here[..., 3:] = source[..., :-1], source[..., -1:]  # grey to three alike
     return straight_alpha(canvas)
 
@@ -164,15 +165,13 @@ def document(
 
     All frames have the same untrimmed size, its middle within a pixel of the mass centre.
     """
-    page, count = made[number], orientations_of(sprites)
-    reach = _reach(sprites, index)
+    page, reach = made[number], _reach(sprites, index)
     duration = round(1000 / rate_hz)
-    x, y = sprites["x_px"].to_numpy(), sprites["y_px"].to_numpy()
-    left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
+    centres = sprites[["x_px", "y_px"]].to_numpy()
+    corners = index.set_index(_KEY)[["x0_px", "y0_px"]]
     frames = {
-        spot.name: _frame(spot, x[s], y[s], left[spot.row], top[spot.row], reach, duration)
+        spot.name: _frame(spot, centres[spot.sprite], corners.loc[spot[:2]], reach, duration)
         for spot in page.spots
-        for s in [spot.row // count]
     }
     groups: dict[str, list[str]] = {}
     for spot in page.spots:
@@ -201,7 +200,7 @@ def document(
 
 def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
     """How far in px any picture reaches from the pixel that its mass centre lies in."""
-    places = sprites[["x_px", "y_px"]].to_numpy().repeat(orientations_of(sprites), axis=0)
+    places = sprites[["x_px", "y_px"]].to_numpy()[index["sprite"]]
     x, y = np.floor(places + 0.5).T
     left, top = index["x0_px"].to_numpy(), index["y0_px"].to_numpy()
     right = left + index["width_px"].to_numpy() - 1
@@ -210,9 +209,9 @@ def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
 
 
 def _frame(
-    spot: Spot, x: float, y: float, left: int, top: int, reach: int, duration: int
+    spot: Spot, centre: NDArray[np.float64], corner: pd.Series, reach: int, duration: int
 ) -> dict[str, Any]:
-    size = 2 * reach + 1
+    (x, y), (left, top), size = centre, corner, 2 * reach + 1
     origin_x, origin_y = int(np.floor(x + 0.5)) - reach, int(np.floor(y + 0.5)) - reach
     pivot = {
         "x": round((x - origin_x + 0.5) / size, 6),

@@ -128,13 +128,13 @@ def _with_next(table: pd.DataFrame, stretch: Stretch) -> slice:
 
 
 def drawn(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
-    """Every sprite in all orientations: the row is sprite · orientations + orientation − 1."""
+    """Every sprite in all orientations, in the order of `finloop.reel.sprite_row`."""
     for row in sprites.itertuples():
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None
-        for ahead in direction_deg(np.arange(1, row.orientations + 1), row.orientations):
-            one = turned(
-                placed(cutout), row.x_px, row.y_px, float(ahead) - row.heading_deg,
-                mirror_axis_deg=mirror,
-            )  # fmt: skip
-            yield Cutout(row.track_id, row.frame, one.x0_px, one.y0_px, one.pixels)
+        for orientation in range(1, row.orientations + 1):
+            turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
+            one = turned(placed(cutout), row.x_px, row.y_px, turn, mirror_axis_deg=mirror)
+            yield Cutout(
+                row.track_id, row.frame, one.x0_px, one.y0_px, one.pixels, row.sprite, orientation
+            )

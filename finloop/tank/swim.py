@@ -114,11 +114,11 @@ def _cast(edit: pd.DataFrame, prefix: str, number: str, sprites: pd.DataFrame) -
     row, axis = np.where(is_sprite, 0, source), np.zeros(len(edit))
     mirrored = np.zeros(len(edit), bool)
     if is_sprite.any():
-        count = orientations_of(sprites)
-        which = sprites.iloc[source[is_sprite] // count]
+        which = sprites.iloc[source[is_sprite]]
         row[is_sprite] = which["row"]
         axis[is_sprite], mirrored[is_sprite] = which["heading_deg"], which["mirrored"]
-        turn[is_sprite] += direction_deg(source[is_sprite] % count + 1, count) - axis[is_sprite]
+        orientation = edit[f"{prefix}orientation"][is_sprite].to_numpy(int)
+        turn[is_sprite] += direction_deg(orientation, orientations_of(sprites)) - axis[is_sprite]
     return Cast(row.astype(np.intp), turn, scale, mirrored, axis)
 
 
