@@ -57,10 +57,7 @@ class Source:
 def open_source(p: Settings) -> Source:
     """The film that the parameters name; nothing but its head is read yet.
 
-    Raises
-    ------
-    FinloopError
-        If it cannot be opened, or the carp have no room.
+    FinloopError if it cannot be opened, or the carp have no room.
     """
     return _carp(p) if isinstance(p, Carp) else _films(p)
 
@@ -71,12 +68,8 @@ def normalise(
     """Write clip, facts, arena and, of a carp, truth to a folder; `advance()` after each frame.
 
     Returns the facts, what was tallied of the frames, and the mask (height, width) of the pixels
-    where animals can be.
-
-    Raises
-    ------
-    FinloopError
-        If fewer than two frames can be read, all frames are plain, or the mask does not fit.
+    where animals can be. FinloopError if fewer than two frames can be read, all frames are plain,
+    or the mask does not fit.
     """
     facts = source.facts
     arena = _arena(p, facts.width_px, facts.height_px)

@@ -52,10 +52,7 @@ def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
 def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: None) -> Similar:
     """Compare every frame with those like it (Eqs. 5-8); `advance()` after each block.
 
-    Raises
-    ------
-    FinloopError
-        If the film does not move.
+    FinloopError if the film does not move.
     """
     features = film.features
     kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
