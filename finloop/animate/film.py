@@ -6,7 +6,7 @@ a loop another row may be shown instead. In pose BODY the heading goes on across
 changes; in pose FILM `rot` stays as it is.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -19,33 +19,39 @@ from finloop.loops.graph import LoopGraph, endless_rows
 Floats = NDArray[np.float64]
 
 
-class Film(NamedTuple):
-    """Arrays (n,) over the rows of the feature table, and the loops; kernels take it whole.
+ROW = np.dtype(
+    [
+        ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
+        ("area", "f8"), ("scale", "f8"), ("end", "i4"), ("more", "?"), ("endless", "?"),
+    ],
+    align=True,
+)  # fmt: skip
+"""A row of the feature table to swim by.
 
-    x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
-    degrees; speed in body lengths/s; more: whether there is a next row to play; area: relative
-    motion area; scale: drawn size / filmed size. end:
-    number of the loop end at a row, −1 for none; start, to, seam: what may be shown instead of end
-    k, rows `to[start[k]:start[k + 1]]`, and their distances in median steps of the film. endless:
-    whether playing on from a row need never stop; body: whether jumps keep the heading, else the
-    rotation.
+x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
+degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; end:
+number of the loop end at the row, −1 for none; more: whether there is a next row to play; endless:
+whether playing on from the row need never stop."""
+
+
+class Film(NamedTuple):
+    """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
+
+    start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, and their
+    distances in median steps of the film. body: whether jumps keep the heading, else the rotation.
     """
 
-    x: Floats
-    y: Floats
-    dx: Floats
-    dy: Floats
-    heading: Floats
-    speed: Floats
-    more: NDArray[np.bool_]
-    area: Floats
-    scale: Floats
-    end: NDArray[np.int32]
+    rows: NDArray[np.void]
     start: NDArray[np.int32]
     to: NDArray[np.int32]
     seam: Floats
-    endless: NDArray[np.bool_]
     body: bool
+
+    def __getattr__(self, name: str) -> NDArray[Any]:
+        """A column (n,) of the rows."""
+        if name in (ROW.names or ()):
+            return self.rows[name]
+        raise AttributeError(name)
 
 
 def film(
@@ -71,23 +77,14 @@ def film(
     source = np.repeat(np.arange(len(graph.ends)), np.diff(graph.start))
     start = np.searchsorted(source[kept], np.arange(len(graph.ends) + 1)).astype(np.int32)
     to = to[kept].astype(np.int32)
-    return Film(
-        np.ascontiguousarray(place[:, 0]),
-        np.ascontiguousarray(place[:, 1]),
-        np.ascontiguousarray(moved[:, 0]),
-        np.ascontiguousarray(moved[:, 1]),
-        features["heading_deg"].to_numpy(float),
-        _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px,
-        more,
-        features["motion_area_rel"].to_numpy(float),
-        scale,
-        end,
-        start,
-        to,
-        graph.distance[kept].astype(float) / step,
-        endless_rows(more, end, start, to),
-        pose == BODY,
-    )
+    rows = np.zeros(n, ROW)
+    rows["x"], rows["y"] = place.T
+    rows["dx"], rows["dy"] = moved.T
+    rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
+    rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
+    rows["scale"], rows["end"], rows["more"] = scale, end, more
+    rows["endless"] = endless_rows(more, end, start, to)
+    return Film(rows, start, to, graph.distance[kept].astype(float) / step, pose == BODY)
 
 
 def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:

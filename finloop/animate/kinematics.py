@@ -70,9 +70,13 @@ def ahead(x: float, y: float, heading: float, forward: float, sideways: float): 
 @njit(cache=True, nogil=True)
 def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
     """Whether a fish touches a spot."""
+    dx, dy = x - spot.x, y - spot.y
+    reach = 1.001 * (spot.touch_px + spot.head_px)
+    if dx * dx + dy * dy > reach * reach:
+        return False  # Too far for the head, too; most calls end here, without sines.
     head_x, head_y = ahead(x, y, heading, spot.head_px, 0.0)
     return (
-        np.hypot(x - spot.x, y - spot.y) <= spot.touch_px
+        np.hypot(dx, dy) <= spot.touch_px
         or np.hypot(head_x - spot.x, head_y - spot.y) <= spot.touch_px
     )
 

@@ -17,6 +17,7 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FILM
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
+from finloop.features.table import wrap_deg
 from finloop.loops.position_table import displacement, next_end, quadrant
 
 Floats = NDArray[np.float64]
@@ -29,14 +30,13 @@ def verdicts(found: Found, before: float, most_error_deg: float) -> NDArray[np.i
     A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
     `before` px away when it begins; and must head at most `most_error_deg` off the goal when done.
     """
-    tests = {
-        "passed over": ~found.over,
-        "tank": np.isfinite(found.value),
-        "quadrant": found.far < before,
-        "heading": found.error <= most_error_deg,
-    }
-    failed = [~passes for passes in tests.values()]
-    return np.select(failed, [VERDICTS.index(test) for test in tests], 0).astype(np.int8)
+    verdict = np.zeros(len(found.value), np.int8)
+    # The last first: a test that comes earlier has the last word.
+    verdict[found.error > most_error_deg] = VERDICTS.index("heading")
+    verdict[found.far >= before] = VERDICTS.index("quadrant")
+    verdict[np.isinf(found.value)] = VERDICTS.index("tank")
+    verdict[found.over] = VERDICTS.index("passed over")
+    return verdict
 
 
 class FilmSwimmer:
@@ -94,9 +94,7 @@ class FilmSwimmer:
         jumps = rows != fish.row + 1
         rots = np.full(len(rows), fish.rot)
         if film.body:
-            rots = np.array(
-                [step.wrap(film.heading[fish.row + 1] + fish.rot - film.heading[r]) for r in rows]
-            )
+            rots = wrap_deg(film.heading[fish.row + 1] + fish.rot - film.heading[rows])
         return self.weigh(fish, aim, rows, rots, np.where(jumps, seams, np.nan))
 
     def _ways_on(self, fish: Fish, jumps: bool) -> tuple[Ints, Floats]:
@@ -119,7 +117,7 @@ class FilmSwimmer:
         last = search.last_on_screen(fish.recent, len(film.more))
         faster, ago = film.speed[rows] - fish.speed, (fish.tick - last[rows]).astype(float)
         jumps = ~np.isnan(seams)
-        terms = np.stack(search.jump_cost(seams, faster, ago, self.rules), axis=-1)
+        terms = np.array(search.jump_cost(seams, faster, ago, self.rules)).T
         terms[~jumps] = 0.0
         x, y = self.arrival(fish)
         costs, since = terms[:, 0] + terms[:, 1] + terms[:, 2], np.where(jumps, 0, fish.since + 1)
@@ -203,9 +201,9 @@ class FilmSwimmer:
 
 def counted(decision: Decision, options: Options) -> Decision:
     """A decision, with how many ways were weighed for it, and how many fail which test."""
+    counts = np.bincount(options.verdict, minlength=len(VERDICTS)).tolist()
     tank, quadrant, heading = (
-        int((options.verdict == VERDICTS.index(test)).sum())
-        for test in ("tank", "quadrant", "heading")
+        counts[VERDICTS.index(test)] for test in ("tank", "quadrant", "heading")
     )
     return decision._replace(
         ways=len(options.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading

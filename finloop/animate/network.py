@@ -120,7 +120,7 @@ class SpriteSwimmer:
         first = phases.first_speed[chosen]
         ease = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
         speed = first + phases.speed_change[ticks] + (fish.speed - first) * ease
-        speed = np.clip(speed, motion.low, motion.high)
+        speed = np.minimum(np.maximum(speed, motion.low), motion.high)
         forward = speed * (self._px / motion.rate_hz)
         drift = phases.drift_deg[ticks]
         most = 1.0
@@ -153,7 +153,7 @@ class SpriteSwimmer:
         pace = np.ones(len(speed))
         if state != SLIDE:
             faster = np.sqrt(speed / sprites.cycle_speed)
-            pace = np.clip(faster, settings.pace_low, settings.pace_high)
+            pace = np.minimum(np.maximum(faster, settings.pace_low), settings.pace_high)
         phase = begins + np.cumsum(pace)
         if new:
             phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
@@ -168,7 +168,7 @@ class SpriteSwimmer:
         chosen = int(self._by_angle[self._alike(place, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         inputs = np.array([[fish.area, 0.0, turns.displacement[chosen], side * included]])
-        area = float(np.clip(self.model.predict(inputs)[0, 0], 0.0, 1.0))
+        area = min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
         plan, new = self.plan(side, round(angle), round(100 * area)), True
         if fish.bent:
             plan = from_bend(plan, sprites.turns, side, fish.sprite)
@@ -197,7 +197,8 @@ class SpriteSwimmer:
         ticks = np.arange(turns.ticks[chosen])
         forward = np.interp(at_tick, ticks, turns.forward[film])
         sideways = np.interp(at_tick, ticks, turns.sideways[film])
-        fastest = 1.5 * abs(course.error) * float(np.diff(plan.share, prepend=0.0).max())
+        most = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
+        fastest = 1.5 * abs(course.error) * most
         since, speed = np.arange(1, n + 1), course.fish.speed / motion.rate_hz
         tries = [(motion.delta, share) for share in ease] + [(2, ease[-1]), (0, ease[-1])]
         for stop, share in tries:
@@ -205,7 +206,7 @@ class SpriteSwimmer:
             ahead = share * forward + (speed - share * forward[0]) * fade
             swim = Turning(
                 plan.share,
-                np.clip(ahead, 0.0, motion.high / motion.rate_hz) * self._px,
+                np.minimum(np.maximum(ahead, 0.0), motion.high / motion.rate_hz) * self._px,
                 share * sideways * (1 - fade) * self._px,
             )
             way, good, touched = step.turn(

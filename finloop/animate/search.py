@@ -89,26 +89,25 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def leg(film, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
+def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after `stride` ticks, at most `most` ticks: a `Leg`."""
     x, y, row = way.x, way.y, way.row
     cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
     for t in range(1, most + 1):
-        if not film.more[row]:
+        at = rows[row]
+        if not at.more:
             # The last picture of a track may still be exchanged for another.
-            return Leg(x, y, (row if film.end[row] >= 0 and t > 1 else -1), t - 1, False)
-        x, y = (
-            x + film.dx[row] * cos + film.dy[row] * sin,
-            y + film.dy[row] * cos - film.dx[row] * sin,
-        )
+            return Leg(x, y, (row if at.end >= 0 and t > 1 else -1), t - 1, False)
+        x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
         row += 1
+        at = rows[row]
         if not inside(legal, x, y):
             return Leg(x, y, -1, t, False)
         # A fish that has reached its goal must be able to swim on.
-        goes_on = film.more[row] and film.endless[row + 1]
-        if goes_on and touches(x, y, film.heading[row] + way.rot, aim):
+        goes_on = at.more and rows[row + 1].endless
+        if goes_on and touches(x, y, at.heading + way.rot, aim):
             return Leg(x, y, row, t, True)
-        if t >= stride and film.end[row] >= 0:
+        if t >= stride and at.end >= 0:
             return Leg(x, y, row, t, False)
     return Leg(x, y, row, most, False)
 
@@ -164,9 +163,10 @@ def look(
     )  # fmt: skip
     room = rules.beam * 16 + count
     ways, branches = np.empty(room, WAY), np.empty(room, WAY)
+    order = np.empty(rules.beam, np.int64)
     n = 0
     for c in range(count):
-        if film.endless[candidates.rows[c]] and inside(legal, here.x, here.y):
+        if film.rows[candidates.rows[c]].endless and inside(legal, here.x, here.y):
             way = ways[n]
             way.x, way.y, way.rot, way.cost = (
                 here.x,
@@ -181,25 +181,23 @@ def look(
         m = 0
         for s in range(n):
             way = ways[s]
-            played = leg(film, legal, way, aim, max(rules.horizon - way.ticks, 1), rules.stride)
+            played = leg(
+                film.rows, legal, way, aim, max(rules.horizon - way.ticks, 1), rules.stride
+            )
             way.x, way.y, way.row = played.x, played.y, played.row
             way.ticks += played.ticks
             way.since += played.ticks
             if found.value[way.first] == np.inf:
                 found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
-            if way.row < 0 or not film.endless[way.row]:
+            if way.row < 0 or not film.rows[way.row].endless:
                 continue
             if played.touched or way.ticks >= rules.horizon:
                 _finish(film, way, played.touched, found, aim, rules)
             else:
                 m = _branch(film, way, branches, m, here, (aim, rules))
-        n = min(m, rules.beam)
-        order = np.argsort(branches[:m]["total"], kind="mergesort")
-        for s in range(m):
-            if s < n:
-                ways[s] = branches[order[s]]
-            else:
-                found.over[branches[order[s]].first] = True
+        n = _best(branches[:m], order, found.over)
+        for s in range(n):
+            ways[s] = branches[order[s]]
     for c in range(count):
         found.over[c] = found.over[c] and found.value[c] == np.inf
     return found
@@ -208,14 +206,14 @@ def look(
 @njit(cache=True, nogil=True)
 def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-def]
     """A way has come to the aim or to the horizon: keep it where it is its candidate's best."""
-    heading = film.heading[way.row] + way.rot
+    heading = film.rows[way.row].heading + way.rot
     rest = 0.0 if touched else remaining(way.x, way.y, heading, aim, rules)
     first, value = way.first, way.ticks + way.cost + rest
     if value < found.value[first]:
         found.value[first], found.ticks[first] = value, way.ticks
         found.far[first], found.error[first] = 0.0, 0.0
         if not touched:
-            off = bearing(way.x, way.y, aim.x, aim.y) - film.heading[way.row] - way.rot
+            off = bearing(way.x, way.y, aim.x, aim.y) - film.rows[way.row].heading - way.rot
             found.far[first] = np.hypot(aim.x - way.x, aim.y - way.y)
             found.error[first] = abs(wrap(off))
 
@@ -224,32 +222,54 @@ def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-d
 def _branch(film, way, branches, m, here, towards):  # type: ignore[no-untyped-def]
     """At a loop end: append playing on, and every jump, to the m branches; how many there are."""
     aim, rules = towards
-    heading = film.heading[way.row] + way.rot
+    at = film.rows[way.row]
+    heading = at.heading + way.rot
     total = way.ticks + remaining(way.x, way.y, heading, aim, rules)
-    if film.more[way.row] and film.endless[way.row + 1] and m < branches.size:
+    if at.more and film.rows[way.row + 1].endless and m < branches.size:
         branches[m] = way
         branches[m].total = total + way.cost
         m += 1
-    k = film.end[way.row]
+    k = at.end
     if way.since < rules.stay or k < 0:
         return m
     for e in range(film.start[k], film.start[k + 1]):
         other = film.to[e]
         if m == branches.size:
             break
-        if not (film.more[other] and film.endless[other + 1]):
+        if not (film.rows[other].more and film.rows[other + 1].endless):
             continue
-        faster = film.speed[other] - film.speed[way.row]
+        faster = film.rows[other].speed - at.speed
         ago = here.tick + way.ticks - here.last[other]
         seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
         branch = branches[m]
         branch.x, branch.y, branch.row, branch.first = way.x, way.y, other, way.first
-        branch.rot = wrap(heading - film.heading[other]) if film.body else way.rot
+        branch.rot = wrap(heading - film.rows[other].heading) if film.body else way.rot
         branch.cost = way.cost + (seam + jerk + again)
         branch.total = total + branch.cost
         branch.ticks, branch.since = way.ticks, 0
         m += 1
     return m
+
+
+@njit(cache=True, nogil=True)
+def _best(branches, order, over):  # type: ignore[no-untyped-def]
+    """The numbers of the best branches, best first, into `order`; how many. The rest are over."""
+    n = 0
+    for m in range(len(branches)):
+        total = branches[m].total
+        if n < len(order):
+            n += 1
+        else:
+            worse = m if total >= branches[order[n - 1]].total else order[n - 1]
+            over[branches[worse].first] = True
+            if worse == m:
+                continue
+        k = n - 1
+        while k > 0 and total < branches[order[k - 1]].total:
+            order[k] = order[k - 1]
+            k -= 1
+        order[k] = m
+    return n
 
 
 @njit(cache=True, nogil=True)
@@ -275,15 +295,16 @@ def swim(film: Film, way: NDArray[np.void], goal: Spot, aim: Spot, rules: Rules)
     out = np.empty((rules.horizon, 3))
     n = 0
     while True:
-        heading = film.heading[row] + rot
+        at, next_row = film.rows[row], film.rows[row + 1]
+        heading = at.heading + rot
         out[n] = x, y, heading
         n += 1
-        goes_on = film.more[row] and film.endless[row + 1]
+        goes_on = at.more and next_row.endless
         touched = goes_on and touches(x, y, heading, goal)
         # The way was looked at no farther than the aim, and the horizon.
         stop = touched or (goes_on and touches(x, y, heading, aim)) or n >= rules.horizon
-        stop = stop or (n >= rules.stride and film.end[row + 1] >= 0) or not film.more[row + 1]
+        stop = stop or (n >= rules.stride and next_row.end >= 0) or not next_row.more
         if stop:
             return out[:n], touched
-        dx, dy = moved(film.dx[row], film.dy[row], rot)
+        dx, dy = moved(at.dx, at.dy, rot)
         x, y, row = x + dx, y + dy, row + 1

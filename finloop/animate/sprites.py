@@ -109,7 +109,7 @@ def plan_turn(
     depth = min(depth, len(frames.up) - 1)
     while True:
         bare = frames.steps(depth, 0)[1].sum()
-        held = int(np.clip(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0, most))
+        held = min(max(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0), most)
         film = bare + held * frames.hold_deg
         if angle_deg > settings.turn_more * film and depth < len(frames.up) - 1:
             depth += 1

@@ -156,14 +156,19 @@ def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Flo
     """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
     motion, tank = waters.motion, waters.tank
     for _ in range(_TRIES):
-        angle = rng.choice(motion.turns.angle_deg) * rng.choice((-1.0, 1.0))
-        ticks = int(rng.choice(motion.straight_ticks))
+        angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
+        ticks = int(one_of(motion.straight_ticks, rng))
         way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
         direction = np.radians(fish.heading + angle)
         x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
         if tank.sees(fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
-    return np.array(tank.random_point(rng)), int(rng.choice(motion.straight_ticks))
+    return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
+
+
+def one_of(values: NDArray[Any], rng: np.random.Generator) -> Any:
+    """One of some values, as `rng.choice`, which takes five times as long."""
+    return values[rng.integers(len(values))]
 
 
 def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
