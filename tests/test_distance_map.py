@@ -37,7 +37,7 @@ from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, save_table
-from finloop.plots.distance import picture_rows
+from finloop.plots.distance import figure9, picture_rows
 from finloop.reel import Reel
 
 
@@ -215,6 +215,14 @@ def test_facts_come_back_and_damage_is_told(tmp_path):
     (tmp_path / "facts.json").write_text("{}")
     with pytest.raises(FinloopError, match="cannot be read"):
         load_record(tmp_path / "facts.json", MapFacts, "distance")
+
+
+def test_figure9_shows_steps_and_tints_the_pairs_that_are_skipped():
+    far = np.abs(np.subtract.outer(np.arange(6.0), np.arange(6.0)))
+    compared = far < 3
+    every, like = figure9(far, compared, np.zeros(6, int), unit=2.0).axes[:2]
+    np.testing.assert_allclose(every.images[0].get_array(), far / 2)
+    np.testing.assert_array_equal(np.ma.getmaskarray(like.images[0].get_array()), ~compared)
 
 
 def test_the_picture_shows_the_longest_tracks_in_time_order():

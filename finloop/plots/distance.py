@@ -31,14 +31,14 @@ def figure9(
     shades = colormaps["gray"].with_extremes(bad=SKIPPED)
     # Few pairs are far: without them the shades tell more.
     top = float(np.quantile(distance, 0.99)) / unit
-    shown = distance / unit
+    steps = distance / unit
     skipped = 100 * (1 - compared.mean())
     titles = (
         "(a) Eq. 5: every pair",
         f"(b) Eq. 6: like with like; {skipped:.1f} % of these pairs skipped (tinted)",
     )
     for ax, values, title in zip(
-        axes, (shown, np.where(compared, shown, np.nan)), titles, strict=True
+        axes, (steps, np.where(compared, steps, np.nan)), titles, strict=True
     ):
         image = ax.imshow(values, cmap=shades, vmin=0, vmax=top, interpolation_stage="rgba")
         ax.set(title=title, xlabel="frame j (in time order, track after track)")
