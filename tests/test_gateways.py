@@ -251,7 +251,7 @@ def test_every_distance_is_that_of_the_two_pictures(name, request):
         shown = of.film(film).reshape(len(of.features), -1).astype(float)
         for one in np.unique(number):
             sides = sprite_pictures(of.reel(store, film), SIZE, of.pose, int(one))
-            for side, found in zip(sides, (of.near.ahead, of.near.shown), strict=True):
+            for side, found in zip(sides, (of.near.ahead, of.near.own), strict=True):
                 want = cdist(side.reshape(len(side), -1), shown[number == one])
                 np.testing.assert_allclose(found[:, number == one], want, atol=1e-4)
 
@@ -371,7 +371,7 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
     sprites = whole(sprite_rows(features, [last], off=6.0)).assign(turn_deg=3.0)
     world = World(tmp_path, features, cutouts, sprites)
     assert world.near.ahead[0].argmin() == last and world.near.ahead[0, last] == 0
-    assert world.near.ahead_deg[0] == world.near.shown_deg[0] == pytest.approx(6.0, abs=1e-3)
+    assert world.near.ahead_deg[0] == world.near.own_deg[0] == pytest.approx(6.0, abs=1e-3)
 
 
 # -- the empty table, numbers -----------------------------------------------------------------------

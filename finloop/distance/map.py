@@ -26,7 +26,7 @@ EXACT = 1e-4
 
 _SIDE = 1024  # of a block of the full map; smaller ones suffer where threads wait for each other
 _BAND = 128  # frames of a band; more would compute more pairs that differ too much in area
-_LOSS = 16 * np.finfo(np.float32).eps  # in a squared distance, of ‖a‖² + ‖b‖²; half was seen
+_LOSS = 16 * np.finfo(np.float32).eps  # in a squared distance, of ‖a‖² + ‖b‖²; half of it occurs
 _GATHERED = 2**22  # numbers gathered at a time for pairs measured one by one
 _MANY = 1 / 64  # of a block: if more pairs are close, the whole block again is cheaper
 
@@ -90,12 +90,12 @@ def about_mean(pictures: Picture) -> Picture:
 
 def between(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
     """Eq. 5 between pictures a[k] and b[k], one by one."""
-    found = np.empty(len(a), np.float32)
+    distances = np.empty(len(a), np.float32)
     lot = max(1, _GATHERED // x.shape[1])
     for start in range(0, len(a), lot):
         here = slice(start, start + lot)
-        found[here] = np.linalg.norm(x[a[here]] - x[b[here]], axis=1)
-    return found
+        distances[here] = np.linalg.norm(x[a[here]] - x[b[here]], axis=1)
+    return distances
 
 
 # --- Eq. 5, all pairs
@@ -106,7 +106,7 @@ def full(pictures: Picture) -> Picture:
     x = pictures.reshape(len(pictures), -1)
     x = x - x.mean(axis=0)
     norms = _norms(x)
-    found = np.empty((len(x), len(x)), np.float32)
+    distances = np.empty((len(x), len(x)), np.float32)
     for rows in _lots(0, len(x), _SIDE):
         for columns in _lots(rows.start, len(x), _SIDE):  # the map is symmetric
             block = _squared(x, norms, Block(rows, columns))
@@ -117,9 +117,9 @@ def full(pictures: Picture) -> Picture:
                 block = np.triu(block, 1)
                 block += block.T
             np.sqrt(block, out=block)
-            found[rows, columns] = block
-            found[columns, rows] = block.T
-    return found
+            distances[rows, columns] = block
+            distances[columns, rows] = block.T
+    return distances
 
 
 def _lots(start: int, stop: int, most: int) -> Iterator[slice]:
@@ -225,17 +225,17 @@ def similar(
     for at in bands(kind, area, threshold):
         block = _squared(x, norms, at)
         rows, columns = (np.arange(part.start, part.stop) for part in at)
-        wanted = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)
-        block[~wanted] = np.inf
+        compared = _near(area[at.rows], area[at.columns], threshold) & (rows[:, None] < columns)
+        block[~compared] = np.inf
         _sharpen(x, norms, at, block)
-        a, b = np.nonzero(wanted & (block <= most**2))
+        a, b = np.nonzero(compared & (block <= most**2))
         yield Pairs(rows[a], columns[b], np.sqrt(block[a, b]))
 
 
-def pair_table(found: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
+def pair_table(pairs: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
     """PAIRS of pairs of frames that are `rows` of the feature table: i < j, sorted by i, then j."""
     row = rows.astype(np.int32)  # at once: of a long film there are tens of millions
-    parts = [(row[a], row[b], distance) for a, b, distance in found]
+    parts = [(row[a], row[b], distance) for a, b, distance in pairs]
     a, b, distance = map(np.concatenate, zip(*parts, strict=True))
     del parts
     i, j = np.minimum(a, b), np.maximum(a, b)

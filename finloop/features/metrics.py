@@ -89,7 +89,7 @@ def against_truth(
     true points at the same shares of the length, so errors along the body count too.
     """
     pairs = _nearest(features, truth)
-    found, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
+    fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
     length = true["body_length_px"].to_numpy(float)
     lines = np.stack(
         [lists_to_array(true["backbone_x_px"]), lists_to_array(true["backbone_y_px"])], -1
@@ -102,13 +102,13 @@ def against_truth(
     along = np.where(swapped[:, None, None], mine[:, ::-1], mine)
     apart = np.hypot(*(along - lines).transpose(2, 0, 1)).mean(1) / length
     centre = np.hypot(
-        found["x_px"].to_numpy() - true["x_px"].to_numpy(),
-        found["y_px"].to_numpy() - true["y_px"].to_numpy(),
+        fish["x_px"].to_numpy() - true["x_px"].to_numpy(),
+        fish["y_px"].to_numpy() - true["y_px"].to_numpy(),
     )
-    off = np.abs(wrap_deg(found["heading_deg"].to_numpy() - true["heading_deg"].to_numpy()))
-    measured = found["body_length_px"].to_numpy(float)
-    area = found["motion_area"].to_numpy()
-    agree = found["swimming_type"].to_numpy() == true["swimming_type"].to_numpy()
+    off = np.abs(wrap_deg(fish["heading_deg"].to_numpy() - true["heading_deg"].to_numpy()))
+    measured = fish["body_length_px"].to_numpy(float)
+    area = fish["motion_area"].to_numpy()
+    agree = fish["swimming_type"].to_numpy() == true["swimming_type"].to_numpy()
     return {
         "truth_fish_frames": len(truth),
         "truth_found_pct": float(100 * len(pairs) / len(truth)),
@@ -120,7 +120,7 @@ def against_truth(
         "truth_heading_error_median_deg": float(np.median(off)),
         "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
         "truth_head_tail_swaps": int(swapped.sum()),
-        "truth_identity_changes": _identity_changes(found["track_id"], true["fish_id"]),
+        "truth_identity_changes": _identity_changes(fish["track_id"], true["fish_id"]),
         "truth_swimming_type_agreement_pct": float(100 * agree.mean()),
         **{
             f"truth_{word}_recall_pct": float(100 * agree[true["swimming_type"] == kind].mean())
@@ -143,13 +143,13 @@ def _rank(a: np.ndarray, b: pd.Series) -> float:
 
 
 def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
-    """Pairs (k, 2) of row numbers: each found fish and the true fish nearest to it in its frame."""
-    found = features[["frame", "x_px", "y_px"]].assign(found=np.arange(len(features)))
+    """Pairs (k, 2) of row numbers: each fish of a track, and the true fish nearest to it."""
+    fish = features[["frame", "x_px", "y_px"]].assign(fish=np.arange(len(features)))
     true = truth[["frame", "x_px", "y_px"]].assign(true=np.arange(len(truth)))
-    both = found.merge(true, on="frame", suffixes=("", "_true"))
+    both = fish.merge(true, on="frame", suffixes=("", "_true"))
     both["apart"] = np.hypot(both["x_px"] - both["x_px_true"], both["y_px"] - both["y_px_true"])
-    best = both.loc[both.groupby("found")["apart"].idxmin()]
-    return best[["found", "true"]].to_numpy()
+    best = both.loc[both.groupby("fish")["apart"].idxmin()]
+    return best[["fish", "true"]].to_numpy()
 
 
 def _resampled(lines: np.ndarray, points: int) -> np.ndarray:

@@ -6,7 +6,7 @@ next and what does come.
 
 In the pose BODY pictures are compared with the measured heading to the right, so that a sprite
 and its own frame are equal. A sprite is drawn by the line it swims along, some degrees off that,
-and turns on while it is shown: `turn_deg` says how the film is turned to fit.
+and turns on while it is on screen: `turn_deg` says how the film is turned to fit.
 """
 
 from collections.abc import Callable
@@ -54,16 +54,16 @@ Ints = NDArray[np.intp]
 class Nearness:
     """Eq. 5 between s sprites and the pictures of all n rows.
 
-    ahead (s, n): from what the film shows after a sprite. shown (s, n): from the sprite itself.
+    ahead (s, n): from the frame of the film after a sprite. own (s, n): from the sprite itself.
     orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading that was turned to
-    the right, BODY: as measured; FILM: that of the orientation. ahead_deg, shown_deg (s,): the same
+    the right, BODY: as measured; FILM: that of the orientation. ahead_deg, own_deg (s,): the same
     of the other two, with the sprite drawn at 0°.
     """
 
     ahead: Floats
-    shown: Floats
+    own: Floats
     ahead_deg: Floats
-    shown_deg: Floats
+    own_deg: Floats
     pose_deg: Floats
     orientation: NDArray[np.int8]
 
@@ -81,22 +81,22 @@ def nearness(
     if pose == BODY:
         orientation = np.zeros(len(features), np.int8)
         pose_deg = features["heading_deg"].to_numpy(float)
-        ahead_deg, shown_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
+        ahead_deg, own_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
     else:
         orientation = features["orientation"].to_numpy()
         pose_deg = direction_deg(orientation, orientations_of(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
-        shown_deg = np.zeros(len(sprites))
-    ahead, shown = np.empty((2, len(sprites), len(features)))
+        own_deg = np.zeros(len(sprites))
+    ahead, own = np.empty((2, len(sprites), len(features)))
     for number in np.unique(orientation):
-        of_ahead, of_shown = sprite_pictures(reel, size, pose, int(number))
+        of_ahead, of_own = sprite_pictures(reel, size, pose, int(number))
         rows = np.flatnonzero(orientation == number)
         for block in np.split(rows, range(_BLOCK, len(rows), _BLOCK)):
             filmed = reel.frames(block, size, pose)
             ahead[:, block] = distance(of_ahead, filmed).round(_DIGITS)
-            shown[:, block] = distance(of_shown, filmed).round(_DIGITS)
+            own[:, block] = distance(of_own, filmed).round(_DIGITS)
             advance(len(block))
-    return Nearness(ahead, shown, ahead_deg, shown_deg, pose_deg, orientation)
+    return Nearness(ahead, own, ahead_deg, own_deg, pose_deg, orientation)
 
 
 def sprite_pictures(
@@ -113,8 +113,8 @@ def sprite_pictures(
     mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
     turn = -_heading(reel.sprites, reel.features["heading_deg"].to_numpy(float)[row])
-    shown = [reel.sprite_picture(at, size, 1, one) for at, one in enumerate(turn)]
-    return ahead, np.stack(shown)
+    own = [reel.sprite_picture(at, size, 1, one) for at, one in enumerate(turn)]
+    return ahead, np.stack(own)
 
 
 def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
@@ -157,7 +157,7 @@ def gateways(
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
     compared = table["row"].to_numpy() + ~leads_in
     table["orientation"] = near.orientation[compared]
-    fits = np.where(leads_in, near.ahead_deg[sprite], near.shown_deg[sprite])
+    fits = np.where(leads_in, near.ahead_deg[sprite], near.own_deg[sprite])
     table["turn_deg"] = wrap_deg(fits - near.pose_deg[compared])
     return table[[column.name for column in GATEWAYS.columns]]
 
@@ -168,7 +168,7 @@ def _ways_in(
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     lasts = _left(features) >= settings.least_s * rate_hz
-    found = [_ways(*np.empty((4, 0)))]
+    ways = [_ways(*np.empty((4, 0)))]
     for number in np.unique(near.orientation):
         rows = np.flatnonzero(lasts & (near.orientation == number))
         for sprite, far in enumerate(near.ahead[:, rows]):
@@ -180,8 +180,8 @@ def _ways_in(
                 late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart_s * rate_hz
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
             rank = np.arange(1, len(best) + 1)
-            found.append(_ways(np.full(len(best), sprite), best, rank, near.ahead[sprite, best]))
-    return pd.concat(found).sort_values("sprite", kind="stable")
+            ways.append(_ways(np.full(len(best), sprite), best, rank, near.ahead[sprite, best]))
+    return pd.concat(ways).sort_values("sprite", kind="stable")
 
 
 def _ways_out(
@@ -195,7 +195,7 @@ def _ways_out(
     entered = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     ways = []
     for _, sequence in sprites.iloc[entered].groupby("sequence", sort=False):
-        far = near.shown[np.ix_(sequence.index, row + 1)]
+        far = near.own[np.ix_(sequence.index, row + 1)]
         best = np.argsort(far, axis=0, kind="stable")[:top]
         ways.append(
             _ways(
@@ -205,8 +205,8 @@ def _ways_out(
                 np.take_along_axis(far, best, 0).T.ravel(),
             )
         )
-    found = pd.concat(ways).query("distance <= @most").sort_values(["row", "distance"])
-    return found.assign(rank=found.groupby("row").cumcount() + 1)
+    table = pd.concat(ways).query("distance <= @most").sort_values(["row", "distance"])
+    return table.assign(rank=table.groupby("row").cumcount() + 1)
 
 
 def _ways(sprite: ArrayLike, row: ArrayLike, rank: ArrayLike, distance: ArrayLike) -> pd.DataFrame:
@@ -226,24 +226,24 @@ def nearest(
 
 
 def numbers(
-    kept: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
+    table: pd.DataFrame, every: pd.DataFrame, near: Nearness, features: pd.DataFrame,
     rate_hz: float, step: float,
 ) -> dict[str, float]:  # fmt: skip
     """Flat numbers about gateways, for metrics.json; `every` is `nearest`."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for word in (IN, OUT):
-        far = kept.loc[kept["direction"] == word, "distance"] / step
-        found |= {
+        far = table.loc[table["direction"] == word, "distance"] / step
+        result |= {
             f"ways_{word}": len(far),
             f"distance_{word}_median_steps": far.median(),
             f"distance_{word}_p95_steps": far.quantile(0.95),
             f"nearest_{word}_steps": every.loc[every["direction"] == word, "distance"].min() / step,
         }
-    leads_in, leads_out = (kept[kept["direction"] == word] for word in (IN, OUT))
+    leads_in, leads_out = (table[table["direction"] == word] for word in (IN, OUT))
     compared = len(near.ahead) * len(np.unique(near.orientation))
     entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
     out = np.isin(np.arange(len(features)), leads_out["row"])
-    return found | {
+    return result | {
         "sprites": len(near.ahead),
         "sprites_in_orientations": compared,
         "sprites_in_orientations_without_way_in": compared - entered,
@@ -255,7 +255,7 @@ def numbers(
     }
 
 
-def _longest(wanted: NDArray[np.bool_], track: pd.Series) -> int:
+def _longest(flag: NDArray[np.bool_], track: pd.Series) -> int:
     """The longest run of True rows within one track."""
-    run = pd.Series(~wanted).cumsum()
-    return int(pd.Series(wanted).groupby([track.to_numpy(), run.to_numpy()]).sum().max())
+    run = pd.Series(~flag).cumsum()
+    return int(pd.Series(flag).groupby([track.to_numpy(), run.to_numpy()]).sum().max())

@@ -2,7 +2,7 @@
 
 A loop (a, b) is two rows of the feature table, a < b. At it two jumps are possible: after row
 a − 1 show b instead of a, and after row b − 1 show a instead of b. What the jump costs is D(a, b),
-the distance between what the film would have shown and what is shown.
+the distance between the frame that the film would go on with and the frame in its place.
 
 Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal, so that two fish
 must not only look alike but move alike; *step* the median of D between consecutive frames.
@@ -131,11 +131,11 @@ def filtered(
 
 
 @njit(cache=True, nogil=True)
-def _column(j: NDArray[np.int32], low: int, high: int, wanted: int) -> int:
-    """The first place in j[low:high], rising, that holds `wanted` or more."""
+def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
+    """The first place in j[low:high], rising, that holds `least` or more."""
     while low < high:
         middle = (low + high) // 2
-        if j[middle] < wanted:
+        if j[middle] < least:
             low = middle + 1
         else:
             high = middle
@@ -198,7 +198,7 @@ def _minima(
     radius: int,
     least: int,
 ) -> NDArray[np.int64]:
-    found = np.zeros(len(j), np.bool_)
+    minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
         for p in range(start[a], start[a + 1]):
             b = j[p]
@@ -211,14 +211,14 @@ def _minima(
                 for q in range(_column(j, start[row], start[row + 1], b - radius), start[row + 1]):
                     if j[q] > b + radius:
                         break
-                    less = value[q] < value[p] or (value[q] == value[p] and found[q])
+                    less = value[q] < value[p] or (value[q] == value[p] and minimum[q])
                     if less and track[j[q]] == track[b]:
                         smallest = False
                         break
                 if not smallest:
                     break
-            found[p] = smallest
-    return np.flatnonzero(found)
+            minimum[p] = smallest
+    return np.flatnonzero(minimum)
 
 
 def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> NDArray[np.bool_]:
@@ -301,7 +301,7 @@ def _none(
     pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
 ) -> NoLoops:
     """Say why there are no loops, and what would have given some."""
-    wanted = "at least one pair of similar frames at which the film can go on as the other"
+    goal = "at least one pair of similar frames at which the film can go on as the other"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
     least = max(1, round(settings.least_s * rate_hz))
@@ -309,13 +309,13 @@ def _none(
         return NoLoops(
             f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
             f"(loops.least_s {settings.least_s:g} s)",
-            wanted,
+            goal,
             "take a longer clip, or a smaller loops.least_s",
         )
     if len(pairs.j) == 0:
         return NoLoops(
             "no video loops: the distance map holds no pair of frames at all",
-            wanted,
+            goal,
             "let more be compared: a greater distance.keep or distance.area_threshold, or "
             "distance.pose=body; or take a longer clip",
         )
@@ -324,14 +324,14 @@ def _none(
         enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
         return NoLoops(
             f"no video loops with loops.threshold {settings.threshold:g} (median natural steps)",
-            wanted,
+            goal,
             f"loops.threshold={enough:g} would have given the first; natural steps are 1",
         )
     return NoLoops(
         f"no video loops at any threshold: of {len(pairs.j)} pairs of similar frames none passes "
         f"loops.least_s {settings.least_s:g}, loops.dynamics {settings.dynamics}, "
         f"loops.improper_deg {settings.improper_deg:g}",
-        wanted,
+        goal,
         "a smaller loops.least_s, loops.dynamics=0, loops.improper_deg=180, a greater "
         "distance.keep; or take a longer clip",
     )

@@ -42,7 +42,7 @@ class LoopGraph:
     endless: NDArray[np.bool_]
 
     def jumps(self, end: int) -> NDArray[np.int32]:
-        """The ends that can be shown instead of one, nearest first."""
+        """The ends that can follow in place of one, nearest first."""
         return self.to[self.start[end] : self.start[end + 1]]
 
     @property
@@ -105,8 +105,8 @@ def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
     """Rows (n,) from which one can play for ever: all but those that only lead to ends of tracks.
 
     more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
-    instead of end k can be shown `to[start[k]:start[k + 1]]`. Rows without a way on are struck off,
-    again and again, until nothing changes.
+    the film can go on at `to[start[k]:start[k + 1]]` in place of end k. Rows that lead nowhere are
+    removed until nothing changes.
     """
     n = more.size
     live = np.ones(n, np.bool_)
@@ -120,7 +120,7 @@ def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
             k = end[row]
             if not goes and k >= 0:
                 for e in range(start[k], start[k + 1]):
-                    # What is shown instead must itself be played on, or two ends swap for ever.
+                    # The film must play on from there, or two ends would swap for ever.
                     if more[to[e]] and live[to[e] + 1]:
                         goes = True
                         break
@@ -134,7 +134,7 @@ def _never_ends(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
 ) -> NDArray[np.bool_]:  # fmt: skip
-    """Whether, having shown a row (n,) of the film, one can play on for ever."""
+    """Whether the film can play for ever after a row (n,)."""
     more = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
     end[ends] = np.arange(len(ends))
@@ -142,7 +142,7 @@ def _never_ends(
 
 
 def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> NDArray[np.bool_]:
-    """Whether, having shown a row (n,) of the film, one can play on for ever."""
+    """Whether the film can play for ever after a row (n,)."""
     return _never_ends(track_id, graph.ends, graph.start, graph.to)
 
 
@@ -160,7 +160,7 @@ def routes(
 ) -> list[list[Leg]]:
     """Fig. 10: the `most` best ways from one end to another, by index.
 
-    Best is what shows the fewest frames, a jump counting as `jump_frames`: the more, the longer the
+    The best way has the fewest frames, a jump counting as `jump_frames`: the more, the longer the
     film plays between jumps. Each way is a list of (from row, to row, "play" | "jump"), from one
     end to the next. It may come through an end again (GHCDEBCDEF does), but takes no jump twice,
     and plays on between jumps: two frames that are like a third need not be alike. No more than
@@ -176,11 +176,11 @@ def _routes(
     # (cost to the target at best, order of arrival, cost so far, end, way so far)
     queue: list[tuple[float, int, float, int, tuple[Leg, ...]]] = [(left[source], 0, 0, source, ())]
     followed: dict[tuple[int, bool], int] = {}
-    arrival = found = 0
-    while queue and found < most:
+    arrival = count = 0
+    while queue and count < most:
         _, _, cost, end, way = heapq.heappop(queue)
         if way and end == target:
-            found += 1
+            count += 1
             yield list(way)
             continue
         jumped = bool(way) and way[-1][2] == JUMP

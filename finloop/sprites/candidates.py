@@ -139,9 +139,9 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
         if (turn := _turn(table, span, span.start + peak, side, strongest, settings)) is not None
     ]
     for share in settings.strong:
-        kept = [row for row in rows if row["weaker"] <= (1 - share) / settings.weaker + 1e-9]
-        if kept:
-            return pd.DataFrame(kept)
+        strong = [row for row in rows if row["weaker"] <= (1 - share) / settings.weaker + 1e-9]
+        if strong:
+            return pd.DataFrame(strong)
     return pd.DataFrame()
 
 

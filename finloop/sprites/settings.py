@@ -68,10 +68,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse an empty range."""
-        for least, most in (
-            ("slide_least_s", "slide_most_s"),
-            ("beat_least_s", "beat_most_s"),
-            ("swing_least", "swing_most"),
-        ):
+        for name in ("slide_{}_s", "beat_{}_s", "swing_{}"):
+            least, most = name.format("least"), name.format("most")
             if getattr(self, least) > getattr(self, most):
                 raise ValueError(f"{least} is more than {most}")
