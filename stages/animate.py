@@ -5,29 +5,21 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from finloop.animate import measures
-from finloop.animate.arena import place_goals, tank
 from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, Goal
-from finloop.animate.film import film
-from finloop.animate.motion import learn
-from finloop.animate.pictures import Pictures, drawn_steps, seams, without_ghosts
-from finloop.animate.players import frame_hulls, players, reach
+from finloop.animate.pictures import drawn_steps, seams
+from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.sprites import arrange
-from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, Player, edit_list, random_goals, swim
-from finloop.base.schema import lists_to_array
+from finloop.animate.swim import Player, random_goals
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
-from finloop.distance.picture import distance
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.table import FEATURES, delta_frames
+from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
@@ -35,10 +27,8 @@ from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.find import LOOPS as LOOPS_TABLE
-from finloop.loops.graph import loop_graph
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
-from finloop.sprites.pictures import outlines
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
@@ -48,70 +38,28 @@ Swum = tuple[np.ndarray, np.ndarray]
 """Speed and turn rate of everything that swam."""
 
 
-@dataclass(frozen=True)
-class Brought:
-    """A player a mode, and the film's natural steps.
-
-    step: their median, the unit of every seam; steps, as_filmed (n,): Eq. 5 between successive
-    frames, in the pose of the distance map and without turning them.
-    """
-
-    waters: Waters
-    players: dict[str, Player]
-    pictures: Pictures
-    step: float
-    steps: np.ndarray
-    as_filmed: np.ndarray
-    features: pd.DataFrame
-
-
 @contextmanager
-def bring(p: Settings) -> Iterator[Brought]:
-    """Everything that planning and measuring need, from what the stages before have made."""
+def bring(p: Settings) -> Iterator[Planner]:
+    """Everything that plans, from what the stages before have made."""
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    model = load_record(DATA / "bpn/model.json", motion_model, "bpn")
     points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
-    outline = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE)
-    map_facts = load_record(DATA / "distance" / "facts.json", MapFacts, "distance")
-    loops = load_table(DATA / "loops/loops.parquet", LOOPS_TABLE)
-    gates = load_table(DATA / "gateways/gateways.parquet", GATEWAYS)
-    arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
-    steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
     ):
-        motion = learn(
-            features, facts.frame_rate_hz, delta_frames(model.delta_s, facts.frame_rate_hz), p
+        made = Material(
+            facts.frame_rate_hz,
+            load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
+            Reel(features, frames, sprites, store),
+            load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE),
+            load_record(DATA / "bpn/model.json", motion_model, "bpn"),
+            load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
+            load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
+            load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
         )
-        reel = Reel(features, frames, sprites, store)
-        pictures = Pictures(reel, map_facts.size)
-        hulls = frame_hulls(
-            np.stack([lists_to_array(outline[name]) for name in OUTLINE], axis=-1),
-            features,
-            (reel.length_px / reel.lengths_px).astype(float),
-        )
-        cast = Cast(sprites, outlines(reel), hulls)
-        reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
-        graph = loop_graph(loops, features["track_id"].to_numpy())
-        way = film(features, graph, motion, map_facts.pose, map_facts.step_median, barred)
-        head = np.hypot(
-            features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
-        ).median()
-        order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
-        touch_px = p.goal_radius * motion.body_length_px
-        waters = Waters(tank(arena, reach_px), way, order, motion, touch_px, float(head), p)
-        yield Brought(
-            waters,
-            players(waters, cast, model, gates, map_facts.step_median),
-            pictures,
-            map_facts.step_median,
-            steps["step"].to_numpy(float),
-            steps["as_filmed"].to_numpy(float),
-            features,
-        )
+        yield planner(made, p)
 
 
 def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
@@ -130,21 +78,25 @@ def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
 
 
 def animation(
-    folder: Path, mode: str, goals: list[Goal], brought: Brought, film_motion: Swum
+    folder: Path,
+    mode: str,
+    goals: list[Goal],
+    plans: Planner,
+    steps: pd.DataFrame,
+    film_motion: Swum,
 ) -> tuple[dict[str, float], pd.DataFrame]:
-    """Make the edit list of a mode: its measures, and itself."""
-    player, waters, pictures = brought.players[mode], brought.waters, brought.pictures
+    """Make the edit list of a mode: its measures, and itself. steps: columns of `STEPS`."""
+    player, waters, pictures = plans.players[mode], plans.waters, plans.pictures
     p, ticks = waters.settings, waters.ticks(waters.settings.seconds)
-    swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
-    edit = without_ghosts(edit_list(swum, ticks, player), pictures, p.fade_steps * brought.step)
+    swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
     save_table(folder / f"{mode}_considered.parquet", swum.considered(ticks), CONSIDERED)
     joins, jumps = seams(edit, pictures)
     rate = waters.motion.rate_hz
     return {
         **measures.of_plan(edit, goals, player, film_motion),
-        **measures.of_steps(drawn_steps(edit, pictures), brought.as_filmed),
-        **measures.of_seams(joins, brought.steps),
+        **measures.of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
+        **measures.of_seams(joins, steps["step"].to_numpy(float)),
         **measures.of_states(edit),
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
@@ -157,19 +109,18 @@ def main() -> None:
     p: Settings = load("animate")
     numbers: dict[str, dict[str, float]] = {}
     moved = {}
-    with bring(p) as brought, whole_folder(OUT) as folder:
-        waters = brought.waters
-        touch_px = waters.touch_px + waters.head_px
-        goals = [
-            goal._replace(radius_px=waters.touch_px)
-            for goal in place_goals(p.goals, p.goals_in, waters.tank, touch_px)
-        ]
+    steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
+    with bring(p) as plans, whole_folder(OUT) as folder:
+        waters, features = plans.waters, plans.pictures.reel.features
+        goals = plans.goals()
         save_records(folder / "goals.json", goals)
-        swum = measures.motion_of_film(brought.features, waters.motion)
-        for mode, player in brought.players.items():
-            numbers[mode], edit = animation(folder, mode, goals, brought, swum)
+        swum = measures.motion_of_film(features, waters.motion)
+        for mode, player in plans.players.items():
+            numbers[mode], edit = animation(folder, mode, goals, plans, steps, swum)
             moved[mode] = measures.motion_of_edit(edit, player)
-        film_numbers = measures.of_film(brought.features, swum, brought.as_filmed, waters.motion)
+        film_numbers = measures.of_film(
+            features, swum, steps["as_filmed"].to_numpy(float), waters.motion
+        )
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
     if LOOPS not in numbers:

@@ -70,6 +70,11 @@ def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=_arrow(schema))
 
 
+def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
+    """The table as `load_table` would read it after `save_table`; errors as for `save_table`."""
+    return _to_frame(_to_table(frame, schema, "the next verb"), schema)
+
+
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
     """Read a table that `save_table` wrote, or only some `columns` of it.
 
@@ -100,9 +105,7 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
         problems += _holes(table.column(column.name).combine_chunks(), column)
     if problems:
         raise _refused(str(path), problems, do)
-    return pd.DataFrame(
-        {c.name: _to_pandas(table.column(c.name).combine_chunks(), c) for c in schema.columns}
-    )
+    return _to_frame(table, schema)
 
 
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:
@@ -159,6 +162,12 @@ def _holes(array: pa.Array, column: Column) -> Iterator[str]:
         )
     if count:
         yield f"{column.name}: {count} null or NaN, but it must not be empty"
+
+
+def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
+    return pd.DataFrame(
+        {c.name: _to_pandas(table.column(c.name).combine_chunks(), c) for c in schema.columns}
+    )
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:

@@ -1,0 +1,92 @@
+"""Everything that plans an animation, from what has been made of a film."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.arena import place_goals, tank
+from finloop.animate.edit_list import Goal
+from finloop.animate.film import film
+from finloop.animate.motion import learn
+from finloop.animate.pictures import Pictures, without_ghosts
+from finloop.animate.players import frame_hulls, players, reach
+from finloop.animate.settings import Settings
+from finloop.animate.sprites import arrange
+from finloop.animate.state import Waters
+from finloop.animate.swim import Cast, Player, Swim, edit_list, swim
+from finloop.base.schema import lists_to_array
+from finloop.bpn.model import MotionModel
+from finloop.distance.map import MapFacts
+from finloop.distance.picture import distance
+from finloop.features.table import delta_frames
+from finloop.loops.graph import loop_graph
+from finloop.reel import Reel
+from finloop.sprites.pictures import outlines
+
+
+class Material(NamedTuple):
+    """What has been made of a film.
+
+    arena (h, w): where the fish can be; reel: its pictures and sprites; outline: a row for each row
+    of the reel, lists outline_x_px, outline_y_px; loops, gateways: columns of `LOOPS`, `GATEWAYS`.
+    """
+
+    rate_hz: float
+    arena: NDArray[np.bool_]
+    reel: Reel
+    outline: pd.DataFrame
+    model: MotionModel
+    map_facts: MapFacts
+    loops: pd.DataFrame
+    gateways: pd.DataFrame
+
+
+@dataclass(frozen=True)
+class Planner:
+    """A player a mode. step: the film's median natural step, the unit of every seam."""
+
+    waters: Waters
+    players: dict[str, Player]
+    pictures: Pictures
+    step: float
+
+    def goals(self) -> list[Goal]:
+        """The goals of the parameters; FinloopError if one cannot be reached."""
+        p, waters = self.waters.settings, self.waters
+        touch_px = waters.touch_px + waters.head_px
+        placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
+        return [goal._replace(radius_px=waters.touch_px) for goal in placed]
+
+    def plan(self, mode: str, goals: list[Goal]) -> tuple[Swim, pd.DataFrame]:
+        """An animation in a mode, and its edit list (columns of `EDIT`)."""
+        player, p = self.players[mode], self.waters.settings
+        ticks = self.waters.ticks(p.seconds)
+        swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
+        most = p.fade_steps * self.step
+        return swum, without_ghosts(edit_list(swum, ticks, player), self.pictures, most)
+
+
+def planner(made: Material, p: Settings) -> Planner:
+    """Bring together everything that swims."""
+    reel, facts, rate_hz = made.reel, made.map_facts, made.rate_hz
+    features, sprites = reel.features, reel.sprites
+    motion = learn(features, rate_hz, delta_frames(made.model.delta_s, rate_hz), p)
+    pictures = Pictures(reel, facts.size)
+    sides = [lists_to_array(made.outline[name]) for name in ("outline_x_px", "outline_y_px")]
+    scale = (reel.length_px / reel.lengths_px).astype(float)
+    hulls = frame_hulls(np.stack(sides, axis=-1), features, scale)
+    cast = Cast(sprites, outlines(reel), hulls)
+    reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
+    graph = loop_graph(made.loops, features["track_id"].to_numpy())
+    way = film(features, graph, motion, facts.pose, facts.step_median, barred)
+    head = np.hypot(
+        features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
+    ).median()
+    order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
+    touch_px = p.goal_radius * motion.body_length_px
+    waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
+    company = players(waters, cast, made.model, made.gateways, facts.step_median)
+    return Planner(waters, company, pictures, facts.step_median)

@@ -1,0 +1,296 @@
+"""The verbs of the library, from a film to a video; `import finloop` hands them out.
+
+    film = open_film("film.mp4")                    the normalised clip
+    tracks = track(film)                            where every fish is, in every frame (§2.1)
+    features = measure(tracks)                      how it swims (§2.2-2.3)
+    model = learn(features, film.rate_hz)           the network that moves sprites (§3.1)
+    reel = make_sprites(tracks, features)           film and sprites (§3.3)
+    similar = compare(reel)                         how alike the frames are (§4.1)
+    loops = find_loops(similar, features, film.rate_hz)
+    gateways = find_gateways(similar, reel, film.rate_hz)          (§4.2)
+    edit = steer(tracks, reel, model, similar, loops, gateways, goals=[[0.2, 0.3], [0.8, 0.7]])
+    write_video("fish.mp4", edit, tracks, reel)
+
+Sections are those of the fish paper. A verb takes the parameters of its stage by name, as in
+`finloop/<word>/settings.py`; those not given have their values in conf/. What the pipeline's stages
+would write to `data/`, verbs hand over, the same to the last bit. Big results lie in a folder: one
+that is given, or a temporary one that goes when the program ends.
+
+Every verb raises FinloopError, which says what came, what was wanted and what to do: if a parameter
+is unknown or out of range, a file cannot be read, or the film does not show what is needed.
+"""
+
+import atexit
+import tempfile
+import warnings
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
+from finloop.animate.planner import Material, planner
+from finloop.bpn.model import MotionModel, motion_rows, split
+from finloop.bpn.train import learn as fit
+from finloop.distance.compare import Similar
+from finloop.distance.compare import compare as compared
+from finloop.distance.map import PAIRS, STEPS
+from finloop.errors import FinloopError
+from finloop.extract import film as extraction
+from finloop.extract.table import tracks_schema
+from finloop.features.table import FEATURES, delta_of
+from finloop.features.table import features as measured
+from finloop.gateways.find import GATEWAYS, gateways, nearness
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
+from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME, film_writer
+from finloop.io.movie import Mp4Writer
+from finloop.io.table import as_loaded, load_table
+from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
+from finloop.loops.find import LOOPS, NoLoops, as_map, find
+from finloop.normalise import normalise, open_source
+from finloop.reel import Reel
+from finloop.render.gallery import Gallery, placed, shelves
+from finloop.render.painter import Painter
+from finloop.settings import settings
+from finloop.sprites.choice import choose
+from finloop.sprites.orient import SPRITES, drawn, sprite_table
+from finloop.sprites.swimmers import swimmers
+
+__all__ = [
+    "compare", "draw_carp", "find_gateways", "find_loops", "learn", "make_sprites", "measure",
+    "open_film", "steer", "track", "write_video",
+]  # fmt: skip
+
+_OPEN = ExitStack()  # stores and temporary folders, till the program ends
+atexit.register(_OPEN.close)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
+
+    folder: Path
+    facts: VideoFacts
+    arena: NDArray[np.bool_]
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self.facts.frame_rate_hz
+
+    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
+        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where every fish of a film is.
+
+    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
+    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank.
+    """
+
+    film: Film
+    table: pd.DataFrame
+    cutouts: CutoutStore
+    background: NDArray[np.uint8]
+
+
+def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
+    """A film, a folder of pictures or a TIFF stack, as the normalised clip in `folder`/clip.
+
+    `changes`: of `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    """
+    return _film(folder, source="file", path=str(path), **changes)
+
+
+def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
+    """A film of drawn carp, in `folder`/clip; `changes`: of `finloop.clip.settings.Carp`."""
+    return _film(folder, source="carp", **changes)
+
+
+def _film(folder: str | Path | None, **values: Any) -> Film:
+    p, home = settings("clip", **values), _folder(folder) / "clip"
+    source = open_source(p)
+    with whole_folder(home) as part:
+        facts, _, arena = normalise(source, p, part)
+    return Film(home, facts, arena)
+
+
+def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
+    """Cut out the fish of every frame, and follow each; table and cut-outs go to `folder`/extract.
+
+    `workers`: processes; with more than one the program needs `if __name__ == "__main__":`.
+    `changes`: of `finloop.extract.settings.Settings`.
+    """
+    p, facts, clip = settings("extract", **changes), film.facts, film.folder / CLIP_NAME
+    arena = film.arena.astype(np.uint8) * 255
+    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
+    sample = extraction.sample_frames(p.samples, facts.frames, shape, KEY_FRAME_EVERY)
+    frames = list(read_spread(clip, sample, colour=facts.colour))
+    scene, typical = extraction.survey(frames, arena, p)
+    read = partial(read_frames, clip, colour=facts.colour, threads=1)
+    spots = extraction.detections(
+        extraction.Film(read, facts.frames, film.rate_hz, KEY_FRAME_EVERY),
+        scene, extraction.Detector(arena, typical, p), workers,
+    )  # fmt: skip
+    cuts = [start for start, _ in facts.segments[1:]]
+    verdicts = Counter[extraction.Verdict]()
+
+    def linked() -> Iterator[list[extraction.TrackedFish]]:
+        for judged, fish in extraction.tracks(spots, typical, p, cuts):
+            verdicts.update(judged)
+            yield fish
+
+    home, schema = _folder(folder) / "extract", tracks_schema(p.points)
+    with whole_folder(home) as part:
+        with film_writer(part, schema) as write:
+            for fish in extraction.batches(linked()):
+                write(extraction.rows(fish), extraction.cutouts(fish))
+        table = load_table(part / TRACKS_NAME, schema)
+        if table.empty:
+            raise extraction.nothing_followed(p, verdicts)
+    return Tracks(film, table, _opened(home / CUTOUTS_NAME), scene.background)
+
+
+def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
+    """The feature table, columns of `FEATURES`, row by row of the tracks: heading, type, bend, …
+
+    `changes`: of `finloop.features.settings.Settings`.
+    """
+    table, _ = measured(tracks.table, tracks.film.rate_hz, settings("features", **changes))
+    return as_loaded(table, FEATURES)
+
+
+def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel:
+    """Train the network 4-20-2 on a feature table of `rate_hz` rows a second.
+
+    `changes`: of `finloop.bpn.settings.Settings`.
+    """
+    p = settings("bpn", **changes)
+    rows = motion_rows(features, delta_of(features))
+    model, _ = fit(rows, split(rows, p.split, p, rate_hz), p, rate_hz)
+    return model
+
+
+def make_sprites(
+    tracks: Tracks, features: pd.DataFrame, folder: str | Path | None = None, **changes: Any
+) -> Reel:
+    """The film's pictures by row, with sprites in all orientations, which go to `folder`/sprites.
+
+    `changes`: of `finloop.sprites.settings.Settings`, for example straight="8:120-140".
+    """
+    p, film = settings("sprites", **changes), tracks.cutouts
+    table = swimmers(features, tracks.table, p)
+    look = partial(Reel(features, film).headed, size=p.picture_px)
+    sprites = sprite_table(table, choose(table, look, tracks.film.rate_hz, p), p)
+    home = _folder(folder) / "sprites"
+    with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
+        for one in drawn(sprites, film):
+            writer.write(one)
+    return Reel(features, film, as_loaded(sprites, SPRITES), _opened(home / "sprites.arrow"))
+
+
+def compare(reel: Reel, **changes: Any) -> Similar:
+    """Which frames are alike (Eqs. 5-8): columns of `PAIRS` and `STEPS`, distances of 0 … 1 pixels.
+
+    `changes`: of `finloop.distance.settings.Settings`.
+    """
+    pairs, steps, facts = compared(reel, settings("distance", **changes))
+    return Similar(as_loaded(pairs, PAIRS), as_loaded(steps, STEPS), facts)
+
+
+def find_loops(
+    similar: Similar, features: pd.DataFrame, rate_hz: float, **changes: Any
+) -> pd.DataFrame:
+    """Where the film can jump to a similar frame: columns of `LOOPS`, best first.
+
+    Where there is none, a warning says what would give some, and the table is empty.
+    `changes`: of `finloop.loops.settings.Settings`.
+    """
+    p, pairs = settings("loops", **changes), as_map(similar.pairs, len(features))
+    try:
+        loops, _ = find(pairs, features, rate_hz, similar.facts.step_median, p)
+    except NoLoops as none:
+        warnings.warn(str(none), stacklevel=2)
+        loops = pd.DataFrame({one.name: np.empty(0, one.dtype) for one in LOOPS.columns})
+    return as_loaded(loops, LOOPS)
+
+
+def find_gateways(similar: Similar, reel: Reel, rate_hz: float, **changes: Any) -> pd.DataFrame:
+    """Where the film can go on as a sprite, and sprites as the film: columns of `GATEWAYS`.
+
+    `changes`: of `finloop.gateways.settings.Settings`.
+    """
+    p, facts = settings("gateways", **changes), similar.facts
+    near = nearness(reel, facts.size, facts.pose)
+    ways = gateways(near, reel.sprites, reel.features, rate_hz, facts.step_median, p)
+    return as_loaded(ways, GATEWAYS)
+
+
+def steer(
+    tracks: Tracks,
+    reel: Reel,
+    model: MotionModel,
+    similar: Similar,
+    loops: pd.DataFrame,
+    gateways: pd.DataFrame,
+    mode: str = HYBRID,
+    **changes: Any,
+) -> pd.DataFrame:
+    """Send the fish to its goals: an edit list, columns of `EDIT`, a row a frame (Figs. 18, 19).
+
+    `mode`: "network" (sprites alone), "loops" (film alone) or "hybrid". `changes`: of
+    `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
+    and height) and seconds=30.0. Without loops there is no mode "loops".
+    """
+    film = tracks.film
+    made = Material(
+        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, gateways
+    )
+    plans = planner(made, settings("animate", **changes))
+    if mode not in plans.players:
+        raise FinloopError(
+            f"mode {mode!r}",
+            f"one of {', '.join(plans.players)}, which this film has",
+            "choose another mode; find_loops(…, threshold=…) may give a film loops",
+        )
+    return as_loaded(plans.plan(mode, plans.goals())[1], EDIT)
+
+
+def write_video(
+    path: str | Path, edit: pd.DataFrame, tracks: Tracks, reel: Reel, **changes: Any
+) -> None:
+    """Draw an edit list over the empty tank: an MP4 of H.264, a frame a row.
+
+    `changes`: of `finloop.render.settings.Settings`; crf counts here, the quality.
+    """
+    p = settings("render", **changes)
+    stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
+    gallery = Gallery(shelves(stores, tracks.table, reel.sprites))
+    painter = Painter(tracks.background)
+    rate = tracks.film.facts.frame_rate
+    with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
+        for one in placed(edit, gallery):
+            painter.show(one)
+            writer.write(painter.frame)
+
+
+def _folder(folder: str | Path | None) -> Path:
+    """The folder that is given, or a new temporary one."""
+    if folder is not None:
+        return Path(folder)
+    return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
+
+
+def _opened(path: Path) -> CutoutStore:
+    return _OPEN.enter_context(open_cutouts(path))

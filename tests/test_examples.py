@@ -1,0 +1,92 @@
+"""The library's verbs: ten lines make what the pipeline's stages make."""
+
+import contextlib
+import importlib
+import re
+import subprocess
+import sys
+
+import av
+import pandas as pd
+import pytest
+from conftest import ROOT, TINY_CARP
+from scratch import prepare
+
+import finloop
+import stages.extract
+from finloop import verbs
+from finloop.animate.edit_list import EDIT
+from finloop.errors import FinloopError
+from finloop.io.table import load_table
+
+EXAMPLE = ROOT / "examples/ten_lines.py"
+STAGES = (
+    "clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways", "animate",
+)  # fmt: skip
+
+
+def changes(word):
+    """What TINY_CARP changes of a stage word, as keywords."""
+    own = [one.split(".", 1)[1].split("=") for one in TINY_CARP if one.startswith(f"{word}.")]
+    return {key: {"true": True, "false": False}.get(value, number(value)) for key, value in own}
+
+
+def number(text):
+    with contextlib.suppress(ValueError):
+        return int(text)
+    return float(text) if text[0].isdigit() else text
+
+
+@pytest.fixture
+def tiny(monkeypatch):
+    """Verbs with the parameters of TINY_CARP where the caller gives none."""
+    real = verbs.settings
+
+    def tiny_settings(word, **own):
+        return real(word, **({} if own.get("source") == "file" else changes(word)) | own)
+
+    monkeypatch.setattr(verbs, "settings", tiny_settings)
+
+
+def test_the_ten_lines_make_what_the_stages_make(tiny, tmp_path, monkeypatch):
+    prepare(tmp_path, *TINY_CARP)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.extract, "THREADS", 1)
+    for word in STAGES:
+        importlib.import_module(f"stages.{word}").main()
+    wanted = load_table(tmp_path / "data/animate/hybrid.parquet", EDIT)
+
+    monkeypatch.setattr(sys, "argv", ["ten_lines.py"])
+    text = EXAMPLE.read_text(encoding="utf-8")
+    names = {}
+    exec(text.replace("frames=750", "").replace(", seconds=20.0", ""), names)
+    pd.testing.assert_frame_equal(names["edit"], wanted, check_exact=True)
+    with av.open("fish.mp4") as video:
+        frames = [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
+    assert len(frames) == len(wanted)
+    assert frames[0].shape == names["film"].arena.shape
+    with pytest.raises(FinloopError, match="mode 'crawl'"):
+        verbs.steer(
+            *(names[one] for one in ("tracks", "reel", "model", "similar", "loops", "gateways")),
+            mode="crawl",
+        )
+    again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)
+    assert (again.facts.width_px, again.facts.frames) == (320, len(list(again)))
+
+
+def test_the_readme_shows_the_example():
+    blocks = re.findall(
+        r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.DOTALL
+    )
+    code = EXAMPLE.read_text(encoding="utf-8").partition("import sys\n\n")[2]
+    assert blocks == [code]
+
+
+def test_the_door_hands_out_documented_verbs_and_imports_nothing():
+    assert finloop.__all__ == verbs.__all__
+    assert all(getattr(finloop, name).__doc__ for name in finloop.__all__)
+    code = (
+        "import finloop, sys; print({'numpy', 'cv2', 'pandas', 'finloop.verbs'} & {*sys.modules})"
+    )
+    said = subprocess.check_output([sys.executable, "-c", code], cwd=ROOT, text=True)
+    assert said.strip() == "set()"
