@@ -15,7 +15,7 @@ from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
-TRACKS_NAME, CUTOUTS_NAME, SCENE_NAME = "tracks.parquet", "cutouts.arrow", "scene.json"
+TRACKS_NAME, SCENE_NAME = "tracks.parquet", "scene.json"
 TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 

@@ -922,4 +922,5 @@ def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm
         path.write_bytes(whole[: len(whole) // 2])
     with pytest.raises(FinloopError, match=rf"{name} cannot be read(.|\n)*dvc repro"):
         stages.features.main()
+        stages.plots.features.main()
     assert content(here / "data/features") == before
