@@ -18,10 +18,8 @@ from finloop.loops.find import LOOPS, NoLoops, as_map, find
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.position_table import (
-    POSITIONS,
     far_ends,
     position_table,
-    positions,
     routes_table,
     shown_ends,
 )
@@ -37,9 +35,8 @@ def nothing(none: NoLoops) -> None:
     """Write what says that there are no loops: the network mode needs none."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
-        for name, schema in (("loops", LOOPS), ("positions", POSITIONS)):
-            empty = {column.name: np.empty(0, column.dtype) for column in schema.columns}
-            save_table(folder / f"{name}.parquet", pd.DataFrame(empty), schema)
+        empty = {column.name: np.empty(0, column.dtype) for column in LOOPS.columns}
+        save_table(folder / "loops.parquet", pd.DataFrame(empty), LOOPS)
         (folder / "none.txt").write_text(str(none), encoding="utf-8")
     for name in ("position_table", "routes"):
         with whole_file(REPORT / f"{name}.csv") as part:
@@ -63,10 +60,8 @@ def main() -> None:
         nothing(none)
         return
     graph = loop_graph(loops, track)
-    where = positions(graph.ends, features, round(settings.horizon_s * rate_hz))
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", loops, LOOPS)
-        save_table(folder / "positions.parquet", where, POSITIONS)
 
     table = position_table(shown_ends(graph.ends, track), features)
     with whole_file(REPORT / "position_table.csv") as part:

@@ -43,10 +43,9 @@ from finloop.loops.find import (
 )
 from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
 from finloop.loops.position_table import (
-    POSITIONS,
+    displacement,
     merged,
     position_table,
-    positions,
     quadrant,
     routes_table,
     shown_ends,
@@ -63,7 +62,6 @@ EASY = Settings(
     dynamics=1,
     improper_deg=90.0,
     most_per_end=6,
-    horizon_s=10.0,
 )
 
 
@@ -475,25 +473,19 @@ def test_quadrants_count_anticlockwise_from_the_upper_right():
     ]  # fmt: skip
 
 
-def test_positions_add_up_and_stay_within_tracks():
+def test_displacements_add_up_and_the_table_stays_within_tracks():
     rng = np.random.default_rng(3)
     track = np.repeat([2, 7], 40)
     table = swum(*rng.normal(0, 100, (2, 80)), rng.uniform(-180, 180, 80), track, length=25.0)
+    x, y = table["x_px"].to_numpy(), table["y_px"].to_numpy()
+    one, two, both = (np.array(displacement(x, y, *ab)) for ab in ((3, 9), (9, 20), (3, 20)))
+    np.testing.assert_allclose(one + two, both)
+    np.testing.assert_allclose(one, (x[9] - x[3], -(y[9] - y[3])))  # up
     ends = np.array([3, 9, 20, 38, 45, 60])
-    found = positions(ends, table, 1000)
-    pairs = list(zip(found["from"], found["to"], strict=True))
+    of = position_table(ends, table)
+    pairs = [(ends[i], ends[j]) for i, j in np.argwhere(of.to_numpy() != "")]
     assert pairs == [(3, 9), (3, 20), (3, 38), (9, 20), (9, 38), (20, 38), (45, 60)]
-    at = found.set_index(["from", "to"])
-    for name in ("dx", "dy"):
-        assert at.loc[(3, 9), name] + at.loc[(9, 20), name] == pytest.approx(at.loc[(3, 20), name])
-    assert wrap_deg(
-        at.loc[(3, 9), "turn_deg"] + at.loc[(9, 20), "turn_deg"] - at.loc[(3, 20), "turn_deg"]
-    ) == pytest.approx(0, abs=1e-9)
-    way = table.loc[9, ["x_px", "y_px"]] - table.loc[3, ["x_px", "y_px"]]
-    assert at.loc[(3, 9), "dx"] == pytest.approx(way["x_px"] / 25)
-    assert at.loc[(3, 9), "dy"] == pytest.approx(-way["y_px"] / 25)  # up
-    near = positions(ends, table, 12)
-    assert list(zip(near["from"], near["to"], strict=True)) == [(3, 9), (9, 20)]
+    assert of.loc["A", "B"] == str(quadrant(*one))
 
 
 def test_a_table_for_people_has_at_most_26_ends_of_one_track():
@@ -623,9 +615,6 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     beat = (frame + np.repeat([0, 5], N)) % 16
     assert (beat[loops["a"]] == beat[loops["b"]]).all()  # whole beats of the tail
     assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
-    found = load_table(toy / "data/loops/positions.parquet", POSITIONS)
-    np.testing.assert_allclose(found["dx"], (found["to"] - found["from"]) * 3 / 44, rtol=1e-5)
-    assert set(found["quadrant"]) == {1} and not found["turn_deg"].any()
     reports = toy / "reports/loops"
     assert sorted(p.name for p in reports.iterdir()) == [
         "best_and_worst.png", "fig11.png", "metrics.json", "over_tank.png", "over_time.png",
@@ -635,6 +624,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     assert (
         list(table.columns) == list(table.index) == list("ABCDEFGHIJKLMNOPQRSTUVWXYZ")[: len(table)]
     )
+    assert set(table.stack().dropna()) == {1}
     assert all(load_picture(picture).ndim == 3 for picture in reports.glob("*.png"))
     metrics = json.loads((reports / "metrics.json").read_text())
     assert metrics["loops"] == len(loops) and metrics["components"] == metrics["groups"] == 1

@@ -183,22 +183,7 @@ def app(
         if len(host.pages) >= MOST_PAGES:
             await connection.close(_BUSY, "too many pages")
             return
-        one = Page()
-        host.join(one)
-        sends = asyncio.create_task(_send(connection, one))
-        try:
-            while True:
-                message = await connection.receive()
-                if message["type"] == "websocket.disconnect":
-                    host.view.counts.bad += message.get("code") in _MALFORMED
-                    break
-                host.hear(one, message.get("text"))
-                await asyncio.sleep(0)  # who floods waits for the others
-        finally:
-            host.pages.discard(one)
-            sends.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await sends
+        await _attend(host, connection)
 
     @contextlib.asynccontextmanager
     async def lives(_: Starlette) -> AsyncIterator[None]:
@@ -213,6 +198,26 @@ def app(
     )
     made.state.host = host
     return made
+
+
+async def _attend(host: Host, connection: WebSocket) -> None:
+    """Frames to a page and its messages to the host, until it goes."""
+    page = Page()
+    host.join(page)
+    sends = asyncio.create_task(_send(connection, page))
+    try:
+        while True:
+            message = await connection.receive()
+            if message["type"] == "websocket.disconnect":
+                host.view.counts.bad += message.get("code") in _MALFORMED
+                break
+            host.hear(page, message.get("text"))
+            await asyncio.sleep(0)  # a page that floods waits for the others
+    finally:
+        host.pages.discard(page)
+        sends.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            await sends
 
 
 async def _send(connection: WebSocket, page: Page) -> None:

@@ -8,5 +8,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "find": ["NoLoops", "as_map", "find"], "graph": ["LoopGraph", "loop_graph", "routes"],
-    "position_table": ["position_table", "positions"],
+    "position_table": ["displacement", "position_table", "quadrant"],
 })  # fmt: skip

@@ -11,21 +11,8 @@ import pandas as pd
 from numba import njit
 from numpy.typing import NDArray
 
-from finloop.base.schema import Column, Schema
-from finloop.distance.picture import typical_length
-from finloop.features.table import wrap_deg
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
-POSITIONS = Schema(
-    (
-        Column("from", "int32", "row"),
-        Column("to", "int32", "row"),
-        Column("quadrant", "int8", "1"),
-        Column("dx", "float32", "body length"),
-        Column("dy", "float32", "body length"),
-        Column("turn_deg", "float32", "deg"),
-    )
-)
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 Rows = NDArray[np.integer]
@@ -58,35 +45,6 @@ def displacement(x: Floats, y: Floats, a: Any, b: Any) -> tuple[Floats, Floats]:
     return x[b] - x[a], y[a] - y[b]
 
 
-def positions(ends: Rows, features: pd.DataFrame, most_frames: int) -> pd.DataFrame:
-    """Fig. 11 in full: a row, as `POSITIONS`, for every two ends of one track so many frames apart.
-
-    `ends` : rising rows of the feature table. `dx`, `dy` : from the one to the other along the
-    film, y up. `turn_deg` : change of heading, in (−180, 180], + to the left.
-    """
-    track = features["track_id"].to_numpy()
-    x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
-    length = typical_length(features).to_numpy(float)
-    heading = features["heading_deg"].to_numpy(float)
-    beyond = np.searchsorted(ends, ends + most_frames, side="right")
-    stop = np.minimum(beyond, np.searchsorted(track[ends], track[ends], side="right"))
-    count = stop - np.arange(len(ends)) - 1
-    first = np.repeat(np.arange(len(ends)), count)
-    later = first + 1 + np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    a, b = ends[first], ends[later]
-    dx, dy = (x[b] - x[a]) / length[a], (y[b] - y[a]) / length[a]
-    return pd.DataFrame(
-        {
-            "from": a,
-            "to": b,
-            "quadrant": quadrant(dx, dy),
-            "dx": dx,
-            "dy": dy,
-            "turn_deg": wrap_deg(heading[b] - heading[a]),
-        }
-    )
-
-
 def shown_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
     """The ends, at most 26, that a table for people shows: those of the track that has the most.
 
@@ -101,13 +59,16 @@ def shown_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 
 
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
-    """Fig. 11c: a row and a column for each end, A, B …; the quadrant of the later one, or ""."""
+    """Fig. 11c: a row and a column for each end, A, B …; the quadrant of the later one, or "".
+
+    `ends` : rising rows of the feature table. To the end of another track nothing is played.
+    """
+    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    track = features["track_id"].to_numpy()[ends]
+    later = (track[:, None] == track) & (ends[:, None] < ends)
+    quadrants = quadrant(*displacement(x, y, ends[:, None], ends))
     names = list(LETTERS[: len(ends)])
-    table = pd.DataFrame("", index=names, columns=names)
-    for one in positions(ends, features, len(features)).itertuples(index=False):
-        row, column = np.searchsorted(ends, one[:2])
-        table.iat[row, column] = str(one.quadrant)
-    return table
+    return pd.DataFrame(np.where(later, quadrants.astype("U1"), ""), names, names, dtype=object)
 
 
 def routes_table(

@@ -20,4 +20,3 @@ class Settings:
     # degrees; a loop that travels farther from the fish's heading is dropped (Fig. 13)
     improper_deg: Annotated[float, Field(gt=0, le=180)]
     most_per_end: Count  # so many loops of a frame are kept, the best
-    horizon_s: Positive  # s; the position table holds ends that are at most so far apart
