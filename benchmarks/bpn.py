@@ -13,8 +13,8 @@ import torch
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired
+from finloop.bpn.back_propagation import forward, new_weights, train
 from finloop.bpn.settings import Settings
-from finloop.bpn.train import forward, new_weights, train
 from finloop.settings import settings
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0

@@ -37,8 +37,8 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
+from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split
-from finloop.bpn.train import learn as fit
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
@@ -54,7 +54,7 @@ from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME, film_writer
 from finloop.io.movie import Mp4Writer
 from finloop.io.table import as_loaded, load_table
 from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
-from finloop.loops.find import LOOPS, NoLoops, as_map, find
+from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.normalise import normalise, open_source
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, placed, shelves

@@ -10,11 +10,13 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT
+from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
-from finloop.export.poses import deeplabcut
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -27,7 +29,7 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, placed
-from finloop.render.painter import Box, Placed
+from finloop.render.painter import Box
 from finloop.sprites.orient import SPRITES
 from finloop.sprites.stretch import SIDES, WORDS
 from stages.gallery import open_gallery
@@ -41,32 +43,30 @@ POINTS = ["head_x_px", "head_y_px", "head_confidence"]
 
 
 def film(
-    folder: Path,
-    name: str,
-    rows: Iterable[Placed],
-    alone: Alone,
+    path: Path,
+    pictures: Iterable[NDArray[np.uint8]],
     crop: Box,
     webp_ticks: int,
     rate: Fraction,
     p: Settings,
     advance: Callable[[], None],
 ) -> dict[str, Any]:
-    """Write name.webm, and of its first `webp_ticks` name.webp; what films.json says of both."""
+    """Write path.webm, and of its first `webp_ticks` path.webp; what films.json says of both."""
     shape = crop.bottom - crop.top, crop.right - crop.left, 4
     count = 0
     with ExitStack() as stack:
         writers: list[tuple[Movie, float]] = [
-            (WebmWriter(folder / f"{name}.webm", shape, rate, p.webm_crf), float("inf"))
+            (WebmWriter(path.with_suffix(".webm"), shape, rate, p.webm_crf), float("inf"))
         ]
         if webp_ticks:
-            webp = AlphaWebpWriter(folder / f"{name}.webp", shape, rate, p.webp_quality)
+            webp = AlphaWebpWriter(path.with_suffix(".webp"), shape, rate, p.webp_quality)
             writers.append((webp, webp_ticks))
         for writer, _ in writers:
             stack.enter_context(writer)
-        for frame in cut_out(rows, alone, crop):
+        for picture in pictures:
             for writer, ticks in writers:
                 if count < ticks:
-                    writer.write(frame)
+                    writer.write(picture)
             count += 1
             advance()
     return {"frames": count, "width_px": shape[1], "height_px": shape[0]}
@@ -86,12 +86,16 @@ def films(
         webp_ticks = round(p.webp_seconds * rate)
         rows = placed(edit, gallery)
         made: dict[str, Any] = {}
-        made[p.mode] = film(folder, p.mode, rows, tank, crop, webp_ticks, rate, p, advance)
+        made[p.mode] = film(
+            folder / p.mode, cut_out(rows, tank, crop), crop, webp_ticks, rate, p, advance
+        )
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
             alone = Alone(2 * half + 1, 2 * half + 1, channels)
             crop = way(steps, alone)
-            made[word] = film(folder, word, steps, alone, crop, len(steps), rate, p, advance)
+            made[word] = film(
+                folder / word, cut_out(steps, alone, crop), crop, len(steps), rate, p, advance
+            )
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
     tank_px = {"width_px": facts.width_px, "height_px": facts.height_px}

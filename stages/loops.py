@@ -14,15 +14,15 @@ from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.loops.find import LOOPS, NoLoops, as_map, find
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
-from finloop.loops.position_table import (
+from finloop.loops.positions import (
     far_ends,
     position_table,
     routes_table,
     shown_ends,
 )
+from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.loops.settings import Settings
 from stages.settings import load
 

@@ -17,10 +17,11 @@ import pytest
 import torch
 from scratch import content, prepare, same_but_figures
 
+import finloop.bpn.back_propagation
 import finloop.bpn.onnx
-import finloop.bpn.train
 import stages.bpn
 import stages.plots.bpn
+from finloop.bpn.back_propagation import ALWAYS_ON, forward, layers, new_weights, stepper, train
 from finloop.bpn.held_out import (
     assessment,
     confusion,
@@ -42,7 +43,6 @@ from finloop.bpn.model import (
     type_class,
 )
 from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
-from finloop.bpn.train import ALWAYS_ON, forward, layers, new_weights, stepper, train
 from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
 from finloop.io.picture import load_picture, save_figure
@@ -394,13 +394,13 @@ def test_the_seed_decides_every_bit():
 @pytest.mark.parametrize("batch_size", [1, 7, 100, 101, 5000])
 def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     seen = []
-    real = finloop.bpn.train.stepper
+    real = finloop.bpn.back_propagation.stepper
 
     def watched(*given):
         step = real(*given)
         return lambda x, x_t, t: (seen.extend(x[:, 0].tolist()), step(x, x_t, t))
 
-    monkeypatch.setattr(finloop.bpn.train, "stepper", watched)
+    monkeypatch.setattr(finloop.bpn.back_propagation, "stepper", watched)
     inputs = random_inputs(101)
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)

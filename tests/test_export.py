@@ -21,8 +21,8 @@ import stages.sprites
 from finloop.animate.edit_list import EDIT
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
+from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
-from finloop.export.poses import deeplabcut
 from finloop.export.tracks import Poses, poses
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES

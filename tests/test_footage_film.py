@@ -14,6 +14,7 @@ from scratch import prepare
 import stages.clip
 import stages.extract
 import stages.features
+import stages.plots.features
 from finloop.features.table import wrap_deg
 from finloop.io.picture import load_picture
 from finloop.io.wheel import PACKAGE, cache_folder
@@ -32,7 +33,7 @@ def shot(tmp_path, monkeypatch):
         prepare(tmp_path, "clip=file", f"clip.path={path}", *overrides)
         monkeypatch.chdir(tmp_path)
         monkeypatch.setattr(stages.extract, "THREADS", 1)
-        for stage in (stages.clip, stages.extract, stages.features):
+        for stage in (stages.clip, stages.extract, stages.features, stages.plots.features):
             stage.main()
         numbers = {}
         for word in ("clip", "extract", "features"):

@@ -29,7 +29,16 @@ from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import save_record
 from finloop.io.table import load_table, save_table
-from finloop.loops.find import (
+from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
+from finloop.loops.positions import (
+    displacement,
+    merged,
+    position_table,
+    quadrant,
+    routes_table,
+    shown_ends,
+)
+from finloop.loops.search import (
     LOOPS,
     Settings,
     as_map,
@@ -40,15 +49,6 @@ from finloop.loops.find import (
     improper,
     minima,
     weights,
-)
-from finloop.loops.graph import JUMP, PLAY, goes_on, in_component, loop_graph, routes
-from finloop.loops.position_table import (
-    displacement,
-    merged,
-    position_table,
-    quadrant,
-    routes_table,
-    shown_ends,
 )
 from finloop.plots.loops import apart, sample
 from finloop.reel import Reel

@@ -18,6 +18,7 @@ def test_a_room_hands_out_its_verbs(room):
     assert len(module.__doc__) > 80
     for name in module.__all__:
         assert getattr(module, name).__doc__, name
+        assert not (ROOT / f"finloop/{room}/{name}.py").exists(), f"{name}: a verb or a module?"
 
 
 def test_doors_cost_nothing_until_they_are_used():

@@ -18,7 +18,7 @@ from finloop.animate.motion import FILM
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.features.table import wrap_deg
-from finloop.loops.position_table import displacement, next_end, quadrant
+from finloop.loops.positions import displacement, next_end, quadrant
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

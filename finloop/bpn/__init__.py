@@ -9,5 +9,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "held_out": ["assessment"],
     "model": ["MotionModel", "motion_model", "motion_rows", "split_by_blocks", "split_by_tracks"],
-    "onnx": ["onnx_bytes"], "train": ["train"],
+    "onnx": ["onnx_bytes"], "back_propagation": ["train"],
 })  # fmt: skip

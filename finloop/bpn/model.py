@@ -2,8 +2,8 @@
 
 Glossary: Δ the time between two states (the paper: 5 frames at 25 Hz); *state* motion area and
 swimming type (Eq. 2); *control* what happens over the next Δ: displacement and included angle
-(Eqs. 1, 3); the model is Eq. 4: state(t + Δ) = BPN(state(t), control(t)). `finloop.bpn.train`
-learns it; using it needs numpy alone.
+(Eqs. 1, 3); the model is Eq. 4: state(t + Δ) = BPN(state(t), control(t)). The module
+`back_propagation` learns it; using it needs numpy alone.
 """
 
 from dataclasses import dataclass

@@ -7,6 +7,6 @@ form a graph; the position table says how far, and where to, the fish swims betw
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "find": ["NoLoops", "as_map", "find"], "graph": ["LoopGraph", "loop_graph", "routes"],
-    "position_table": ["displacement", "position_table", "quadrant"],
+    "search": ["NoLoops", "as_map", "find"], "graph": ["LoopGraph", "loop_graph", "routes"],
+    "positions": ["displacement", "position_table", "quadrant"],
 })  # fmt: skip

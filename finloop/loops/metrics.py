@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.map import MapFacts
-from finloop.loops.find import Counts
 from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.search import Counts
 
 
 def numbers(

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
 from finloop.loops.graph import LoopGraph, goes_on, in_component
-from finloop.loops.position_table import LETTERS
+from finloop.loops.positions import LETTERS
 from finloop.reel import Reel
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito

@@ -11,9 +11,9 @@ from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.loops.find import LOOPS
 from finloop.loops.graph import loop_graph
-from finloop.loops.position_table import position_table, shown_ends
+from finloop.loops.positions import position_table, shown_ends
+from finloop.loops.search import LOOPS
 from finloop.loops.settings import Settings
 from finloop.plots.loops import (
     apart,

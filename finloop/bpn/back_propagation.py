@@ -128,21 +128,12 @@ def train(
     rng: for the first weights and the order of rows.
     advance: called after each epoch.
 
-    Returns
-    -------
-    The model, and the errors after each epoch (Fig. 15), epoch 0 being the untaught network.
+    Returns the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
     """
     device = _device(settings.device)
     low, high = input_range(inputs)
-
-    def tensors(inputs: Numbers, outputs: Numbers) -> tuple[Tensor, Tensor]:
-        x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
-        share = (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
-        t = MARGIN + (1 - 2 * MARGIN) * share
-        return torch.from_numpy(x).to(device), torch.from_numpy(t).to(device)
-
-    x, t = tensors(inputs, outputs)
-    watched = {"train": (x, t), "held_out": tensors(*held_out)}
+    x, t = _tensors(inputs, outputs, low, high, device)
+    watched = {"train": (x, t), "held_out": _tensors(*held_out, low, high, device)}
     size = min(settings.batch_size, len(x))
     whole = len(x) // size * size
     with _one_thread(), torch.inference_mode():
@@ -168,18 +159,33 @@ def train(
             curve.append(_errors(weights, watched))
             advance()
         first, second = (layer.cpu().numpy().copy() for layer in layers(weights))
-    if not max(np.abs(first).max(), np.abs(second).max()) < RUN_AWAY:
-        raise FinloopError(
-            f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
-            f"{settings.momentum:g}, {size} rows a batch)",
-            "steps so small that they find a way down",
-            "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller bpn.momentum",
-        )
+    _check_growth(first, second, settings)
     model = MotionModel(
         delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,
         first[:-1, :-1], first[-1, :-1], second[:-1], second[-1],
     )  # fmt: skip
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
+
+
+def _tensors(
+    inputs: Numbers, outputs: Numbers, low: Numbers, high: Numbers, device: torch.device
+) -> tuple[Tensor, Tensor]:
+    """Inputs (n, 5), scaled and with a last 1, and targets (n, 2), within the margin."""
+    x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
+    share = (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
+    t = MARGIN + (1 - 2 * MARGIN) * share
+    return torch.from_numpy(x).to(device), torch.from_numpy(t).to(device)
+
+
+def _check_growth(first: Numbers, second: Numbers, settings: Settings) -> None:
+    """Refuse weights, (inputs, hidden) and (hidden, outputs), that grew without bound."""
+    if not max(np.abs(first).max(), np.abs(second).max()) < RUN_AWAY:
+        raise FinloopError(
+            f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
+            f"{settings.momentum:g}, at most {settings.batch_size} rows a batch)",
+            "steps so small that they find a way down",
+            "a smaller bpn.learning_rate (it counts per row of a batch) or a smaller bpn.momentum",
+        )
 
 
 def _errors(weights: Tensor, watched: dict[str, tuple[Tensor, Tensor]]) -> dict[str, float]:
