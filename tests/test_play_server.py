@@ -158,8 +158,8 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
         view = view_of(fish=2)
         view.gallery = Gallery(view.gallery.shelves, keep=4)
         host, pages, counts = Host(view), [Page() for _ in range(3)], []
-        for part in range(5):
-            for number, text in enumerate(hostile(2000, part)):
+        for part in range(8):
+            for number, text in enumerate(hostile(1250, part)):
                 host.hear(pages[number % 3], text)
                 if number % 200 == 0:
                     assert len(host.wishes) <= 25
@@ -181,7 +181,8 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
     finally:
         gc.unfreeze()
     assert host.view.counts.bad > 5000
-    assert counts[4] - counts[1] < 400, counts  # things that are held
+    # What is held differs with what the fish do just then, within bounds that do not rise.
+    assert max(counts[4:]) - max(counts[:4]) < 400, counts
 
 
 def test_they_do_no_harm_over_the_wire_either():
