@@ -363,7 +363,7 @@ def test_several_fish_never_touch(fish):
 
 def test_a_tank_that_is_too_small_is_known():
     assert fits(settings("clip", source="carp"))
-    assert not replace(SMALL, body_length_px=150.0).fits()
+    assert not fits(replace(SMALL, body_length_px=150.0))
     assert not fits(settings("clip", source="carp", fish=60))
 
 
