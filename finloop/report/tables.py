@@ -78,7 +78,7 @@ def measures(table: pd.DataFrame) -> Table:
         if measure.key in table.index
     ]
     return Table(
-        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "goal"], rows
+        "Animation beside film", ["measure", *(MODES[mode] for mode in modes), "target"], rows
     )
 
 
