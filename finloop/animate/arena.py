@@ -6,10 +6,10 @@ from itertools import count
 
 import cv2
 import numpy as np
+import scipy
+import skimage
 from numba import njit
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt, label
-from skimage.graph import route_through_array
 
 from finloop.animate.edit_list import Goal
 from finloop.errors import FinloopError
@@ -51,7 +51,7 @@ class Tank:
             tuple(np.minimum((int(row) // cell, int(column) // cell), last))
             for row, column in (self._pixel(x, y), self._pixel(to_x, to_y))
         ]
-        way, _ = route_through_array(cost, ends[0], ends[1], geometric=True)
+        way, _ = skimage.graph.route_through_array(cost, ends[0], ends[1], geometric=True)
         seen = (to_x, to_y)
         for row, column in reversed(way):
             seen = float(column * cell + cell // 2), float(row * cell + cell // 2)
@@ -99,7 +99,7 @@ def tank(arena: NDArray[np.bool_], reach_px: float) -> Tank:
     clearance = cv2.distanceTransform(
         np.pad(arena, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
     )[1:-1, 1:-1]
-    parts, pools = label(clearance > reach_px + 1)
+    parts, pools = scipy.ndimage.label(clearance > reach_px + 1)
     if pools == 0:
         rows, columns = (int(arena.any(axis).sum()) for axis in (1, 0))
         raise FinloopError(
@@ -109,7 +109,9 @@ def tank(arena: NDArray[np.bool_], reach_px: float) -> Tank:
             "give the arena its real size (clip.arena), or film the fish from farther away",
         )
     legal = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
-    nearest = distance_transform_edt(~legal, return_distances=False, return_indices=True)
+    nearest = scipy.ndimage.distance_transform_edt(
+        ~legal, return_distances=False, return_indices=True
+    )
     return Tank(arena, legal, nearest.astype(np.int32))
 
 

@@ -10,8 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.stats import wasserstein_distance
 
 from finloop.animate.edit_list import FRAME, LOOPS, Goal
 from finloop.animate.motion import FILM, STATES, TURN, Motion
@@ -150,7 +150,7 @@ def _over_delta(place: Floats, heading_deg: Floats, motion: Motion) -> tuple[Flo
 
 def kinematic_distance(mine: Floats, film: Floats) -> float:
     """Wasserstein distance of two samples, in standard deviations of the film's."""
-    return float(wasserstein_distance(mine, film) / film.std())
+    return float(scipy.stats.wasserstein_distance(mine, film) / film.std())
 
 
 def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> dict[str, float]:
@@ -300,7 +300,7 @@ def of_film(
     return {
         **{
             f"{name}_halves_kinematic_distance_sd": float(
-                wasserstein_distance(parts[0][i], parts[1][i]) / swum[i].std()
+                scipy.stats.wasserstein_distance(parts[0][i], parts[1][i]) / swum[i].std()
             )
             for i, name in enumerate(("speed", "turn_rate"))
             if all(part[i].size for part in parts)

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from finloop.animate.settings import Settings
 from finloop.errors import FinloopError
@@ -100,8 +100,8 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
     angle = np.radians(heading)
     step = np.gradient(place, axis=0) if len(track) > 1 else np.zeros_like(place)
     bend = track["bend"].to_numpy(float)
-    mean = uniform_filter1d(bend, delta + 1)
-    spread = uniform_filter1d(bend**2, delta + 1) - mean**2
+    mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
+    spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
     return Course(
         speed=np.hypot(*moved.T) * rate_hz,
         heading_deg=heading,
@@ -207,7 +207,7 @@ def _phases(runs: list[Run], rules: PhaseRules) -> Phases:
 def _labels(c: Course, first: int, last: int, rules: PhaseRules) -> list[tuple[int, int, int]]:
     """(state, first, one past the last) of the phases of a straight run."""
     here, steady, least = slice(first, last), rules.settings.steady, rules.settings.phase_ticks
-    rate = np.gradient(uniform_filter1d(c.speed, rules.delta))[here] * rules.rate_hz
+    rate = np.gradient(scipy.ndimage.uniform_filter1d(c.speed, rules.delta))[here] * rules.rate_hz
     rate = rate / np.maximum(c.speed[here], 1e-9)
     label = np.select(
         [c.sway[here] < rules.still, rate > steady, rate < -steady],

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.special import expit
 
 from finloop.bpn.settings import Settings
 from finloop.errors import FinloopError
@@ -70,8 +70,8 @@ class MotionModel:
         Motion area in [0, 1]; swimming type as a real number in [-1, 1]: `type_class` rounds it.
         """
         scaled = to_scale(inputs, self.input_low, self.input_high)
-        hidden = expit(scaled @ self.hidden_weights + self.hidden_bias)
-        raw = expit(hidden @ self.output_weights + self.output_bias)
+        hidden = scipy.special.expit(scaled @ self.hidden_weights + self.hidden_bias)
+        raw = scipy.special.expit(hidden @ self.output_weights + self.output_bias)
         share = (raw - self.margin) / (1 - 2 * self.margin)
         span = self.output_high - self.output_low
         return np.clip(self.output_low + share * span, self.output_low, self.output_high)

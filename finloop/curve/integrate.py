@@ -8,8 +8,8 @@ from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.integrate import solve_ivp
 from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
@@ -68,7 +68,7 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
     state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
     # One call an interval: scipy interpolates between its steps less exactly than it steps.
     for begin, end in pairwise(problem.times):
-        result = solve_ivp(
+        result = scipy.integrate.solve_ivp(
             slope,
             (begin, end),
             state,

@@ -13,8 +13,8 @@ from math import factorial
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.linalg import expm
 
 from finloop.errors import FinloopError
 
@@ -216,7 +216,7 @@ def _tables(oscillators: Oscillators, step: float) -> Tables:
         system[:, 1, 2] = step**2 / oscillators.density
     chain = np.arange(first, first + count - 1)
     system[:, chain, chain + 1] = 1
-    powers_of_system = expm(NODES[:, None, None, None] * system)
+    powers_of_system = scipy.linalg.expm(NODES[:, None, None, None] * system)
     powers = np.array([factorial(p) for p in range(count)])
     # Force at the nodes → coefficients of τ^p.
     fit = np.linalg.inv(NODES[:, None] ** np.arange(count))

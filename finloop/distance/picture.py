@@ -8,8 +8,8 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
 
 from finloop.base.cutout import Cutout
 
@@ -81,4 +81,4 @@ def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float
 
     Of whole films `finloop.distance.map` computes it, by matrix products.
     """
-    return cdist(a.reshape(len(a), -1), b.reshape(len(b), -1))
+    return scipy.spatial.distance.cdist(a.reshape(len(a), -1), b.reshape(len(b), -1))

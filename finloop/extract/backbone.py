@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import skimage
 from numba import njit
 from numpy.typing import NDArray
-from skimage.morphology import skeletonize
 
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
@@ -50,7 +50,9 @@ def trace(
     precision; values below `floor` (grey levels) are noise.
     """
     half_width = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    path = trim_forks(longest_geodesic(skeletonize(mask), half_width), half_width)
+    path = trim_forks(
+        longest_geodesic(skimage.morphology.skeletonize(mask), half_width), half_width
+    )
     if len(path) < 4:
         return None
     xy, width = _refine(field, path, smoother(points), points, floor)

@@ -11,8 +11,8 @@ from typing import Literal
 
 import cv2
 import numpy as np
+import skimage
 from numpy.typing import NDArray
-from skimage.filters import threshold_otsu
 
 from finloop.errors import FinloopError
 
@@ -76,7 +76,7 @@ def flat_background(frames: Sequence[Image]) -> Image:
             "a picture with a fish and a tank",
             "check the clip; it may be black or over-exposed",
         )
-    above = grey > threshold_otsu(grey)
+    above = grey > skimage.filters.threshold_otsu(grey)
     tank = above if above.mean() >= 0.5 else ~above
     tone = np.median(sample[tank], axis=0)
     shape = frames[0].shape

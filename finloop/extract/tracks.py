@@ -11,8 +11,8 @@ of a silhouette that is assigned to another track.
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 _GREW = 1.15  # a silhouette that takes in part of a neighbour, or gives it up, changes by more
 _CLEARLY = 1.5  # a long step counts only if any other pairing is this many times as far
@@ -95,7 +95,7 @@ class Linker:
         clear |= (_CLEARLY * cost < _others(cost)) & (_CLEARLY * cost < _others(cost.T).T)
         ratio = np.log([[s.area_px / t.spot.area_px for s in spots] for t in self._tracks])
         allowed = (cost <= self._gate) & clear & (np.abs(ratio) <= np.log(self._ratio))
-        rows, columns = linear_sum_assignment(np.where(allowed, cost, 1e6))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
         return {
             int(j): self._tracks[i]
             for i, j in zip(rows, columns, strict=True)

@@ -10,8 +10,8 @@ x = Σ xᵢ B(t − i) it becomes a sum over pairs of control points, and B vani
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import BSpline
 
 CONTROL_ARCS = np.array([0, 1 / 6, 1 / 3, 1 / 2, 5 / 6, 1])
 """Where the control points lie on the backbone, as shares of its length (§2.2)."""
@@ -46,7 +46,7 @@ def signed_area(control: NDArray[np.floating]) -> NDArray[np.float64]:
 def closed_spline(control: NDArray[np.floating], per_knot: int = 16) -> NDArray[np.float64]:
     """Points (m · per_knot, 2) along the closed uniform cubic B-spline of control points (m, 2)."""
     m = len(control)
-    spline = BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
+    spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
     return spline(np.linspace(3, m + 3, m * per_knot, endpoint=False))
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pandas as pd
-from scipy.stats import spearmanr
+import scipy
 
 from finloop.base.schema import lists_to_array
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
@@ -139,7 +139,7 @@ def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
 
 
 def _rank(a: np.ndarray, b: pd.Series) -> float:
-    return float(spearmanr(a, b.to_numpy()).statistic)
+    return float(scipy.stats.spearmanr(a, b.to_numpy()).statistic)
 
 
 def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:

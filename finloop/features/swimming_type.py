@@ -6,8 +6,8 @@ their thresholds, and the mean of the two decides with hysteresis.
 """
 
 import numpy as np
+import skimage
 from numpy.typing import NDArray
-from skimage.filters import apply_hysteresis_threshold
 
 STRAIGHT, LEFT, RIGHT = 0, 1, -1
 WORDS = {STRAIGHT: "straight", LEFT: "left", RIGHT: "right"}
@@ -40,6 +40,6 @@ def swimming_type(
     threshold - stays above `release` and somewhere reaches 1.
     """
     score = 0.5 * (turn_deg / turn_threshold_deg + bend / bend_threshold)
-    left = apply_hysteresis_threshold(score, release, 1.0)
-    right = apply_hysteresis_threshold(-score, release, 1.0)
+    left = skimage.filters.apply_hysteresis_threshold(score, release, 1.0)
+    right = skimage.filters.apply_hysteresis_threshold(-score, release, 1.0)
     return (LEFT * left + RIGHT * right).astype(np.int8)

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import isotonic_regression
+import scipy
 
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
@@ -130,7 +130,7 @@ def free(model: Subcycle, tau: Points) -> Points:
         return 1 - tau
     order = np.argsort(samples.tau, kind="stable")
     flat = (samples.coefficients - model.end).reshape(len(order), -1)
-    falling = isotonic_regression(flat[order] @ way / norm, increasing=False).x
+    falling = scipy.optimize.isotonic_regression(flat[order] @ way / norm, increasing=False).x
     nodes = np.concatenate([[0.0], samples.tau[order], [1.0]])
     return np.interp(tau, nodes, np.concatenate([[1.0], np.clip(falling, 0, 1), [0.0]]))
 

@@ -8,8 +8,8 @@ is four parabolas joined at the keys. So the keys are where four parabolas fit a
 from collections.abc import Mapping
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from finloop.gait.model import subcycle
 
@@ -47,7 +47,7 @@ def align_phase(phase: Array, ahead: Array, split: float) -> Array:
 
     moves = np.linspace(-REACH, REACH, STEPS)
     first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
-    best = minimize(
+    best = scipy.optimize.minimize(
         off,
         (first, 0.0),
         method="Nelder-Mead",

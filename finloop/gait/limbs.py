@@ -14,8 +14,8 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
+import skimage
 from numpy.typing import NDArray
-from skimage.measure import find_contours
 
 from finloop.curve.contour import Curve, area, centroid, clockwise, resampled
 from finloop.errors import FinloopError
@@ -64,7 +64,9 @@ def region_contour(mask: NDArray[np.bool_], smooth_px: float = SMOOTH_PX) -> Reg
     part = np.pad(part, pad)
     if smooth_px > 0:
         part = cv2.GaussianBlur(part, (0, 0), smooth_px)
-    curves = [Curve(ring[:-1, ::-1].copy(), True) for ring in find_contours(part, 0.5)]
+    curves = [
+        Curve(ring[:-1, ::-1].copy(), True) for ring in skimage.measure.find_contours(part, 0.5)
+    ]
     curves = [curve for curve in curves if len(curve.points) > 3]
     if not curves:
         return EMPTY

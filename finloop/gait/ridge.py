@@ -9,8 +9,8 @@ path of frequencies over the frames.
 """
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.signal import fftconvolve
 
 Float = NDArray[np.float64]
 Complex = NDArray[np.complex128]
@@ -48,8 +48,8 @@ def _windows(modes: Float, frequency: float) -> tuple[Float, Complex, Float]:
     terms = np.stack([np.ones(n), t / n, np.cos(angle), np.sin(angle)], axis=1)
     basis, upper = np.linalg.qr(terms * weight[:, None])
     kernels = (basis * weight[:, None])[::-1]
-    along = fftconvolve(modes[:, :, None], kernels[:, None], mode="valid", axes=0)
-    total = fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
+    along = scipy.signal.fftconvolve(modes[:, :, None], kernels[:, None], mode="valid", axes=0)
+    total = scipy.signal.fftconvolve((modes**2).sum(axis=1), weight[::-1] ** 2, mode="valid")
     total = np.maximum(total - (along[..., :2] ** 2).sum(axis=(1, 2)), 0)
     explained = (along[..., 2:] ** 2).sum(axis=(1, 2))
     # What noise alone would give is taken off: two of the n - 2 numbers that a line leaves.

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
+import scipy
 from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.special import comb
 
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
@@ -116,7 +116,7 @@ def _candidates(
 
 def weights(n: int) -> NDArray[np.float64]:
     """Binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
-    return comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
+    return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
 
 def filtered(

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import isotonic_regression
 
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema
@@ -116,7 +116,7 @@ def _turn_heading(
     if len(heading) == len(stretch):  # the track ends here
         heading = np.r_[heading, 2 * heading[-1] - heading[-2]]
     if -np.minimum(side * np.diff(heading), 0).sum() <= turn_back_deg:
-        heading = side * isotonic_regression(side * heading).x
+        heading = side * scipy.optimize.isotonic_regression(side * heading).x
     return heading
 
 

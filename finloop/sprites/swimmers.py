@@ -5,8 +5,8 @@ from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import convolve1d
 
 from finloop.sprites.settings import Settings
 
@@ -79,7 +79,7 @@ def smooth(values: NDArray[np.floating]) -> NDArray[np.float64]:
     if len(x) < 3:
         return x
     ends = np.r_[2 * x[0] - x[1], x, 2 * x[-1] - x[-2]]
-    return convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
+    return scipy.ndimage.convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
 
 
 def _alone(table: pd.DataFrame) -> NDArray[np.float64]:

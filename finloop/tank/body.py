@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 Floats = NDArray[np.floating]
 
@@ -68,7 +68,7 @@ def hang(ring: Floats, angle: Floats, points: int) -> Loft:
     s, angle = np.meshgrid(ring, angle, indexing="ij")
     back = np.clip((s - _TAIL) / (1 - _TAIL), 0, 1)
     s = s - _FORK * back**2 * np.sin(angle) ** 2  # the tips of the tail stay, its middle does not
-    spline = CubicSpline(np.linspace(0, 1, points), np.eye(points))
+    spline = scipy.interpolate.CubicSpline(np.linspace(0, 1, points), np.eye(points))
     closes = np.sqrt(np.clip((1 - ring) / _CLOSES, 0, 1))[:, None]
     return Loft(spline(s.ravel()), spline(s.ravel(), 1), s, angle, closes)
 
@@ -120,7 +120,7 @@ def plan(grid: Loft, backbone: Floats, width: Floats) -> Floats:
 def _round_ends(width: Floats, s: Floats) -> Floats:
     """Half widths (n, RINGS, AROUND): their squares are interpolated, so that ends are round."""
     along = np.linspace(0, 1, width.shape[1])
-    squares = PchipInterpolator(along, width**2, axis=1)(s.ravel())
+    squares = scipy.interpolate.PchipInterpolator(along, width**2, axis=1)(s.ravel())
     return np.sqrt(np.maximum(squares, 0)).reshape(-1, *s.shape)
 
 
@@ -129,7 +129,7 @@ def _heights(grid: Loft, widest: float, length_px: float) -> tuple[Floats, Float
     most = length_px * np.clip(_HIGHER * widest, _LEAST, _MOST)
 
     def curve(shape: dict[float, float]) -> Floats:
-        return PchipInterpolator(list(shape), list(shape.values()))(grid.s)
+        return scipy.interpolate.PchipInterpolator(list(shape), list(shape.values()))(grid.s)
 
     top, bottom = grid.angle == 0, np.isclose(np.abs(grid.angle), np.pi)
     return most * curve(_HEIGHT), most * (top * curve(_DORSAL) - bottom * curve(_ANAL))

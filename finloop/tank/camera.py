@@ -6,8 +6,8 @@ Coordinates of the tank: px, x right, y up (−y of the film), z above the floor
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter1d
 
 Floats = NDArray[np.floating]
 
@@ -104,15 +104,15 @@ def _around(room: Room, azimuth_deg: Floats, elevation_deg: float) -> Views:
 def _follow(room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
     """Behind the fish, a little above and to its side, smoother than it swims."""
     lazy = _LAZY_S * rate_hz
-    way = gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
-    turn = gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
+    way = scipy.ndimage.gaussian_filter1d(head, lazy / 3, axis=0, mode="nearest")
+    turn = scipy.ndimage.gaussian_filter1d(heading, lazy, mode="nearest") + np.radians(28)
     back = np.stack([-np.cos(turn), -np.sin(turn), np.full(len(turn), 0.33)], -1)
     return Views(way + 2.5 * room.length * back, way - (0, 0, 0.33 * room.length))
 
 
 def _beside(room: Room, head: Floats, rate_hz: float) -> Views:
     """From the film's lower edge, going along with the fish."""
-    way = gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
+    way = scipy.ndimage.gaussian_filter1d(head, _LAZY_S * rate_hz, axis=0, mode="nearest")
     away = np.array([0.7, -5.2, 0.0]) * room.length
     place = way + away
     place[:, 2] = 0.7 * room.depth

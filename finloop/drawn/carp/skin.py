@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 Float = NDArray[np.float64]
 Image = NDArray[np.float32]
@@ -31,10 +31,10 @@ TAIL_BLADE = 0.86  # the caudal fin begins here
 
 
 @cache
-def _width_squared() -> PchipInterpolator:
+def _width_squared() -> "scipy.interpolate.PchipInterpolator":
     # The square is interpolated: it is linear at the tips, so that both ends come out round.
     s, w = np.array(_STATIONS).T
-    return PchipInterpolator(s, w**2)
+    return scipy.interpolate.PchipInterpolator(s, w**2)
 
 
 def half_width(s: Float) -> Float:

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import skimage
 from numpy.typing import NDArray
-from skimage.draw import polygon
 
 from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
 from finloop.drawn.dog.walk import DogFilm, camera_px, course_px, limb, phases, spot, trunk
@@ -123,7 +123,7 @@ def _fill(picture: NDArray[np.uint8], points: Array, colour: tuple[int, int, int
 def fill(contour: Array, height: int, width: int) -> Mask:
     """Pixels (height, width) whose centres lie within a contour (n, 2) of x and y."""
     out = np.zeros((height, width), bool)
-    out[polygon(contour[:, 1], contour[:, 0], out.shape)] = True
+    out[skimage.draw.polygon(contour[:, 1], contour[:, 0], out.shape)] = True
     return out
 
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from finloop.curve.contour import Curve, resampled
 
@@ -95,7 +95,7 @@ def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Array:
     """n points (n, 2) of equal arc length of the closed cubic spline through the nodes."""
     corners = np.array([*nodes, nodes[0]])
     knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
-    spline = CubicSpline(knots, corners, bc_type="periodic")
+    spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
     fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
     return resampled(Curve(fine, True), n).points
 
