@@ -4,7 +4,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+
+from finloop.base.arrays import Picture
 
 
 class Cutout(NamedTuple):
@@ -17,11 +18,11 @@ class Cutout(NamedTuple):
     frame: int
     x0_px: int
     y0_px: int
-    pixels: NDArray[np.uint8]
+    pixels: Picture
     sprite: int | None = None
     orientation: int | None = None
 
-    def over(self, background: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    def over(self, background: Picture) -> Picture:
         """The cut-out in its place over `background` (H, W[, 3]), cropped to the cut-out's size."""
         h, w = self.pixels.shape[:2]
         tank = background[self.y0_px : self.y0_px + h, self.x0_px : self.x0_px + w]

@@ -3,12 +3,9 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints, Points
 from finloop.errors import FinloopError
-
-Points = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 LARGEST = 1e100
 """Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""

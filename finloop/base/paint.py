@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import ImageColor
 
+from finloop.base.arrays import Picture, Points
 from finloop.errors import FinloopError
 
 PART = "#"
@@ -24,7 +25,6 @@ and lines 0.12 px too wide. Its own smooth edges are worse and, finer, no better
 _SHIFT = 6  # bits of a coordinate's fraction in OpenCV
 
 Colour = tuple[int, int, int]
-Points = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -
 
 def painted(
     drawn: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
-) -> NDArray[np.uint8]:
+) -> Picture:
     """A picture (h, w, 3) on white of shapes and their contours (n, 2) in drawing units.
 
     `scale` is px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.

@@ -5,13 +5,13 @@ such a screen that is the direction of positive `area`. Curves of equal n stack 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.base.drawing import Curve
 from finloop.errors import FinloopError
 
 
-def steps(curve: Curve) -> NDArray[np.float64]:
+def steps(curve: Curve) -> Floats:
     """Lengths of the segments in order: (n,) of a closed curve, (n − 1,) of an open one."""
     points = curve.points
     x, y = (np.roll(points, -1, axis=0) - points if curve.closed else np.diff(points, axis=0)).T
@@ -32,7 +32,7 @@ def area(curve: Curve) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def centroid(points: NDArray[np.float64]) -> NDArray[np.float64]:
+def centroid(points: Floats) -> Floats:
     """Centre of the area (…, 2) within closed polygons (…, n, 2)."""
     p = points - points[..., :1, :]
     q = np.roll(p, -1, axis=-2)

@@ -12,8 +12,8 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.curve.integrate import METHOD
 from finloop.curve.oscillator import Numbers, Oscillators, forced_motion, motion
 from finloop.curve.problem import (
@@ -28,8 +28,6 @@ from finloop.curve.problem import (
 )
 from finloop.curve.stiffness import eigenvalues, stiffness
 from finloop.curve.wavelet import back, forward
-
-Array = NDArray[np.float64]
 
 
 def solve(problem: Problem, method: str = "modal", options: Options | None = None) -> Motion:
@@ -51,7 +49,7 @@ def solve(problem: Problem, method: str = "modal", options: Options | None = Non
     return Motion(problem.times, solution.displacement, solution.velocity, error, solution.facts)
 
 
-def oscillators(material: Material, k: Array) -> Oscillators:
+def oscillators(material: Material, k: Floats) -> Oscillators:
     """The material's ρ and C = s₁M + s₂K for stiffnesses k (m,)."""
     mass = material.density or 1.0  # of C, see Material
     damping = material.mass_damping * mass + material.stiffness_damping * k
@@ -64,9 +62,9 @@ def oscillators(material: Material, k: Array) -> Oscillators:
 class Basis(NamedTuple):
     """Coefficients (m, d) of points (n, d), points (…, n, d) of coefficients; K's diagonal (m,)."""
 
-    to: Callable[[Array], Numbers]
-    points: Callable[[Numbers], Array]
-    k: Array
+    to: Callable[[Floats], Numbers]
+    points: Callable[[Numbers], Floats]
+    k: Floats
 
 
 def modal(problem: Problem, options: Options) -> Solution:
@@ -116,7 +114,7 @@ def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
 # --- energy and momentum
 
 
-def energy(problem: Problem, motion: Motion) -> Array:
+def energy(problem: Problem, motion: Motion) -> Floats:
     """Kinetic and elastic energy (t,): ½ ρ ∫ |u̇|² + ½ ∫ e₀ |u′|²."""
     n = len(problem.rest)
     k = eigenvalues(problem.wavelet, n, problem.material.elastic)
@@ -128,6 +126,6 @@ def energy(problem: Problem, motion: Motion) -> Array:
     return (elastic + kinetic) / 2
 
 
-def momentum(problem: Problem, motion: Motion) -> Array:
+def momentum(problem: Problem, motion: Motion) -> Floats:
     """ρ ∫ u̇, (t, d); without force it fades by e^(−s₁ t)."""
     return problem.material.density * motion.velocity.mean(axis=1)

@@ -5,8 +5,8 @@ from math import comb
 
 import numpy as np
 import pywt
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 
 CUBIC = "cubic"
@@ -19,11 +19,9 @@ LOSSLESS = 1e-13
 _FREE = 1e-9  # singular values below, of the largest: moving that way mends nothing (coif10 and on)
 _ROUNDED = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more
 
-Array = NDArray[np.float64]
-
 
 @cache
-def filter_bank(wavelet: str) -> Array:
+def filter_bank(wavelet: str) -> Floats:
     """Filters (4, taps): analysis low and high, synthesis low and high, as PyWavelets names them.
 
     FinloopError if there is no such discrete wavelet, or its filters do not reconstruct what they
@@ -52,7 +50,7 @@ def filter_bank(wavelet: str) -> Array:
     return bank
 
 
-def _cubic_spline() -> Array:
+def _cubic_spline() -> Floats:
     """Cohen–Daubechies–Feauveau, 4 + 4 vanishing moments: synthesis by the cubic B-spline."""
     spline = np.array([1, 4, 6, 4, 1]) / 16  # cos⁴(ξ/2)
     sine = np.array([-1, 2, -1]) / 4  # sin²(ξ/2)
@@ -67,7 +65,7 @@ def _cubic_spline() -> Array:
     return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
 
 
-def _mended(bank: Array) -> Array:
+def _mended(bank: Floats) -> Floats:
     """The nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
 
     A Newton step or two of least size. Filters of an orthogonal wavelet stay each other's mirror
@@ -93,7 +91,7 @@ def _mended(bank: Array) -> Array:
     return np.stack([dual[::-1], -sign * low, low, sign * dual[::-1]])
 
 
-def _loss(bank: Array) -> float:
+def _loss(bank: Floats) -> float:
     """How far synthesis after analysis is from a delay: Σ_k s[2k + p] a[k'] over both filters."""
     taps = bank.shape[1]
     parts = []

@@ -16,6 +16,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 
 NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
@@ -24,7 +25,6 @@ NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 _ROUNDS = 60  # of iteration between places and forces
 _FINEST = 2**12  # steps from one time to the next
 
-Array = NDArray[np.float64]
 Numbers = NDArray[np.inexact]
 Force = Callable[[float, Numbers], Numbers]
 """Q (m, d) from time and places (m, d)."""
@@ -35,8 +35,8 @@ class Oscillators:
     """ρ, and c, k (m,) of each."""
 
     density: float
-    damping: Array
-    stiffness: Array
+    damping: Floats
+    stiffness: Floats
 
     def cases(self) -> dict[str, int]:
         """How many have two real roots, a double one, complex ones; all one root if ρ = 0."""
@@ -51,15 +51,15 @@ class Oscillators:
 class Response(NamedTuple):
     """At times (t,), each (t, m): a = place a₀ + speed v₀ + pushed Q for constant Q; a′ alike."""
 
-    place: Array
-    speed: Array
-    pushed: Array
-    place_rate: Array
-    speed_rate: Array
-    pushed_rate: Array
+    place: Floats
+    speed: Floats
+    pushed: Floats
+    place_rate: Floats
+    speed_rate: Floats
+    pushed_rate: Floats
 
 
-def response(oscillators: Oscillators, times: Array, forced: bool = True) -> Response:
+def response(oscillators: Oscillators, times: Floats, forced: bool = True) -> Response:
     """Eq. 3.16 in all its damping cases, and with a constant force; not `forced`: `pushed` is 0.
 
     Written so that nothing cancels or overflows from one case to the next: the double root is the
@@ -93,12 +93,12 @@ def response(oscillators: Oscillators, times: Array, forced: bool = True) -> Res
     )
 
 
-def _decayed(x: Array) -> Array:
+def _decayed(x: Floats) -> Floats:
     """(1 − e^−x) / x, 1 at 0."""
     return np.where(x > 0, -np.expm1(-x) / np.where(x > 0, x, 1), 1)
 
 
-def _pushed(total: Array, product: Array, slow: Array, place: Array) -> Array:
+def _pushed(total: Floats, product: Floats, slow: Floats, place: Floats) -> Floats:
     """(1 − place) / product, and what that tends to at 0, no digits lost.
 
     `total`, `product` of the roots −x, −y in steps of t, `slow` the x nearer 0: the same is
@@ -118,7 +118,7 @@ def _pushed(total: Array, product: Array, slow: Array, place: Array) -> Array:
 
 
 def motion(
-    oscillators: Oscillators, a: Numbers, v: Numbers, times: Array, force: Numbers | None
+    oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Numbers | None
 ) -> tuple[Numbers, Numbers]:
     """Places and speeds (t, m, d) at times after the start, force (m, d) constant; exact."""
     table = Response(*(part[..., None] for part in response(oscillators, times, force is not None)))
@@ -132,7 +132,7 @@ def motion(
 
 
 def forced_motion(
-    oscillators: Oscillators, a: Numbers, v: Numbers, times: Array, force: Force, tolerance: float
+    oscillators: Oscillators, a: Numbers, v: Numbers, times: Floats, force: Force, tolerance: float
 ) -> tuple[Numbers, Numbers, float]:
     """As `motion` from times[0] on, by a force of place and time; also the estimated error.
 
@@ -166,7 +166,7 @@ def _stepped(
     oscillators: Oscillators,
     a: Numbers,
     v: Numbers,
-    times: Array,
+    times: Floats,
     force: Force,
     steps: int,
     tolerance: float,
@@ -193,8 +193,8 @@ class Tables(NamedTuple):
 
     step: float
     free: Response
-    place: Array  # (nodes, m, nodes)
-    speed: Array
+    place: Floats  # (nodes, m, nodes)
+    speed: Floats
 
 
 def _tables(oscillators: Oscillators, step: float) -> Tables:

@@ -9,14 +9,13 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 
-Array = NDArray[np.float64]
-Field = Callable[[float, Array], Array]
+Field = Callable[[float, Floats], Floats]
 """Q (n, d) from time and places (n, d) of the points."""
 
 
@@ -40,12 +39,12 @@ class Problem:
     `force` is (n, d), (d,) for the same one at every point, a Field, or None.
     """
 
-    rest: Array
-    displacement: Array
+    rest: Floats
+    displacement: Floats
     material: Material
-    times: Array
-    velocity: Array | None = None
-    force: Array | Field | None = None
+    times: Floats
+    velocity: Floats | None = None
+    force: Floats | Field | None = None
     wavelet: str = "coif2"
 
 
@@ -75,9 +74,9 @@ class Motion:
     other counts of a method.
     """
 
-    times: Array
-    displacement: Array
-    velocity: Array
+    times: Floats
+    displacement: Floats
+    velocity: Floats
     error: float
     facts: dict[str, float] = field(default_factory=dict)
 
@@ -85,8 +84,8 @@ class Motion:
 class Solution(NamedTuple):
     """Displacements and velocities (t, n, d) by a method, and its counts."""
 
-    displacement: Array
-    velocity: Array
+    displacement: Floats
+    velocity: Floats
     facts: dict[str, float]
 
 
@@ -133,7 +132,7 @@ def checked(problem: Problem, method: str) -> Problem:
     return Problem(rest, u, material, times, v, force, problem.wavelet)
 
 
-def force_at(problem: Problem, time: float, displacement: Array) -> Array:
+def force_at(problem: Problem, time: float, displacement: Floats) -> Floats:
     """Q (n, d) at a time and displacements (n, d)."""
     force = problem.force
     if callable(force):
@@ -141,6 +140,6 @@ def force_at(problem: Problem, time: float, displacement: Array) -> Array:
     return np.zeros_like(displacement) + (0 if force is None else force)
 
 
-def velocity_at_start(problem: Problem) -> Array:
+def velocity_at_start(problem: Problem) -> Floats:
     """u̇ (n, d) at times[0]."""
     return np.zeros_like(problem.displacement) if problem.velocity is None else problem.velocity

@@ -12,16 +12,14 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array, eye_array
 
+from finloop.base.arrays import Floats
 from finloop.curve.filters import filter_bank
 from finloop.curve.wavelet import back, check, forward, most_levels, scales
 from finloop.errors import FinloopError
 
 _ALMOST = 1e-6  # how far from a bound an eigenvalue of the tabled filters is taken to lie on it
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -33,9 +31,9 @@ class Connection:
     """
 
     wavelet: str
-    autocorrelation: Array
-    mu: Array
-    nu: Array
+    autocorrelation: Floats
+    mu: Floats
+    nu: Floats
 
 
 @cache
@@ -77,14 +75,14 @@ def connection(wavelet: str) -> Connection:
     return Connection(wavelet, alpha, mu, nu)
 
 
-def _transfer(alpha: Array, size: int) -> Array:
+def _transfer(alpha: Floats, size: int) -> Floats:
     """T_lk = α_{2l − k} / 2 for |l|, |k| < size: what refinement makes of inner products."""
     index = np.arange(1 - size, size)
     far = np.abs(2 * index[:, None] - index)
     return np.where(far < len(alpha), alpha[np.minimum(far, len(alpha) - 1)], 0) / 2
 
 
-def smoothness(alpha: Array) -> float:
+def smoothness(alpha: Floats) -> float:
     """φ lies in H^s for all s below this, but at most 2; from α of its filter (Villemoes 1992).
 
     Sequences whose moments 0 … 3 vanish stay so under T if φ reproduces lines; T shrinks them by
@@ -102,7 +100,7 @@ def smoothness(alpha: Array) -> float:
     return exponent if abs(exponent - 1) > _ALMOST else 1.0
 
 
-def _round(band: Array, n: int) -> Array:
+def _round(band: Floats, n: int) -> Floats:
     """A symmetric band (l ≥ 0) folded round n places: the first row of its circulant."""
     index = np.arange(1 - len(band), len(band))
     row = np.zeros(n)
@@ -110,7 +108,7 @@ def _round(band: Array, n: int) -> Array:
     return row
 
 
-def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Array:
+def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     """First row (n,) of K in the φ basis (Eq. 3.8), a symmetric circulant.
 
     n may be shorter than the wavelet, as the control points of Fig. 7 are: φ is folded round.
@@ -120,7 +118,7 @@ def first_row(wavelet: str, n: int, elastic: float = 1.0) -> Array:
     return elastic * n**2 * _round(connection(wavelet).mu, n)
 
 
-def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Array:
+def eigenvalues(wavelet: str, n: int, elastic: float = 1.0) -> Floats:
     """Of K, (n // 2 + 1,), in the order of `numpy.fft.rfft`; errors as `first_row`.
 
     The first is 0: a shift strains nothing.
@@ -155,7 +153,7 @@ def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_ar
     return _symmetric(generators, places, n)
 
 
-def _symmetric(generators: Array, places: list[slice], n: int) -> csr_array:
+def _symmetric(generators: Floats, places: list[slice], n: int) -> csr_array:
     """The matrix of the first rows of every scale, the blocks left of the diagonal by symmetry."""
     rows, columns, values = [], [], []
     for number, here in enumerate(places):

@@ -10,12 +10,10 @@ against Eq. 2.8 that only renumbers them. A filter longer than a scale is folded
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.curve.filters import filter_bank
 from finloop.errors import FinloopError
-
-Array = NDArray[np.float64]
 
 
 def most_levels(n: int) -> int:
@@ -27,7 +25,7 @@ def most_levels(n: int) -> int:
     return n.bit_length() - 1
 
 
-def check(n: int, wavelet: str, levels: int) -> Array:
+def check(n: int, wavelet: str, levels: int) -> Floats:
     """The filters, if they can take n points `levels` times.
 
     FinloopError if n is no power of two or cannot be halved so often, or the wavelet is longer than
@@ -53,7 +51,7 @@ def scales(n: int, levels: int) -> list[slice]:
     return [slice(0, coarse), *(slice(coarse << m, coarse << m + 1) for m in range(levels))]
 
 
-def forward(points: Array, wavelet: str, levels: int) -> Array:
+def forward(points: Floats, wavelet: str, levels: int) -> Floats:
     """Eq. 2.8: coefficients of points (…, n, k), along n; k is 2 for curves.
 
     FinloopError as `check`.
@@ -65,7 +63,7 @@ def forward(points: Array, wavelet: str, levels: int) -> Array:
     return out
 
 
-def back(coefficients: Array, wavelet: str, levels: int) -> Array:
+def back(coefficients: Floats, wavelet: str, levels: int) -> Floats:
     """Eq. 2.9, the inverse of `forward`. FinloopError as `check`."""
     bank = check(coefficients.shape[-2], wavelet, levels)
     out = np.array(coefficients, np.float64, order="C")
@@ -158,7 +156,7 @@ def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
             half *= 2
 
 
-def mirrored(points: Array) -> Array:
+def mirrored(points: Floats) -> Floats:
     """An open curve (…, n, k) there and back, (…, 2n, k): closed, and without a jump.
 
     A periodized transform joins the last point to the first. Of an open curve that join is a jump,
@@ -167,7 +165,7 @@ def mirrored(points: Array) -> Array:
     return np.concatenate([points, points[..., ::-1, :]], axis=-2)
 
 
-def control(points: Array, wavelet: str, level: int) -> Array:
+def control(points: Floats, wavelet: str, level: int) -> Floats:
     """The n / 2^level approximation coefficients of (…, n, k) as control points of the plane.
 
     In the unit of the points: a coefficient of Eq. 2.11 divided by √2 a level, what the filters
@@ -177,7 +175,7 @@ def control(points: Array, wavelet: str, level: int) -> Array:
     return forward(points, wavelet, level)[..., :kept, :] / 2 ** (level / 2)
 
 
-def from_control(points: Array, wavelet: str, level: int) -> Array:
+def from_control(points: Floats, wavelet: str, level: int) -> Floats:
     """The curve (…, n · 2^level, k) of control points (…, n, k): the details are 0."""
     coarse = points.shape[-2]
     out = np.zeros((*points.shape[:-2], coarse << level, points.shape[-1]))
@@ -185,7 +183,7 @@ def from_control(points: Array, wavelet: str, level: int) -> Array:
     return back(out, wavelet, level)
 
 
-def truncated(points: Array, wavelet: str, level: int, closed: bool = True) -> Array:
+def truncated(points: Floats, wavelet: str, level: int, closed: bool = True) -> Floats:
     """Curves (…, n, k) rebuilt from 1/2^level of their samples (Fig. 2): the details are dropped.
 
     Open curves are `mirrored` for it. FinloopError as `check`.

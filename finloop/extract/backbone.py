@@ -19,6 +19,7 @@ import skimage
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask, Picture
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
@@ -36,14 +37,12 @@ class Backbone(NamedTuple):
     length_px: arc length.
     """
 
-    points_px: NDArray[np.float64]
-    half_width_px: NDArray[np.float64]
+    points_px: Floats
+    half_width_px: Floats
     length_px: float
 
 
-def trace(
-    mask: NDArray[np.bool_], field: NDArray[np.uint8], points: int, floor: float
-) -> Backbone | None:
+def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | None:
     """Backbone of the silhouette `mask` (h, w) with `points` points; None if it is too short.
 
     `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
@@ -61,7 +60,7 @@ def trace(
 
 
 @lru_cache
-def smoother(points: int) -> NDArray[np.float64]:
+def smoother(points: int) -> Floats:
     """Whittaker smoother with a third-difference penalty as one (points, points) matrix.
 
     Straight lines and parabolas pass unchanged, so a steady bend is not flattened.
@@ -82,7 +81,7 @@ def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def resample(xy: NDArray[np.float64], points: int) -> NDArray[np.float64]:
+def resample(xy: Floats, points: int) -> Floats:
     """`points` points at equal arc lengths along the polyline `xy` (m, 2)."""
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
@@ -147,7 +146,7 @@ def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def ring(alpha: NDArray[np.uint8], chain: NDArray[np.int32], points: int) -> NDArray[np.float64]:
+def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     """The outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
     `chain` (m, 2) are the pixels just inside it, in order, closed. They are resampled evenly, moved
@@ -180,7 +179,7 @@ def _closed(xy, points):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def upper_level(patch: NDArray[np.uint8], threshold: float, share: float) -> float:
+def upper_level(patch: Picture, threshold: float, share: float) -> float:
     """The level below which `share` of the pixels of `patch` that exceed `threshold` lie."""
     count = np.zeros(256, np.int64)
     for y in range(patch.shape[0]):

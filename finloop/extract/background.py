@@ -14,9 +14,9 @@ import numpy as np
 import skimage
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.errors import FinloopError
 
-Image = NDArray[np.uint8]
 _GRID = 16  # every 16th pixel in both directions is enough to measure the light
 _SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
 _STRIP = 64  # rows
@@ -37,7 +37,7 @@ class Scene:
     smoothed difference image, grey levels. threshold: grey levels, above it a pixel is not noise.
     """
 
-    background: Image
+    background: Picture
     polarity: Polarity
     noise: float
     threshold: float
@@ -49,7 +49,7 @@ def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
     return most - (most + 1) % 2
 
 
-def median_background(frames: Iterable[Image]) -> Image:
+def median_background(frames: Iterable[Picture]) -> Picture:
     """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
     first, *others = frames
     alike = [first, *(brightened(frame, 1 / light(frame, first)) for frame in others)]
@@ -62,7 +62,7 @@ def median_background(frames: Iterable[Image]) -> Image:
     return out
 
 
-def flat_background(frames: Sequence[Image]) -> Image:
+def flat_background(frames: Sequence[Picture]) -> Picture:
     """A background of one even tone, for clips in which the fish hardly leaves its place.
 
     Otsu's threshold parts the pixels of all frames in two; the larger part is the tank, and its
@@ -83,7 +83,7 @@ def flat_background(frames: Sequence[Image]) -> Image:
     return np.ascontiguousarray(np.broadcast_to(np.asarray(tone, np.uint8), shape))
 
 
-def light(frame: Image, background: Image) -> float:
+def light(frame: Picture, background: Picture) -> float:
     """Brightness of `frame` relative to `background`: median of the ratio of their pixels.
 
     Exactly 1.0 if they differ by less than half a grey level: then nothing has to be converted.
@@ -96,17 +96,17 @@ def light(frame: Image, background: Image) -> float:
     return 1.0 if abs(gain - 1.0) * float(np.median(tank[lit])) < 0.5 or gain <= 0 else gain
 
 
-def brightened(picture: Image, gain: float) -> Image:
+def brightened(picture: Picture, gain: float) -> Picture:
     """The picture in a light `gain` times as strong."""
     return picture if gain == 1.0 else cv2.convertScaleAbs(picture, alpha=gain)
 
 
-def in_light_of(scene: Scene, frame: Image) -> Scene:
+def in_light_of(scene: Scene, frame: Picture) -> Scene:
     """The scene in the light of `frame`."""
     return replace(scene, background=brightened(scene.background, light(frame, scene.background)))
 
 
-def difference(frame: Image, scene: Scene) -> Image:
+def difference(frame: Picture, scene: Scene) -> Picture:
     """Difference image, (h, w) uint8, smoothed over 3x3 pixels; colour: the strongest channel."""
     if scene.polarity == "dark":
         change = cv2.subtract(scene.background, frame)
@@ -121,7 +121,7 @@ def difference(frame: Image, scene: Scene) -> Image:
 
 
 def survey_noise(
-    frames: Sequence[Image], background: Image, polarity: Polarity, sigmas: float, least: float
+    frames: Sequence[Picture], background: Picture, polarity: Polarity, sigmas: float, least: float
 ) -> Scene:
     """Measure noise and polarity on sampled frames and derive the threshold.
 

@@ -16,11 +16,11 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.extract.backbone import trace
 from finloop.extract.background import (
-    Image,
     Scene,
     flat_background,
     in_light_of,
@@ -82,7 +82,7 @@ def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int
     return numbers.tolist()
 
 
-def survey(sample: Sequence[Image], arena: Image, settings: Settings) -> tuple[Scene, Typical]:
+def survey(sample: Sequence[Picture], arena: Picture, settings: Settings) -> tuple[Scene, Typical]:
     """Scene and typical fish from frames spread over the clip.
 
     FinloopError if nothing stands out from the background, or no silhouette can be an isolated
@@ -139,7 +139,9 @@ def _no_fish(candidates: Sequence[Silhouette], scene: Scene) -> FinloopError:
     )
 
 
-def follow(frames: Iterable[Image], scene: Scene, rate_hz: float) -> Iterator[tuple[Image, Scene]]:
+def follow(
+    frames: Iterable[Picture], scene: Scene, rate_hz: float
+) -> Iterator[tuple[Picture, Scene]]:
     """Each frame with the scene whose background MOG2 has learnt so far, renewed every second."""
     model = cv2.createBackgroundSubtractorMOG2(
         history=max(2, round(20 * rate_hz)), detectShadows=False
@@ -164,11 +166,11 @@ class Detections(NamedTuple):
 class Detector:
     """Detects the fish of one frame, given the arena, a typical fish and the settings."""
 
-    arena: Image
+    arena: Picture
     typical: Typical
     settings: Settings
 
-    def __call__(self, frame: Image, scene: Scene) -> Detections:
+    def __call__(self, frame: Picture, scene: Scene) -> Detections:
         """All silhouettes of `frame`; those that are isolated fish are measured."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
@@ -186,7 +188,7 @@ class Detector:
 class Reader(Protocol):
     """Streams the frames start … stop − 1 of a clip; can be sent to another process."""
 
-    def __call__(self, *, start: int, stop: int) -> Iterator[Image]: ...
+    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
 
 
 class Film(NamedTuple):

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask, Picture
 from finloop.extract.backbone import Backbone, ring, trace, upper_level
-from finloop.extract.background import Image, Scene, difference
+from finloop.extract.background import Scene, difference
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -31,8 +31,8 @@ class Silhouette:
 
     x0: int
     y0: int
-    mask: NDArray[np.bool_]
-    field: Image
+    mask: Mask
+    field: Picture
     contrast: float
     area_px: float
     at_border: bool
@@ -52,14 +52,14 @@ class Fish:
     area_px: float
     contrast: float
     backbone: Backbone
-    outline_px: NDArray[np.float64]
+    outline_px: Floats
     x0: int
     y0: int
-    cutout: Image
+    cutout: Picture
 
 
 def silhouettes(
-    frame: Image, scene: Scene, arena: Image, least_area: float, share: float
+    frame: Picture, scene: Scene, arena: Picture, least_area: float, share: float
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
@@ -83,7 +83,7 @@ def silhouettes(
 
 
 def _parts(
-    patch: Image, left: int, top: int, level: int, contrast: float, arena: Image, least: float
+    patch: Picture, left: int, top: int, level: int, contrast: float, arena: Picture, least: float
 ) -> Iterator[Silhouette]:
     """The connected, hole-free parts of a candidate patch above `level`."""
     above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
@@ -105,7 +105,7 @@ def _parts(
         )  # fmt: skip
 
 
-def _touches_border(mask: Image, x0: int, y0: int, arena: Image) -> bool:
+def _touches_border(mask: Picture, x0: int, y0: int, arena: Picture) -> bool:
     """Whether a silhouette reaches the picture's edge, or comes close to the arena's."""
     h, w = mask.shape
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
@@ -119,7 +119,7 @@ def _touches_border(mask: Image, x0: int, y0: int, arena: Image) -> bool:
     return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
 
 
-def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> Fish | None:
+def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -> Fish | None:
     """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
     `frame` and `scene` are those in which it was found.
@@ -146,7 +146,7 @@ def measure(silhouette: Silhouette, frame: Image, scene: Scene, points: int) -> 
     )
 
 
-def matte(mask: NDArray[np.bool_], field: Image, threshold: float) -> Image:
+def matte(mask: Mask, field: Picture, threshold: float) -> Picture:
     """Soft alpha (h, w) uint8 of a silhouette.
 
     Near the outline a pixel is a blend of fish and tank, so alpha is its difference divided by the
@@ -160,14 +160,14 @@ def matte(mask: NDArray[np.bool_], field: Image, threshold: float) -> Image:
     return cv2.bitwise_and(soft, cv2.dilate(solid, np.ones((3, 3), np.uint8)))
 
 
-def outline(alpha: Image) -> NDArray[np.float64]:
+def outline(alpha: Picture) -> Floats:
     """The outline as (OUTLINE_POINTS, 2) x, y at equal arc lengths: alpha crosses one half."""
     inside = cv2.threshold(alpha, 127, 255, cv2.THRESH_BINARY)[1]
     chains = cv2.findContours(inside, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]
     return ring(alpha, max(chains, key=len)[:, 0], OUTLINE_POINTS)
 
 
-def premultiplied(film: Image, tank: Image, alpha: Image) -> Image:
+def premultiplied(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     """Cut-out (h, w, 2) grey + alpha or (h, w, 4) RGB + alpha, uint8, premultiplied by alpha.
 
     It is film − (1 − alpha) · tank: laid over the same tank it gives back the film, and over any

@@ -8,13 +8,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask
+
 _FORK = 3.0  # a path's end is cut where it is nearer to the tip than this share of its half width
 
 
 @njit(cache=True, nogil=True)
-def longest_geodesic(
-    skeleton: NDArray[np.bool_], weight: NDArray[np.float32]
-) -> NDArray[np.float64]:
+def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
     """Longest shortest path of a skeleton, as (m, 2) x, y (§2.2.1, Fig. 4: A to D).
 
     The length of a step is multiplied by the mean `weight` (h, w) of its two pixels. A weight of 1
@@ -62,7 +62,7 @@ def longest_geodesic(
 
 
 @njit(cache=True, nogil=True)
-def trim_forks(path: NDArray[np.float64], half_width: NDArray[np.float32]) -> NDArray[np.float64]:
+def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
     """The path without its forked ends.
 
     Near a blunt end the skeleton forks into the corners of the outline, so the path is cut off
@@ -81,7 +81,7 @@ def trim_forks(path: NDArray[np.float64], half_width: NDArray[np.float32]) -> ND
 
 
 @njit(cache=True, nogil=True)
-def _farthest(distance: NDArray[np.float64]) -> int:
+def _farthest(distance: Floats) -> int:
     best = 0
     for i in range(distance.size):
         if (np.isfinite(distance[i]) and not distance[i] <= distance[best]) or (

@@ -11,6 +11,8 @@ it was: exchanging head and tail would mean a jump of a body length, and costs a
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask, Reals
+
 _BLUNT = 0.12  # relative difference in width between the halves that makes the odds e : 1
 _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 1
 _MOST = 2.0  # most that either cue may say about one frame, in log odds
@@ -18,9 +20,7 @@ _WANDER = 0.15  # body lengths that an end moves between frames, standard deviat
 _MEMORY_S = 0.4  # frames nearer than this tell the same thing twice
 
 
-def head_first(
-    backbone: NDArray[np.floating], half_width: NDArray[np.floating], rate_hz: float
-) -> tuple[NDArray[np.bool_], NDArray[np.float64]]:
+def head_first(backbone: Reals, half_width: Reals, rate_hz: float) -> tuple[Mask, Floats]:
     """Whether the first point is the head, and how sure that is, for one track.
 
     backbone: (frames, n, 2) px, of consecutive frames, either end first.
@@ -42,14 +42,14 @@ def head_first(
     return first, np.where(first, confidence[:, 0], confidence[:, 1])
 
 
-def _blunt(half_width: NDArray[np.floating]) -> NDArray[np.float64]:
+def _blunt(half_width: Reals) -> Floats:
     """Log odds (frames,) that the first point is the head, from the widths near both ends."""
     part = half_width.shape[1] * 3 // 8
     one, other = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
     return np.clip((one - other) / np.maximum(one + other, 1e-9) / _BLUNT, -_MOST, _MOST)
 
 
-def _forward(backbone: NDArray[np.floating], length: float) -> NDArray[np.float64]:
+def _forward(backbone: Reals, length: float) -> Floats:
     """Log odds (frames,) that the first point is the head, from the travel around each frame."""
     if len(backbone) < 2:
         return np.zeros(len(backbone))
@@ -60,9 +60,7 @@ def _forward(backbone: NDArray[np.floating], length: float) -> NDArray[np.float6
     return np.clip((travel * axis).sum(1) / length / _FORWARD, -_MOST, _MOST)
 
 
-def _moves(
-    backbone: NDArray[np.floating], length: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _moves(backbone: Reals, length: float) -> tuple[Floats, Floats]:
     """Log probabilities (frames - 1,) of the step to the next frame: ends kept, ends exchanged."""
     ends = backbone[:, [0, -1]]
     kept = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
@@ -71,9 +69,7 @@ def _moves(
     return -kept / scale, -exchanged / scale
 
 
-def _viterbi(
-    emission: NDArray[np.float64], same: NDArray[np.float64], swapped: NDArray[np.float64]
-) -> NDArray[np.intp]:
+def _viterbi(emission: Floats, same: Floats, swapped: Floats) -> NDArray[np.intp]:
     """Most probable state sequence (frames,) of the two-state chain."""
     frames = len(emission)
     back = np.zeros((frames, 2), np.intp)
@@ -91,9 +87,7 @@ def _viterbi(
     return states
 
 
-def _posterior(
-    emission: NDArray[np.float64], same: NDArray[np.float64], swapped: NDArray[np.float64]
-) -> NDArray[np.float64]:
+def _posterior(emission: Floats, same: Floats, swapped: Floats) -> Floats:
     """Probability (frames, 2) of each state given the whole track (forward-backward)."""
     frames = len(emission)
     ahead, behind = emission.copy(), np.zeros_like(emission)

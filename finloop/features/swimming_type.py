@@ -9,11 +9,13 @@ import numpy as np
 import skimage
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Reals
+
 STRAIGHT, LEFT, RIGHT = 0, 1, -1
 WORDS = {STRAIGHT: "straight", LEFT: "left", RIGHT: "right"}
 
 
-def turn(heading_deg: NDArray[np.floating], span: int) -> NDArray[np.float64]:
+def turn(heading_deg: Reals, span: int) -> Floats:
     """Change of heading (frames,) in degrees over `span` frames centred on each frame, + = left.
 
     Near the ends of a track, where the span does not fit, it is shortened and the change scaled up.
@@ -27,8 +29,8 @@ def turn(heading_deg: NDArray[np.floating], span: int) -> NDArray[np.float64]:
 
 
 def swimming_type(
-    turn_deg: NDArray[np.floating],
-    bend: NDArray[np.floating],
+    turn_deg: Reals,
+    bend: Reals,
     *,
     turn_threshold_deg: float,
     bend_threshold: float,

@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Reals
 from finloop.base.schema import Column, Schema, columns, lists_to_array
 from finloop.errors import FinloopError
 from finloop.features.area import bend
@@ -55,18 +56,18 @@ def delta_of(features: pd.DataFrame) -> int:
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
-def wrap_deg(angle: NDArray[np.floating]) -> NDArray[np.float64]:
+def wrap_deg(angle: Reals) -> Floats:
     """The same angle in (−180, 180]."""
     return 180.0 - (180.0 - np.asarray(angle, float)) % 360.0
 
 
-def orientation(heading_deg: NDArray[np.floating], orientations: int) -> NDArray[np.int8]:
+def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
     """Orientation number of so many (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
 
-def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> NDArray[np.float64]:
+def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Floats:
     """The heading in [0, 360) that an orientation, 1 … orientations, is centred on."""
     return (np.asarray(number, float) - 1) * (360 / orientations)
 
@@ -76,7 +77,7 @@ def orientations_of(table: pd.DataFrame) -> int:
     return int(table["orientations"].iloc[0])
 
 
-def heading(backbone: NDArray[np.floating]) -> NDArray[np.float64]:
+def heading(backbone: Reals) -> Floats:
     """Direction (rows,) in degrees of the head of backbones (rows, n, 2) that run head to tail.
 
     The chord from one third of the body to the head end: the part that does not bend.
@@ -118,9 +119,7 @@ def features(
     return table[[column.name for column in FEATURES.columns]], np.concatenate(lines)
 
 
-def oriented(
-    tracks: pd.DataFrame, rate_hz: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def oriented(tracks: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
     backbone = np.stack(
         [lists_to_array(tracks["backbone_x_px"]), lists_to_array(tracks["backbone_y_px"])], -1
@@ -131,8 +130,8 @@ def oriented(
 
 def _of_track(
     track: pd.DataFrame,
-    backbone: NDArray[np.float64],
-    confidence: NDArray[np.float64],
+    backbone: Floats,
+    confidence: Floats,
     rate_hz: float,
     settings: Settings,
 ) -> pd.DataFrame:

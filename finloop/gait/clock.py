@@ -12,9 +12,8 @@ It is linear in γ, so least squares over frames y has a closed form:
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
-Points = NDArray[np.float64]
+from finloop.base.arrays import Points
 
 
 def clock(tau: Points, gamma: float | Points) -> Points:

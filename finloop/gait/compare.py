@@ -13,11 +13,11 @@ import numpy as np
 import pandas as pd
 import scipy
 
+from finloop.base.arrays import Mask, Points
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
-from finloop.gait.film import Film, Mask, check, samples_of
+from finloop.gait.film import Film, check, samples_of
 from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
-from finloop.gait.model import Points
 
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02

@@ -7,8 +7,8 @@ limbs are foremost then, the others hindmost; of a fish its tail is farthest to 
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.gait.feet import align_phase, feet
 from finloop.gait.film import Film, hips
 from finloop.gait.limbs import Limbs, Region, limbs
@@ -57,7 +57,7 @@ def _beat(contours: Limbs, frame_rate_hz: float) -> Period:
     return require_periodic(beat, f"the limbs {', '.join(points)}")
 
 
-def ahead(points: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+def ahead(points: dict[str, Floats]) -> Floats:
     """A signal (frames,) that is greatest at key 1: right fore and left hind limbs ahead.
 
     The other limbs are behind. Of ids that are neither fore nor hind the right ones are ahead.

@@ -7,13 +7,11 @@ approximation.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Points
 from finloop.curve.wavelet import back, forward, mirrored, most_levels, scales, truncated
 from finloop.errors import FinloopError
 from finloop.gait.clock import clock
-
-Points = NDArray[np.float64]
 
 
 def levels_of(n: int, coarse: int, closed: bool = True) -> int:

@@ -8,13 +8,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints, Points
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import descriptor
-from finloop.gait.model import Ints, Layout, Points, Symmetry, half_later, partner, subcycle
+from finloop.gait.model import Layout, Symmetry, half_later, partner, subcycle
 
-Mask = NDArray[np.bool_]
 WIDEST = 0.125
 """Cycles: a frame may stand in for a key as far as this from its phase, or one frame if longer."""
 

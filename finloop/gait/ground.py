@@ -17,8 +17,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints, Points
 from finloop.errors import FinloopError
 
 FOOT = 0.25  # of a limb's height: the part that moves as one
@@ -26,8 +26,6 @@ PAW = 0.15  # of a limb's height: the part whose motion is measured
 FLAT = 0.01  # of a limb's greatest height: a lower one is refused
 SOLE = 0.03  # of a limb's height: the part that touches the ground
 
-Points = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Support = Mapping[str, tuple[tuple[float, float], ...]]
 Paths = dict[str, list[tuple[Ints, Points]]]
 """By id, for each support its frames and the distance that the foot has moved at each of them."""

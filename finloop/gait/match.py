@@ -9,8 +9,8 @@ part settles contours that look the same turned, such as an eye, which should no
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing
 from finloop.curve.contour import Curve, clockwise, resampled
 from finloop.errors import FinloopError
@@ -19,10 +19,6 @@ from finloop.gait.model import Symmetry, partner, reversal
 UPRIGHT = 0.02
 FINE = 8
 """Start points tried between two points of a contour."""
-
-Points = NDArray[np.float64]
-Complex = NDArray[np.complex128]
-Ints = NDArray[np.int64]
 
 
 def corresponding(

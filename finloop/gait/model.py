@@ -14,14 +14,12 @@ from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
+from finloop.base.arrays import Ints, Points
 from finloop.errors import FinloopError
 from finloop.gait.descriptor import between, few_control
 
-Points = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
 SUBCYCLES = ("A", "B", "C", "D")

@@ -13,14 +13,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.base.schema import lists_to_array
 from finloop.curve.contour import Curve, centroid, clockwise
 from finloop.errors import FinloopError
 from finloop.gait.period import Period, assess, course, period, with_phase_zero
-
-Float = NDArray[np.float64]
 
 POINTS = 128
 STRAIGHT = 0.03
@@ -37,12 +35,12 @@ class Swim:
     farthest to the left. If there is no beat, the pose of every single frame is removed.
     """
 
-    points: Float
+    points: Floats
     period: Period
     length_px: float
 
 
-def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Float, Float]:
+def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Floats]:
     """Outlines (frames, m, 2) and backbones (frames, k, 2), head first, of one track, px.
 
     Both tables must hold the same frames; the feature table says which end is the head.
@@ -61,7 +59,7 @@ def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Float, Float]
     return outline.astype(float), np.where(first[:, None, None], backbone, backbone[:, ::-1])
 
 
-def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = POINTS) -> Swim:
+def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS) -> Swim:
     """Contours in the body frame and the tail beat of consecutive frames of one fish.
 
     `outline_px` (frames, m, 2) run either way round, `backbone_px` (frames, k, 2) head first; `n`
@@ -85,13 +83,13 @@ def swim(outline_px: Float, backbone_px: Float, frame_rate_hz: float, n: int = P
     return Swim(straightened, with_phase_zero(steady, -tail(straightened)), length)
 
 
-def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
+def steady(swims: Sequence[Swim]) -> tuple[Floats, Floats]:
     """Contours (f, n, 2) and rising phase (f,) of the steady frames of periodic tracks in a row.
 
     Each stretch of steady frames begins a new cycle, so the phase counts the cycles of the result.
     FinloopError if no track is periodic; the reasons are counted.
     """
-    points, phase = list[Float](), list[Float]()
+    points, phase = list[Floats](), list[Floats]()
     begin = 0.0
     for swim in swims:
         if swim.period.why:
@@ -115,7 +113,7 @@ def steady(swims: Sequence[Swim]) -> tuple[Float, Float]:
     return np.concatenate(points), np.concatenate(phase)
 
 
-def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
+def contours(outline_px: Floats, snout_px: Floats, n: int) -> Floats:
     """Outlines (frames, m, 2) as (frames, n, 2): clockwise, equal arc lengths, from the snout.
 
     `snout_px` (frames, 2); point 0 is the place on the outline nearest to it, between its points.
@@ -136,7 +134,7 @@ def contours(outline_px: Float, snout_px: Float, n: int) -> Float:
     return out
 
 
-def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
+def pose(points: Floats, backbone: Floats) -> tuple[Floats, Floats]:
     """Centre (frames, 2) of the area of contours and direction (frames,) of the backbones.
 
     The direction is that of the line nearest to the backbone, towards the head; radians from x
@@ -150,14 +148,14 @@ def pose(points: Float, backbone: Float) -> tuple[Float, Float]:
     return centroid(points), np.unwrap(angle + np.pi * away)
 
 
-def in_body_frame(points: Float, centre: Float, angle: Float) -> Float:
+def in_body_frame(points: Floats, centre: Floats, angle: Floats) -> Floats:
     """Contours (frames, n, 2) relative to `centre` (frames, 2), `angle` (frames,) turned to +x."""
     cos, sin = np.cos(angle), np.sin(angle)
     turn = np.stack([np.stack([cos, -sin], -1), np.stack([sin, cos], -1)], -2)
     return (points - centre[:, None]) @ turn
 
 
-def sideways(points: Float) -> Float:
+def sideways(points: Floats) -> Floats:
     """Sideways position (frames, n / 2 + 1) of the midline, + to the right, from snout to tail.
 
     It is the mean of the two points equally far from the snout on either side. A tail beat moves
@@ -167,7 +165,7 @@ def sideways(points: Float) -> Float:
     return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
 
 
-def bent(points: Float) -> Float:
+def bent(points: Floats) -> Floats:
     """Asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
 
     It is half the RMS distance of corresponding points of the contour and its mirror image.
@@ -176,7 +174,7 @@ def bent(points: Float) -> Float:
     return np.sqrt(((points - image) ** 2).sum(axis=2).mean(axis=1)) / 2
 
 
-def tail(points: Float) -> Float:
+def tail(points: Floats) -> Floats:
     """Sideways position (frames,) of the tail end in the body frame; + is to the right."""
     n = points.shape[1]
     reach = max(1, round(TAIL * n))

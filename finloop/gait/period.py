@@ -13,13 +13,10 @@ window that its sinusoid explains, 0-1.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask
 from finloop.errors import FinloopError
 from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
-
-Float = NDArray[np.float64]
-Mask = NDArray[np.bool_]
 
 CONFIDENT = 0.5
 """From this confidence on a motion counts as periodic."""
@@ -38,7 +35,7 @@ class Period:
     """Frequency and phase of a repeating motion, and the confidence in it."""
 
     frequency_hz: float  # cycles a second over the steady frames; NaN if there is none
-    phase: Float  # (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
+    phase: Floats  # (frames,) in cycles, rising, not wrapped; its whole numbers are key frame 1
     steady: Mask  # (frames,) bool, where the motion repeats and the phase means something
     # 0-1, share of the variance of a steady cycle that the others predict; 0 if few
     confidence: float
@@ -47,9 +44,9 @@ class Period:
 
 
 def period(
-    signal: Float,
+    signal: Floats,
     frame_rate_hz: float,
-    extreme: Float | None = None,
+    extreme: Floats | None = None,
     slowest_hz: float = 0.0,
     fastest_hz: float = np.inf,
 ) -> Period:
@@ -91,7 +88,7 @@ def period(
     return with_phase_zero(beat, followed)
 
 
-def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Period:
+def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
     """The period of a motion (frames, k) of known phase (frames,), with its confidence.
 
     Steady are the frames of `good` (frames,) in a row for a cycle or longer.
@@ -107,7 +104,7 @@ def assess(signal: Float, phase: Float, good: Mask, frame_rate_hz: float) -> Per
     return Period(float(frequency), phase, steady, confidence, cycles, why)
 
 
-def with_phase_zero(beat: Period, extreme: Float) -> Period:
+def with_phase_zero(beat: Period, extreme: Floats) -> Period:
     """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
     used = beat.steady & np.isfinite(extreme)
     terms = _harmonics(beat.phase[used], 1)
@@ -128,7 +125,7 @@ def require_periodic(beat: Period, name: str) -> Period:
     return beat
 
 
-def _checked(signal: Float, frame_rate_hz: float) -> Float:
+def _checked(signal: Floats, frame_rate_hz: float) -> Floats:
     signal = np.asarray(signal, np.float64)
     if signal.ndim != 2 or not np.isfinite(signal).all(axis=1).any():
         raise FinloopError(
@@ -148,7 +145,7 @@ def _none(frames: int, why: str) -> Period:
     return Period(np.nan, np.zeros(frames), np.zeros(frames, bool), 0.0, 0.0, why)
 
 
-def filled(signal: Float) -> Float:
+def filled(signal: Floats) -> Floats:
     """A signal (frames, k) whose NaN are filled by linear interpolation, column by column.
 
     FinloopError if a column is all NaN.
@@ -164,7 +161,7 @@ def filled(signal: Float) -> Float:
     return out
 
 
-def _modes(signal: Float) -> Float:
+def _modes(signal: Floats) -> Floats:
     """Scores (frames, m) of the principal modes, the strongest first; none if nothing moves."""
     centred = signal - signal.mean(axis=0)
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
@@ -175,13 +172,13 @@ def _modes(signal: Float) -> Float:
     return left[:, :keep] * size[:keep]
 
 
-def _sign(signal: Float) -> float:
+def _sign(signal: Floats) -> float:
     """Sign by which the largest coordinate of the strongest mode is positive."""
     along = np.linalg.svd(signal - signal.mean(axis=0), full_matrices=False)[2][0]
     return float(np.sign(along[np.abs(along).argmax()]))
 
 
-def _long_runs(good: Mask, phase: Float) -> Mask:
+def _long_runs(good: Mask, phase: Floats) -> Mask:
     """Frames in runs of at least a cycle in which the phase rises."""
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
@@ -191,7 +188,7 @@ def _long_runs(good: Mask, phase: Float) -> Mask:
     return kept
 
 
-def course(values: Float, phase: Float) -> Float:
+def course(values: Floats, phase: Floats) -> Floats:
     """Values (frames, k) with the beat removed.
 
     At every frame a straight line plus a sinusoid of the beat is fitted over the cycle and a half
@@ -210,12 +207,12 @@ def course(values: Float, phase: Float) -> Float:
     return out
 
 
-def _harmonics(phase: Float, count: int) -> Float:
+def _harmonics(phase: Floats, count: int) -> Floats:
     angle = 2 * np.pi * phase[:, None] * np.arange(1, count + 1)
     return np.hstack([np.ones((len(phase), 1)), np.cos(angle), np.sin(angle)])
 
 
-def _predicted_share(modes: Float, phase: Float, steady: Mask) -> float:
+def _predicted_share(modes: Floats, phase: Floats, steady: Mask) -> float:
     """Share of the modes' variance in each steady cycle that the other cycles predict."""
     y, moment = modes[steady], phase[steady]
     terms = _harmonics(moment, _HARMONICS)
@@ -229,7 +226,7 @@ def _predicted_share(modes: Float, phase: Float, steady: Mask) -> float:
     return max(0.0, 1 - left / total)
 
 
-def _why_not(modes: Float, share: Float, why: str) -> str:
+def _why_not(modes: Floats, share: Floats, why: str) -> str:
     """Say why there are too few steady cycles; `why` where nothing more can be said."""
     slow = np.pi * np.arange(len(modes)) / len(modes)
     first = modes[:, 0]

@@ -12,8 +12,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
-Complex = NDArray[np.complex128]
+from finloop.base.arrays import Complex, Floats
 
 LEAST_FRAMES = 8
 """In a window: four numbers are fitted to it."""
@@ -24,12 +23,12 @@ _QUIET = 0.1  # of the whole motion's variance: what stays below in a window is 
 _OCTAVE = 0.5  # cost of a change of frequency by an octave within a cycle, in shares
 
 
-def grid_of(low: float, high: float) -> Float:
+def grid_of(low: float, high: float) -> Floats:
     """Frequencies from `low` to `high` in even ratios; a window of each is `_CYCLES` long."""
     return np.geomspace(low, high, max(3, int(np.ceil(np.log(high / low) / np.log(_STEP)))))
 
 
-def _windows(modes: Float, frequency: float) -> tuple[Float, Complex, Float]:
+def _windows(modes: Floats, frequency: float) -> tuple[Floats, Complex, Floats]:
     """A sinusoid of `frequency` (cycles a frame) in a window about every frame.
 
     Beside a straight line (a turn, a drift), by least squares with a sine-shaped weight. The first
@@ -58,16 +57,16 @@ def _windows(modes: Float, frequency: float) -> tuple[Float, Complex, Float]:
     cos, sin = np.moveaxis(along[..., 2:] @ np.linalg.inv(upper[2:, 2:]).T, -1, 0)
     start = np.clip(np.arange(frames) - n // 2, 0, frames - n)
     apart = (np.arange(frames) - start - (n - 1) / 2).astype(np.float64)
-    share: Float = (np.maximum(fair, 0) / (total + rest))[start]
+    share: Floats = (np.maximum(fair, 0) / (total + rest))[start]
     return share, (cos - 1j * sin)[start], apart
 
 
-def shares(modes: Float, grid: Float) -> Float:
+def shares(modes: Floats, grid: Floats) -> Floats:
     """Share explained (frequencies, frames) by each frequency of `grid` about every frame."""
     return np.stack([_windows(modes, frequency)[0] for frequency in grid])
 
 
-def ridge(share: Float, grid: Float) -> NDArray[np.intp]:
+def ridge(share: Floats, grid: Floats) -> NDArray[np.intp]:
     """The frequency (frames,) of every frame, as places in `grid`: greatest sum of shares.
 
     From one frame to the next a place may move by one; a move costs the more the slower the beat,
@@ -91,7 +90,7 @@ def ridge(share: Float, grid: Float) -> NDArray[np.intp]:
     return path
 
 
-def _peak(share: Float, path: NDArray[np.intp], grid: Float) -> Float:
+def _peak(share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
     """Frequency (frames,) of the greatest share near the ridge, between the places of the grid."""
     frame = np.arange(len(path))
     middle = np.clip(path, 1, len(grid) - 2)
@@ -101,7 +100,7 @@ def _peak(share: Float, path: NDArray[np.intp], grid: Float) -> Float:
     return grid[middle] * (grid[1] / grid[0]) ** np.clip(off, -1, 1)
 
 
-def phase_along(modes: Float, share: Float, path: NDArray[np.intp], grid: Float) -> Float:
+def phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floats) -> Floats:
     """Phase (frames,) in cycles that all modes have in common, along the ridge `path`.
 
     Of the amplitudes (frames, modes), turned on from the middle of the window to the frame, the

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 from math import ceil, log10
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.gait.ground import Ground, Support, ground, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders
@@ -22,9 +22,6 @@ from finloop.morph.layers import check_pairs, check_sizes, fitted
 LEAST_FRAMES = 4  # one a key
 LIFTED = 0.02  # of a limb's height
 DIGITS = 5  # of the larger side of the drawing: a hundredth of a pixel where that is 1000 px
-
-Points = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,10 @@ from fractions import Fraction
 from xml.sax.saxutils import quoteattr
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints
 from finloop.base.drawing import Morph
 from finloop.base.paint import Paint, Shape, shapes
-
-Ints = NDArray[np.int64]
 
 
 def to_svg(morph: Morph, frame_rate: Fraction) -> str:

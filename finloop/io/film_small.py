@@ -6,9 +6,8 @@ from tempfile import TemporaryDirectory
 
 import av
 import cv2
-import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.errors import FinloopError
 from finloop.io.movie import Mp4Writer
 from finloop.io.video import read_frames
@@ -17,7 +16,7 @@ _CRF = 28  # of a film made smaller
 _WIDTHS = (960, 640, 426)
 
 
-def small_film(path: Path, most_bytes: int) -> tuple[bytes, NDArray[np.uint8]]:
+def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
     """The bytes of an MP4, made smaller if they are too many, and its first frame, (h, w, 3) RGB.
 
     FinloopError if the film cannot be read, or is too long to become so small.

@@ -16,8 +16,8 @@ import cv2
 import numpy as np
 from av.video.frame import VideoFrame
 from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.io.atomic import whole_file
 from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
 
@@ -75,7 +75,7 @@ class Movie(ABC):
         coder.color_range, coder.colorspace = ColorRange.MPEG, matrix
         coder.color_primaries, coder.color_trc = _COLOURS[matrix]
 
-    def _even(self, frame: NDArray[np.uint8], border: int) -> NDArray[np.uint8]:
+    def _even(self, frame: Picture, border: int) -> Picture:
         """The frame padded to even sides; `border` is OpenCV's border type."""
         if not any(self._odd):
             return frame
@@ -85,10 +85,10 @@ class Movie(ABC):
     def __enter__(self) -> Self: ...
 
     @abstractmethod
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         """The frame in the stream's pixel format."""
 
-    def write(self, frame: NDArray[np.uint8]) -> None:
+    def write(self, frame: Picture) -> None:
         """Append one frame, uint8 of the film's shape."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
@@ -113,7 +113,7 @@ class Movie(ABC):
 _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 
 
-def _subsampled(frame: NDArray[np.uint8], matrix: Colorspace) -> VideoFrame:
+def _subsampled(frame: Picture, matrix: Colorspace) -> VideoFrame:
     """A frame of even sides as 4:2:0 of limited range."""
     if frame.ndim == 2:  # swscale gives grey a tint that varies
         height, width = frame.shape
@@ -170,7 +170,7 @@ class VideoWriter(Movie):
         coder.color_range, coder.colorspace = ColorRange.JPEG, Colorspace.ITU601
         return self
 
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         if frame.ndim == 2:
             picture = VideoFrame.from_ndarray(frame, format="gray")
             picture.color_range = ColorRange.JPEG
@@ -196,7 +196,7 @@ class Mp4Writer(Movie):
         self._halved(stream, "yuv420p", Colorspace.ITU709)
         return self
 
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         return _subsampled(self._even(frame, cv2.BORDER_REPLICATE), Colorspace.ITU709)
 
 
@@ -221,6 +221,6 @@ class WebpWriter(Movie):
         (stream.width, stream.height), stream.pix_fmt = self._size, "yuv420p"
         return self
 
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         small = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
         return _subsampled(small, Colorspace.ITU601)  # as WebP is defined

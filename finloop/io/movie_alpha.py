@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 from av.video.frame import VideoFrame
 from av.video.reformatter import Colorspace
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.io.movie import Movie
 
 
@@ -35,7 +35,7 @@ class WebmWriter(Movie):
         self._halved(stream, "yuva420p", Colorspace.ITU601)
         return self
 
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         """4:2:0 of limited range, BT.601, with alpha as it is.
 
         By OpenCV: swscale takes three times as long, and changes alpha by 1.
@@ -65,5 +65,5 @@ class AlphaWebpWriter(Movie):
         stream.pix_fmt = "bgra"  # the coder's own order: it makes 4:2:0 itself, alpha in mind
         return self
 
-    def _coded(self, frame: NDArray[np.uint8]) -> VideoFrame:
+    def _coded(self, frame: Picture) -> VideoFrame:
         return VideoFrame.from_ndarray(cv2.cvtColor(frame, cv2.COLOR_RGBA2BGRA), format="bgra")

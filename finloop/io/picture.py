@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
     from matplotlib.figure import Figure
 
 
-def save_picture(path: Path, picture: NDArray[np.uint8]) -> None:
+def save_picture(path: Path, picture: Picture) -> None:
     """Write (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA uint8, format as the ending."""
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
@@ -23,7 +23,7 @@ def save_picture(path: Path, picture: NDArray[np.uint8]) -> None:
         part.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
 
 
-def load_picture(path: Path) -> NDArray[np.uint8]:
+def load_picture(path: Path) -> Picture:
     """Read a picture as (h, w) grey or (h, w, 3) RGB uint8; FinloopError if there is none."""
     try:
         coded = np.frombuffer(path.read_bytes(), np.uint8)

@@ -13,8 +13,8 @@ from typing import Generic, NamedTuple, TypeVar
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Mask
 from finloop.base.drawing import Curve
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_folder
@@ -34,7 +34,7 @@ class Regions(NamedTuple, Generic[T]):
     first: int
 
 
-def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) -> None:
+def save_masks(folder: Path, frames: Iterable[Mapping[str, Mask]]) -> None:
     """Write masks (h, w) by id, frame after frame."""
     with whole_folder(folder) as part:
         for k, frame in enumerate(frames):
@@ -46,7 +46,7 @@ def save_masks(folder: Path, frames: Iterable[Mapping[str, NDArray[np.bool_]]]) 
 
 def load_regions(
     folder: Path,
-    of_mask: Callable[[NDArray[np.bool_]], T],
+    of_mask: Callable[[Mask], T],
     of_trace: Callable[[Curve, float, float], T],
 ) -> Regions[T]:
     """Regions of masks or traces.
@@ -77,9 +77,7 @@ def load_regions(
     return _load_traces(traces, of_trace) if traces else _load_masks(masks, of_mask)
 
 
-def _load_masks(
-    paths: Mapping[str, list[Path]], of_mask: Callable[[NDArray[np.bool_]], T]
-) -> Regions[T]:
+def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -> Regions[T]:
     numbered = {name: _numbered(of) for name, of in paths.items()}
     first = min(min(of) for of in numbered.values())
     last = max(max(of) for of in numbered.values())

@@ -15,8 +15,8 @@ from xml.etree import ElementTree
 
 import numpy as np
 import svgelements as svg
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Points
 from finloop.base.drawing import Curve, Drawing, checked
 from finloop.base.paint import PART
 from finloop.errors import FinloopError
@@ -27,7 +27,6 @@ MOST_CONTOURS = 1000
 
 _MOST_PIECES = 500  # of one curved segment
 _GRADIENT = "#808080"  # stands for gradients and patterns
-Points = NDArray[np.float64]
 
 
 def load_svg(path: Path) -> Drawing:

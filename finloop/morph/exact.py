@@ -7,7 +7,8 @@ neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
+
+from finloop.base.arrays import Points
 
 _SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 _SPLIT = 134217729.0  # 2^27 + 1
@@ -65,7 +66,7 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
 
 
 @njit(cache=True)
-def meet(points: NDArray, a: int, b: int, c: int, d: int) -> bool:
+def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
     """Whether the segments ab and cd of points (n, 2), whose boxes overlap, share a point."""
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
     cx, cy, dx, dy = points[c, 0], points[c, 1], points[d, 0], points[d, 1]

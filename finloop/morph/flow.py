@@ -20,13 +20,10 @@ contact (`morph.folds.stays_simple`).
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Points
 from finloop.curve.contour import centroid
 from finloop.morph.folds import no_contact
-
-Points = NDArray[np.float64]
-Poses = NDArray[np.float64]
 
 GROWTH = 1.3  # of the time step, from one pose to the next
 STEP = 0.1  # longest time step, in areas of the curve
@@ -66,8 +63,8 @@ def resized(points: Points, goal: float) -> Points:
     return out
 
 
-def shortened(points: Points) -> tuple[Poses, bool]:
-    """Poses (k, n, 2) of one area, from a simple closed polygon on; whether the last is round."""
+def shortened(points: Points) -> tuple[Points, bool]:
+    """Points (k, n, 2) of one area, from a simple closed polygon on; whether the last is round."""
     poses = [np.ascontiguousarray(points, np.float64)]
     goal = area(poses[0])
     step, halved = (_length(poses[0]) / len(points)) ** 2, 0
@@ -135,8 +132,8 @@ def _implicit_step(points: Points, step: float) -> Points:
     return out
 
 
-def ears_off(points: Points) -> tuple[Poses, bool]:
-    """Poses (n − 2, n, 2) from a simple closed polygon to a triangle; whether it got there.
+def ears_off(points: Points) -> tuple[Points, bool]:
+    """Points (n − 2, n, 2) from a simple closed polygon to a triangle; whether it got there.
 
     Sizes are put back as in `shortened`. It only stops short where floats cannot tell.
     """
@@ -170,8 +167,8 @@ def _cut(points: Points, first: int, last: int) -> Points:
     return cut
 
 
-def retracted(points: Points) -> tuple[Poses, bool]:
-    """Poses (k, n, 2) of one length, from a simple open curve to a line; whether it got there."""
+def retracted(points: Points) -> tuple[Points, bool]:
+    """Points (k, n, 2) of one length, from a simple open curve to a line; whether it got there."""
     points = np.ascontiguousarray(points, np.float64)
     along = np.r_[0.0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))]
     poses, part, shrink = [points], 1.0, SHRINK
@@ -198,7 +195,7 @@ def _is_straight(points: Points) -> bool:
 
 
 def joined(first: Points, second: Points, closed: bool) -> Points:
-    """Poses (JOIN, n, 2) between two plain polygons of one sense of turning, or two lines.
+    """Points (JOIN, n, 2) between two plain polygons of one sense of turning, or two lines.
 
     Closed: seen from a point that sees all of a polygon, its vertices stand at rising angles, less
     than half a turn apart; so do those of any mean of two such polygons, whatever the radii.

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Ints, Reals
 from finloop.errors import FinloopError
 from finloop.morph.exact import meet, turns_back
 
@@ -36,7 +36,7 @@ class Motion(NamedTuple):
     margin: float
 
 
-def folds(stack: NDArray[np.floating], closed: bool = True) -> NDArray[np.int64]:
+def folds(stack: Reals, closed: bool = True) -> Ints:
     """The number of pairs of edges that meet in each polygon, exact; 0 = strictly simple.
 
     Pairs that share a vertex count where they overlap in more than it; an edge without length
@@ -54,12 +54,12 @@ def folds(stack: NDArray[np.floating], closed: bool = True) -> NDArray[np.int64]
     return np.array([count_folds(points, closed, False) for points in stack], np.int64)
 
 
-def is_simple(points: NDArray[np.floating], closed: bool = True) -> bool:
+def is_simple(points: Reals, closed: bool = True) -> bool:
     """Whether one polygon (n, 2) has no folds; stops at the first."""
     return count_folds(_stack(points, closed)[0], closed, True) == 0
 
 
-def stays_simple(path: NDArray[np.floating], closed: bool = True) -> bool:
+def stays_simple(path: Reals, closed: bool = True) -> bool:
     """Whether a polygon that moves straight from pose to pose (k, n, 2) is simple all the way.
 
     True is a proof for every moment, not for the poses alone; see the head of this file.
@@ -70,8 +70,8 @@ def stays_simple(path: NDArray[np.floating], closed: bool = True) -> bool:
     return bool(no_contact(path, closed))
 
 
-def _stack(stack: NDArray[np.floating], closed: bool) -> NDArray[np.float64]:
-    polygons: NDArray[np.float64] = np.ascontiguousarray(stack, np.float64)
+def _stack(stack: Reals, closed: bool) -> Floats:
+    polygons: Floats = np.ascontiguousarray(stack, np.float64)
     polygons = polygons[None] if polygons.ndim == 2 else polygons
     if polygons.ndim != 3 or polygons.shape[2] != 2 or polygons.shape[1] < 2 + closed:
         raise FinloopError(
@@ -85,7 +85,7 @@ def _stack(stack: NDArray[np.floating], closed: bool) -> NDArray[np.float64]:
 
 
 @njit(cache=True)
-def _edge_boxes(points: NDArray, edges: int) -> tuple[NDArray, NDArray]:
+def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
     """Boxes (edges, 4), left top right bottom, of the edges and of blocks of them."""
     n = len(points)
     boxes = np.empty((edges, 4))
@@ -99,7 +99,7 @@ def _edge_boxes(points: NDArray, edges: int) -> tuple[NDArray, NDArray]:
 
 
 @njit(cache=True)
-def _gathered(boxes: NDArray) -> NDArray:
+def _gathered(boxes: Floats) -> Floats:
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
         blocks[k] = boxes[k * BLOCK]
@@ -112,13 +112,13 @@ def _gathered(boxes: NDArray) -> NDArray:
 
 
 @njit(cache=True)
-def _overlap(a: NDArray, i: int, b: NDArray, j: int) -> bool:
+def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
     # & rather than `and`: four unpredictable branches take ten times as long
     return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
 
 
 @njit(cache=True)
-def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
+def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
     """`folds` of one polygon of floats, or 1 at its first fold; nothing is checked."""
     n = len(points)
     edges = n if closed else n - 1
@@ -155,7 +155,7 @@ def count_folds(points: NDArray, closed: bool, first_only: bool) -> int:
 
 
 @njit(cache=True)
-def _bernstein(before: NDArray, after: NDArray, v: int, i: int, j: int) -> Motion:
+def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> Motion:
     """Bernstein coefficients of u × w and u · w, with the margin for their rounding.
 
     u and w go from vertex v to vertices i and j, from the pose `before` to the pose `after`.
@@ -198,7 +198,7 @@ def _passes(motion: Motion) -> bool:
 
 
 @njit(cache=True)
-def no_contact(path: NDArray, closed: bool) -> bool:
+def no_contact(path: Floats, closed: bool) -> bool:
     """`stays_simple` of poses (k, n, 2) whose first is simple; nothing is checked."""
     poses, n = len(path), path.shape[1]
     edges = n if closed else n - 1

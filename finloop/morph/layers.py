@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
 from finloop.curve.contour import Curve
 from finloop.errors import FinloopError
@@ -22,9 +23,6 @@ METHODS = ("linear", "physical", "simple")
 DIGITS = (6, 9, 12)  # of the larger side of the drawing: the grid is 1e-5 of it or finer
 REACH = 1000  # sides of the picture: the farthest that a contour may reach
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
-
-Points = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 class Physics(NamedTuple):

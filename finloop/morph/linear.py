@@ -4,15 +4,13 @@ Neither knows whether a frame meets itself: count with `morph.folds.folds`.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.curve.dynamics import solve
 from finloop.curve.problem import Material, Problem
 from finloop.curve.wavelet import control, from_control, mirrored
 from finloop.morph.match import matched
-
-Points = NDArray[np.float64]
 
 FADE = 0.25
 """Share of the time, at its end, in which what still swings is faded out: the last frame is b."""

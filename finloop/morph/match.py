@@ -7,14 +7,14 @@ the curves does not matter.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.curve.contour import Curve, area, resampled
 from finloop.errors import FinloopError
 from finloop.morph.folds import is_simple
 
 
-def matched(a: Curve, b: Curve, n: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def matched(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
     """Points (n, 2) of both curves, row i of one belonging to row i of the other; a's order kept.
 
     FinloopError if one is closed and the other open.
@@ -32,28 +32,26 @@ def matched(a: Curve, b: Curve, n: int) -> tuple[NDArray[np.float64], NDArray[np
     return first, min((second, second[::-1]), key=lambda points: _far(first, points))
 
 
-def best_start(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def best_start(first: Floats, second: Floats) -> Floats:
     """The closed polygon `other` (n, 2), or its reverse, from its best start point on."""
     fits = [(misfit(first, points), points) for points in _directions(first, second)]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return np.roll(points, -int(far.argmin()), axis=0)
 
 
-def _directions(
-    first: NDArray[np.float64], second: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], ...]:
+def _directions(first: Floats, second: Floats) -> tuple[Floats, ...]:
     """Two simple curves must turn the same way: else the area passes 0, and the morph folds."""
     if not (is_simple(first) and is_simple(second)):
         return second, second[::-1]
     return (second if area(Curve(first, True)) * area(Curve(second, True)) > 0 else second[::-1],)
 
 
-def misfit(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+def misfit(first: Floats, second: Floats) -> Floats:
     """Σ ‖a_i − b_{i+s}‖² for each start point s (n,) of closed polygons, both centred; by FFT."""
     a, b = ((points - points.mean(axis=0)) @ [1, 1j] for points in (first, second))
     product = np.fft.ifft(np.fft.fft(b) * np.fft.fft(a).conj()).real
     return (abs(a) ** 2).sum() + (abs(b) ** 2).sum() - 2 * product
 
 
-def _far(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
+def _far(first: Floats, second: Floats) -> float:
     return float(((first - first.mean(axis=0) - second + second.mean(axis=0)) ** 2).sum())

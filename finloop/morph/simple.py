@@ -14,15 +14,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Points
 from finloop.curve.contour import Curve
 from finloop.errors import FinloopError
-from finloop.morph.flow import Poses, area, ears_off, joined, resized, retracted, shortened
+from finloop.morph.flow import area, ears_off, joined, resized, retracted, shortened
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
 from finloop.morph.match import matched, misfit
-
-Points = NDArray[np.float64]
 
 PARTS = 16  # a straight way is followed in so many steps: small boxes, few pairs to look at
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # of the whole time, widest first
@@ -84,7 +82,7 @@ def path_length(frames: Points) -> float:
 
 
 def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
-    """Poses (k, n, 2) from one end to the other, each step of which is simple."""
+    """Points (k, n, 2) from one end to the other, each step of which is simple."""
     a, b = _plainer(first, closed), _plainer(second, closed)
     best: tuple[float, Points] | None = None
     for start in _starts(a, b) if closed else [0]:
@@ -98,7 +96,7 @@ def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
     return np.concatenate([a, joined(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
 
 
-def _starts(a: Poses, b: Poses) -> list[int]:
+def _starts(a: Points, b: Points) -> list[int]:
     """Start points worth trying: 0 and where poses of equal rank, from far to plain, fit best.
 
     One step along the outline is nothing new: only local minima count.
@@ -117,7 +115,7 @@ def _starts(a: Poses, b: Poses) -> list[int]:
     return kept
 
 
-def _shortest(a: Poses, b: Poses, closed: bool, below: float) -> tuple[float, int, int] | None:
+def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, int, int] | None:
     """Length, i and j of the shortest free way a → a_i → b_j → b that is shorter than `below`.
 
     Where two poses are not free, plainer ones may be: their less plain forerunners are left out.
@@ -163,7 +161,7 @@ def _plainer(points: Points, closed: bool) -> Points:
 
 
 @njit(cache=True)
-def _apart(a: Poses, b: Poses) -> Points:
+def _apart(a: Points, b: Points) -> Points:
     """Mean distance (k, m) of the vertices of poses of a (k, n, 2) from those of b (m, n, 2)."""
     far = np.zeros((len(a), len(b)))
     for i in range(len(a)):
@@ -187,7 +185,7 @@ def _free(first: Points, second: Points, closed: bool) -> bool:
     return no_contact(path, closed)
 
 
-def _frames(poses: Poses, frames: int, closed: bool) -> tuple[Poses, bool]:
+def _frames(poses: Points, frames: int, closed: bool) -> tuple[Points, bool]:
     """Frames at an even pace, smoothed in time as far as they stay simple, of an area in bounds.
 
     And whether each is a pose of the unsmoothed way, but for its size.

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.extract.background import Image, Scene, in_light_of
+from finloop.base.arrays import Picture
+from finloop.extract.background import Scene, in_light_of
 from finloop.extract.film import Settings, Typical, judge
 from finloop.extract.segment import Silhouette, silhouettes
 
@@ -20,11 +21,11 @@ _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
 
 
 def detections_picture(
-    frames: Sequence[Image],
+    frames: Sequence[Picture],
     numbers: Sequence[int],
     scene: Scene,
     typical: Typical,
-    arena: Image,
+    arena: Picture,
     settings: Settings,
 ) -> NDArray[np.uint8]:
     """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""

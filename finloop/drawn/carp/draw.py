@@ -7,10 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, Look, half_width, width_table
-
-Float = NDArray[np.float64]
-Image = NDArray[np.float32]
+from finloop.base.arrays import Floats
+from finloop.drawn.carp.skin import FIN_HALF, SKIN_HALF, Image, Look, half_width, width_table
 
 OVERSAMPLE = 3
 BLUR_PX = 0.6  # of the lens
@@ -47,7 +45,7 @@ class Drawing:
         )
 
 
-def _tangents(line: Float) -> Float:
+def _tangents(line: Floats) -> Floats:
     """Unit tangents at the points of a polyline, towards its start (the head)."""
     step = line[:-1] - line[1:]
     step /= np.linalg.norm(step, axis=1, keepdims=True)
@@ -56,7 +54,7 @@ def _tangents(line: Float) -> Float:
 
 
 def _body_coordinates(
-    line: Float, rows: int, columns: int, reach: Image
+    line: Floats, rows: int, columns: int, reach: Image
 ) -> tuple[NDArray[np.intp], Image, Image, Image]:
     """Body coordinates of the pixels near the midline: flat index, s, v (unit of `line`), left x.
 
@@ -100,7 +98,7 @@ def _body_coordinates(
 
 
 def draw(
-    line: Float,
+    line: Floats,
     fins: tuple[float, float],
     look: Look,
     light: tuple[float, float] = (-0.6, -0.8),
@@ -145,7 +143,7 @@ def draw(
 
 
 def _draw_fins(
-    picture: Image, cover: Image, line: Float, unit: float, fins: tuple[float, float], look: Look
+    picture: Image, cover: Image, line: Floats, unit: float, fins: tuple[float, float], look: Look
 ) -> None:
     """Draw the paired fins; `unit` is the body length in subpixels. Changes both arrays."""
     tangent = _tangents(line)
@@ -185,7 +183,7 @@ class _Body(NamedTuple):
 
 
 def _on_body(
-    line: Float, rows: int, columns: int, reach: Image, girth: float, unit: float
+    line: Floats, rows: int, columns: int, reach: Image, girth: float, unit: float
 ) -> _Body:
     """Subpixels of a picture (rows, columns) that lie on the body about the midline `line`."""
     index, s, v, left_x = _body_coordinates(line, rows, columns, reach)
@@ -225,7 +223,9 @@ def _sample(skin: Image, s: Image, v: Image) -> Image:
     return np.asarray(picked.reshape(-1, 4)[: len(s)])
 
 
-def _fin(picture: Image, cover: Image, fin: Image, root: Float, along: Float, lead: Float) -> None:
+def _fin(
+    picture: Image, cover: Image, fin: Image, root: Floats, along: Floats, lead: Floats
+) -> None:
     """Lay a fin (premultiplied picture and coverage) under what follows; changes both arrays."""
     side = fin.shape[0]
     # Fin picture (column, row) -> drawing: root + along * c + lead * -(2 r - 1) * FIN_HALF.

@@ -9,16 +9,14 @@ from typing import Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Picture
 from finloop.drawn.carp.draw import OVERSAMPLE, Drawing, blurred, draw
 from finloop.drawn.carp.midline import bend_of, curvature_of, heading_of, midline
 from finloop.drawn.carp.motion import Motion, crowded, room_of, simulate
 from finloop.drawn.carp.settings import CarpFilm
-from finloop.drawn.carp.skin import Look, floor, look
+from finloop.drawn.carp.skin import Image, Look, floor, look
 
-Float = NDArray[np.float64]
-Image = NDArray[np.float32]
 Row = dict[str, Any]
 
 SHADOW_OFFSET = (0.050, 0.075)  # of the shadow on the floor, body lengths right and down
@@ -46,7 +44,7 @@ def motion(params: CarpFilm) -> Motion:
     )
 
 
-def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Float:
+def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Floats:
     """Midline of a fish in a frame, (65, 2) pixels, head to tail."""
     at = (frame, fish)
     return params.body_length_px * midline(
@@ -63,7 +61,7 @@ def looks(params: CarpFilm) -> list[Look]:
     return [look(rng, columns, first + i) for i, rng in enumerate(rngs)]
 
 
-def light(params: CarpFilm) -> Float:
+def light(params: CarpFilm) -> Floats:
     """Brightness of the light at each frame: about 1, drifting slowly by ± `light_drift`."""
     phase = _streams(params)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
@@ -79,7 +77,7 @@ def empty_tank(params: CarpFilm) -> Image:
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
 
-def _row(fish: int, frame: int, line: Float, drawing: Drawing, poses: Motion) -> Row:
+def _row(fish: int, frame: int, line: Floats, drawing: Drawing, poses: Motion) -> Row:
     x, y = drawing.centre_px()
     return {
         "fish_id": fish,
@@ -138,7 +136,7 @@ def _window(
     return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
 
 
-def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
+def film(params: CarpFilm) -> Iterator[tuple[Picture, list[Row]]]:
     """Stream the frames with their truth.
 
     Yields
@@ -178,7 +176,7 @@ def film(params: CarpFilm) -> Iterator[tuple[NDArray[np.uint8], list[Row]]]:
         yield np.asarray(picture), rows
 
 
-def still(params: CarpFilm, frames: list[int], size_px: int) -> NDArray[np.uint8]:
+def still(params: CarpFilm, frames: list[int], size_px: int) -> Picture:
     """A strip of pictures: the first fish in some frames, side by side."""
     parts = []
     for number, (picture, rows) in enumerate(film(params)):

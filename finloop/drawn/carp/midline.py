@@ -14,26 +14,24 @@ from collections.abc import Sequence
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.drawn.carp.skin import half_width
 from finloop.drawn.truth import POINTS
-
-Float = NDArray[np.float64]
 
 SEGMENTS = POINTS - 1
 WAVELENGTH = 1.05  # of the tail beat: one wave on the body
 
 
 @cache
-def mass_weights() -> Float:
+def mass_weights() -> Floats:
     """Share of the body's mass at each midline point, head to tail, by the body's width."""
     width = half_width(np.linspace(0, 1, POINTS))
     return width / width.sum()
 
 
 @cache
-def bend_shape() -> Float:
+def bend_shape() -> Floats:
     """C-bend curvature at the 63 inner midline points; sums to 1; strongest in mid-body."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
     t = np.clip((s - 0.16) / 0.80, 0, 1)
@@ -42,7 +40,7 @@ def bend_shape() -> Float:
 
 
 @cache
-def wave_shape() -> Float:
+def wave_shape() -> Floats:
     """Angle (radians) that the tail-beat wave bends at each inner point at amplitude 1."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
     growth = 0.18 + 3.1 * np.clip((s - 0.2) / 0.8, 0, None) ** 1.35
@@ -56,8 +54,8 @@ def midline(
     beat: float,
     amplitude: float,
     bend: float,
-    ripple: Sequence[float] | Float = (0.0, 0.0),
-) -> Float:
+    ripple: Sequence[float] | Floats = (0.0, 0.0),
+) -> Floats:
     """Midline of a pose, (65, 2) in body lengths, head to tail; its arc length is exactly 1.
 
     Tangents are integrated from curvature, so the line cannot stretch; then it is placed with its
@@ -79,14 +77,14 @@ def midline(
     return line - weight @ line + (x, y)
 
 
-def bend_of(line: Float) -> float:
+def bend_of(line: Floats) -> float:
     """Signed area between a midline (head to tail) and its chord, / length², + for a left bend."""
     x, y = line[:, 0], line[:, 1]
     area = 0.5 * float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
     return area / float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum()) ** 2
 
 
-def heading_of(line: Float) -> float:
+def heading_of(line: Floats) -> float:
     """Direction from a third of the midline to the head, degrees in (-180, 180]."""
     at = (len(line) - 1) / 3
     i = int(at)
@@ -95,7 +93,7 @@ def heading_of(line: Float) -> float:
     return -float((-np.degrees(np.arctan2(-dy, dx)) + 180) % 360 - 180)
 
 
-def curvature_of(line: Float) -> float:
+def curvature_of(line: Floats) -> float:
     """Direction of the midline at the head minus at the tail, degrees, + for a left bend."""
     step = line[:-1] - line[1:]
     angle = np.unwrap(np.arctan2(-step[:, 1], step[:, 0]))

@@ -9,9 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.drawn.carp.swimmer import REACH, Room, Swimmer
-
-Float = NDArray[np.float64]
 
 STEP_S = 0.01  # integration steps are at most this long
 
@@ -21,14 +20,14 @@ class Motion:
     """Poses of all fish in all frames; arrays are (frames, fish)."""
 
     # x, y: mass centre of the midline, body lengths from the picture's upper left pixel centre
-    x: Float
-    y: Float
-    axis: Float  # direction of the body's mean tangent, radians
-    beat: Float  # phase of the tail beat, cycles
-    amplitude: Float  # of the tail beat, 1 = cruising
-    bend: Float  # the C-bend, tangent at the head minus at the tail, radians
-    ripple: Float  # (frames, fish, 2) small random curvature
-    fins: Float  # opening of the left and right pectoral fin, (frames, fish, 2), 0-1
+    x: Floats
+    y: Floats
+    axis: Floats  # direction of the body's mean tangent, radians
+    beat: Floats  # phase of the tail beat, cycles
+    amplitude: Floats  # of the tail beat, 1 = cruising
+    bend: Floats  # the C-bend, tangent at the head minus at the tail, radians
+    ripple: Floats  # (frames, fish, 2) small random curvature
+    fins: Floats  # opening of the left and right pectoral fin, (frames, fish, 2), 0-1
     swimming_type: NDArray[np.int8]  # 0 straight, 1 left, -1 right
 
 

@@ -13,7 +13,8 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-Float = NDArray[np.float64]
+from finloop.base.arrays import Floats
+
 Image = NDArray[np.float32]
 
 SKIN_HALF = 0.125  # the skin picture reaches this far to both sides of the midline
@@ -37,13 +38,13 @@ def _width_squared() -> "scipy.interpolate.PchipInterpolator":
     return scipy.interpolate.PchipInterpolator(s, w**2)
 
 
-def half_width(s: Float) -> Float:
+def half_width(s: Floats) -> Floats:
     """Half the body's width at `s`, in body lengths; 0 at both tips."""
     return np.sqrt(np.clip(_width_squared()(np.clip(s, 0, 1)), 0, None))
 
 
 @cache
-def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Float, Float, Float]:
+def width_table(points: int = 2048, beyond: float = 0.05) -> tuple[Floats, Floats, Floats]:
     """`s`, squared half width and its slope; beyond the tips a straight line, negative."""
     s = np.linspace(-beyond, 1 + beyond, points)
     curve, slope = _width_squared(), _width_squared().derivative()

@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask
 from finloop.drawn.dog.shape import (
     EAR,
     FAR_OFFSET,
@@ -29,8 +29,6 @@ from finloop.drawn.dog.shape import (
     smooth,
 )
 from finloop.errors import FinloopError
-
-Array = NDArray[np.float64]
 
 NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
 FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D
@@ -100,7 +98,7 @@ class DogFilm:
                 )
 
 
-def phases(dog: DogFilm) -> Array:
+def phases(dog: DogFilm) -> Floats:
     """Phase of each frame, 0 … `cycles`, not wrapped."""
     return np.arange(dog.frames) * dog.cycles / dog.frames
 
@@ -111,12 +109,12 @@ def gammas(dog: DogFilm, name: str) -> tuple[float, float, float, float]:
     return (*swing, 0.0, 0.0) if name in FIRST else (0.0, 0.0, *swing)
 
 
-def swings(name: str, phase: Array) -> NDArray[np.bool_]:
+def swings(name: str, phase: Floats) -> Mask:
     """Whether the foot is off the ground."""
     return np.asarray((np.mod(phase, 1.0) < 0.5) == (name in FIRST))
 
 
-def progress(dog: DogFilm, name: str, phase: Array) -> Array:
+def progress(dog: DogFilm, name: str, phase: Floats) -> Floats:
     """Progress of a limb through its half of the cycle, 0 … 1, by its clocks."""
     quarter, tau = np.divmod(np.mod(phase, 1.0) * 4, 1.0)
     which = quarter.astype(int) % 4
@@ -124,7 +122,7 @@ def progress(dog: DogFilm, name: str, phase: Array) -> Array:
     return (which % 2 + (1 + gamma) * tau - gamma * tau**2) / 2
 
 
-def foot(dog: DogFilm, name: str, phase: Array) -> Array:
+def foot(dog: DogFilm, name: str, phase: Floats) -> Floats:
     """Displacement (…, 2) of the foot from its rest, in the body frame, trunks; up is negative.
 
     In the swing it rises and falls along a rounded triangle.
@@ -135,12 +133,12 @@ def foot(dog: DogFilm, name: str, phase: Array) -> Array:
     return np.stack([x, y], axis=-1)
 
 
-def bob(dog: DogFilm, phase: Array) -> Array:
+def bob(dog: DogFilm, phase: Floats) -> Floats:
     """Displacement (…, 2) of the body from its mean, in trunks; up is negative."""
     return np.stack([np.zeros_like(phase), dog.bob * np.cos(4 * np.pi * phase)], axis=-1)
 
 
-def limb(dog: DogFilm, name: str, phase: Array, n: int) -> Array:
+def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
     """Contours (…, n, 2) of a limb in the body frame, px, clockwise.
 
     Point i is a fixed point of the skin; at rest the points have equal arc lengths.
@@ -150,24 +148,24 @@ def limb(dog: DogFilm, name: str, phase: Array, n: int) -> Array:
     return dog.trunk_px * (pose(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
 
 
-def feet_px(dog: DogFilm, name: str, phase: Array) -> Array:
+def feet_px(dog: DogFilm, name: str, phase: Floats) -> Floats:
     """Point of the sole (…, 2) below the foot's joint, in the body frame, px; at rest y is 0."""
     far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
     sole = np.array([LIMBS[name[:4]].joints[3][0], 0.0])
     return dog.trunk_px * (foot(dog, name, phase) + sole + far)
 
 
-def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Array:
+def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
     """Contour (n, 2) of body, head, ear or tail in the body frame, px; head and tail move."""
     return dog.trunk_px * (_carried(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
 
 
-def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Array:
+def spot(dog: DogFilm, phase: float, place: tuple[float, float]) -> Floats:
     """The eye or nose (2,) in the body frame, px."""
     return dog.trunk_px * (_carried(HEAD, np.array(place), phase) + bob(dog, np.array(phase)))
 
 
-def _carried(nodes: tuple[tuple[float, float], ...], points: Array, phase: float) -> Array:
+def _carried(nodes: tuple[tuple[float, float], ...], points: Floats, phase: float) -> Floats:
     """Points of a part at a phase, turned about the root of head or tail."""
     nod = 0.035 * np.cos(4 * np.pi * phase - 0.8)
     if nodes in (HEAD, EAR):
@@ -184,19 +182,19 @@ def _carried(nodes: tuple[tuple[float, float], ...], points: Array, phase: float
     return out
 
 
-def course_px(dog: DogFilm) -> Array:
+def course_px(dog: DogFilm) -> Floats:
     """Origin of the body frame (frames, 2) in the picture, px."""
     way = 2 * dog.stride * dog.trunk_px * phases(dog) * (1 - dog.pan)
     middle = 0.47 * dog.width_px - way[-1] / 2
     return np.column_stack([middle + way, np.full(dog.frames, 0.86 * dog.height_px)])
 
 
-def camera_px(dog: DogFilm) -> Array:
+def camera_px(dog: DogFilm) -> Floats:
     """How far the camera has moved to the right (frames,), px of the ground."""
     return 2 * dog.stride * dog.trunk_px * phases(dog) * dog.pan
 
 
-def truth(dog: DogFilm, n: int) -> dict[str, Array]:
+def truth(dog: DogFilm, n: int) -> dict[str, Floats]:
     """Exact contours (frames, n, 2) of the limbs by id, in the body frame, px (see `limb`)."""
     return {name: limb(dog, name, phases(dog), n) for name in NAMES}
 
