@@ -3,3 +3,214 @@
 Runge–Kutta on the first-order system (3.15); with ρ = 0, Euler's steps on C q̇ + K q = Q, C⁻¹ by
 Schulz iteration or by sparse factors. `curve.dynamics.solve` calls them.
 """
+
+from collections.abc import Callable
+from itertools import pairwise
+
+import numpy as np
+import scipy
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import splu
+
+from finloop.base.arrays import Floats
+from finloop.curve.problem import Options, Problem, Solution, force_at, velocity_at_start
+from finloop.curve.stiffness import damping, mass, stiffness
+from finloop.curve.wavelet import back, forward
+from finloop.errors import FinloopError
+
+ITERATIONS = 100
+"""Largest number of Schulz iterations; any matrix that float64 can invert needs fewer."""
+
+
+def matrices(problem: Problem, options: Options) -> tuple[csr_array, csr_array]:
+    """C and K (n, n) in the wavelet basis."""
+    n, material = len(problem.rest), problem.material
+    k = stiffness(problem.wavelet, n, options.levels, material.elastic)
+    m = mass(n, material.density or 1.0)
+    return damping(m, k, material.mass_damping, material.stiffness_damping), k
+
+
+def _push(problem: Problem, options: Options) -> Callable[[float, Floats], Floats]:
+    """Q in the wavelet basis, from time and coefficients (n, d)."""
+    if not callable(problem.force):
+        constant = forward(
+            force_at(problem, 0.0, problem.displacement), problem.wavelet, options.levels
+        )
+        return lambda time, q: constant
+
+    def push(time: float, q: Floats) -> Floats:
+        points = back(q, problem.wavelet, options.levels)
+        return forward(force_at(problem, time, points), problem.wavelet, options.levels)
+
+    return push
+
+
+def runge_kutta(problem: Problem, options: Options) -> Solution:
+    """Eq. 3.15 by an adaptive Runge–Kutta formula of scipy.
+
+    FinloopError if the formula gives up.
+    """
+    c, k = matrices(problem, options)
+    push, shape = _push(problem, options), problem.displacement.shape
+    density = problem.material.density
+    velocity = velocity_at_start(problem)
+    start = forward(np.stack([problem.displacement, velocity]), problem.wavelet, options.levels)
+
+    def slope(time: float, state: Floats) -> Floats:
+        q, rate = state.reshape(2, *shape)
+        return np.concatenate(
+            [rate.ravel(), ((push(time, q) - k @ q - c @ rate) / density).ravel()]
+        )
+
+    scale = float(np.abs(start).max()) or 1.0
+    state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
+    # One call an interval: scipy interpolates between its steps less exactly than it steps.
+    for begin, end in pairwise(problem.times):
+        result = scipy.integrate.solve_ivp(
+            slope,
+            (begin, end),
+            state,
+            options.integrator,
+            rtol=options.rtol,
+            atol=options.rtol * scale,
+            first_step=None if step is None else min(step, end - begin),
+        )
+        if not result.success:
+            raise FinloopError(
+                f"{options.integrator} gave up: {result.message}",
+                "an equation that it can follow",
+                "take the method modal, or a larger options.rtol",
+            )
+        state, step = result.y[:, -1], float(np.diff(result.t).max())
+        evaluations += result.nfev
+        kept.append(state)
+    states = np.stack(kept).reshape(-1, 2, *shape)
+    q, rate = (back(states[:, i], problem.wavelet, options.levels) for i in (0, 1))
+    return Solution(q, rate, {"evaluations": float(evaluations)})
+
+
+def schulz(matrix: Floats, tolerance: float = 1e-10) -> tuple[Floats, int, float]:
+    """X ← 2X − XCX from Cᵀ / ‖CᵀC‖: the inverse (n, n), iterations, and max |I − XC|.
+
+    The paper names no norm. Here it is the largest row sum: no eigenvalue is larger, so that it
+    converges. FinloopError if it does not: the matrix is singular, or nearly.
+    """
+    unit = np.eye(len(matrix))
+    x = matrix.T / np.abs(matrix.T @ matrix).sum(axis=1).max()
+    for iteration in range(ITERATIONS):
+        rest = unit - x @ matrix
+        residual = float(np.abs(rest).max())
+        if residual <= tolerance:
+            return x, iteration, residual
+        x = x + rest @ x
+    raise FinloopError(
+        f"Schulz iteration left a residual of {residual:.2g} after {ITERATIONS} steps",
+        f"{tolerance:g}: a matrix far from singular",
+        "raise mass_damping, or take options.inverse sparse",
+    )
+
+
+def _inverse(
+    matrix: csr_array, options: Options
+) -> tuple[Callable[[Floats], Floats], dict[str, float]]:
+    """A function that solves with the matrix, and facts about the factors or iterations."""
+    if options.inverse == "schulz":
+        x, iterations, residual = schulz(matrix.toarray())
+        facts = {"schulz_iterations": float(iterations), "schulz_residual": residual}
+        return lambda right: x @ right, facts
+    if options.inverse == "sparse":
+        factors = splu(csc_array(matrix))
+        return lambda right: factors.solve(np.ascontiguousarray(right)), {
+            "factors_nonzero": float(factors.nnz)
+        }
+    raise FinloopError(
+        f"options.inverse {options.inverse!r}", "sparse or schulz", "choose one of the two"
+    )
+
+
+def _even_step(problem: Problem, options: Options) -> float:
+    """Δt of Euler's steps."""
+    gaps = np.diff(problem.times)
+    if options.substeps < 1 or not len(gaps) or not np.allclose(gaps, gaps[0], rtol=1e-9, atol=0):
+        raise FinloopError(
+            f"{len(problem.times)} times, not evenly apart, or {options.substeps} substeps",
+            "two or more even times and at least 1 substep for Euler's steps",
+            "take even times, or the method modal",
+        )
+    return float(gaps.mean()) / options.substeps
+
+
+def _marched(
+    problem: Problem,
+    options: Options,
+    step: float,
+    advance: Callable[[float, Floats, Floats], Floats],
+) -> Floats:
+    """Coefficients (t, n, d) from `advance` of time, q and Q."""
+    push = _push(problem, options)
+    q = forward(problem.displacement, problem.wavelet, options.levels)
+    kept = [q]
+    for index in range(1, len(problem.times)):
+        for number in range(options.substeps):
+            time = problem.times[index - 1] + number * step
+            q = advance(time, q, push(time, q))
+        kept.append(q)
+    return np.stack(kept)
+
+
+def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
+    step = _even_step(problem, options)
+    c, k = matrices(problem, options)
+    if not implicit:
+        stiffest = float(np.abs(k).sum(axis=1).max())  # no eigenvalue is larger
+        material = problem.material
+        fastest = stiffest / (material.mass_damping + material.stiffness_damping * stiffest)
+        if step * fastest > 2:
+            raise FinloopError(
+                f"explicit Euler with steps of {step:.3g}",
+                f"steps of {2 / fastest:.3g} at most: longer ones may grow without end",
+                f"set options.substeps to {int(np.ceil(options.substeps * step * fastest / 2))} or "
+                "more, or take implicit-euler",
+            )
+    solve, facts = _inverse(csr_array(c + step * k) if implicit else c, options)
+    exact_solve = solve if not implicit else _inverse(c, Options(inverse="sparse"))[0]
+
+    def advance(time: float, q: Floats, force: Floats) -> Floats:
+        if implicit:
+            return solve(c @ q + step * force)
+        return q + step * solve(force - k @ q)
+
+    coefficients = _marched(problem, options, step, advance)
+    push = _push(problem, options)
+    rates = np.stack(
+        [
+            exact_solve(push(time, q) - k @ q)
+            for time, q in zip(problem.times, coefficients, strict=True)
+        ]
+    )
+    steps = options.substeps * (len(problem.times) - 1)
+    u, v = (back(values, problem.wavelet, options.levels) for values in (coefficients, rates))
+    return Solution(u, v, {"steps": float(steps), **facts})
+
+
+def explicit_euler(problem: Problem, options: Options) -> Solution:
+    """§3.3: q(t + Δt) = q + Δt C⁻¹(Q − K q); ρ = 0.
+
+    FinloopError if Δt is too long for it to stay finite, or the times are not even.
+    """
+    return _euler(problem, options, implicit=False)
+
+
+def implicit_euler(problem: Problem, options: Options) -> Solution:
+    """q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q); ρ = 0. Stable at any Δt; Q is that of t.
+
+    FinloopError if the times are not even.
+    """
+    return _euler(problem, options, implicit=True)
+
+
+METHOD: dict[str, Callable[[Problem, Options], Solution]] = {
+    "runge-kutta": runge_kutta,
+    "explicit-euler": explicit_euler,
+    "implicit-euler": implicit_euler,
+}

@@ -7,3 +7,136 @@ can. Afterwards a new track begins, even if it is the same animal, so two fish a
 A track is *swallowed* if no silhouette is assigned to it and its expected place lies inside the box
 of a silhouette that is assigned to another track.
 """
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Floats
+
+_GREW = 1.15  # a silhouette that takes in part of a neighbour, or gives it up, changes by more
+_CLEARLY = 1.5  # a long step counts only if any other pairing is this many times as far
+
+Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
+
+
+@dataclass(frozen=True)
+class Spot:
+    """The place of one silhouette of a frame; only an `isolated` one can belong to a track."""
+
+    x_px: float
+    y_px: float
+    area_px: float
+    box: Box
+    isolated: bool
+
+
+@dataclass
+class _Track:
+    number: int
+    spot: Spot
+    vx: float = 0.0
+    vy: float = 0.0
+
+    @property
+    def expected(self) -> tuple[float, float]:
+        return self.spot.x_px + self.vx, self.spot.y_px + self.vy
+
+
+class Linker:
+    """Joins spots frame by frame by optimal assignment, gated by motion and by area.
+
+    gate_px: largest distance of a fish from the place expected from its last two frames. Beyond a
+        quarter of it the pairing must also have no rival, on either side.
+    area_ratio: largest ratio by which a silhouette may grow or shrink from one frame to the next.
+    """
+
+    def __init__(self, gate_px: float, area_ratio: float) -> None:
+        self._gate, self._ratio = gate_px, area_ratio
+        self._tracks: list[_Track] = []
+        self._before: list[Spot] = []  # every spot of the frame before, isolated or not
+        self._next = 0
+
+    def cut(self) -> None:
+        """End every track: the film is cut here."""
+        self._tracks, self._before = [], []
+
+    def step(self, spots: list[Spot]) -> list[int | None]:
+        """Track number of each spot of the next frame; None for those that are in no track."""
+        owner = self._assign(spots)
+        alone = [track for track in self._tracks if track not in owner.values()]
+        numbers: list[int | None] = [None] * len(spots)
+        tracks = []
+        for i, spot in enumerate(spots):
+            if not spot.isolated:
+                continue
+            track = owner.get(i)
+            if track is not None and _has_swallowed(track, spot, alone):
+                continue
+            if track is not None and self._has_split(track.spot, i, spots, owner):
+                track = None
+            if track is None:
+                track = _Track(self._next, spot)
+                self._next += 1
+            else:
+                track.vx, track.vy = spot.x_px - track.spot.x_px, spot.y_px - track.spot.y_px
+                track.spot = spot
+            numbers[i] = track.number
+            tracks.append(track)
+        self._tracks, self._before = tracks, spots
+        return numbers
+
+    def _assign(self, spots: list[Spot]) -> dict[int, _Track]:
+        """Spot index → track, for the pairs of an optimal assignment that pass both gates."""
+        if not self._tracks or not spots:
+            return {}
+        cost = _distances([t.expected for t in self._tracks], [(s.x_px, s.y_px) for s in spots])
+        clear = cost < self._gate / 4
+        clear |= (_CLEARLY * cost < _others(cost)) & (_CLEARLY * cost < _others(cost.T).T)
+        ratio = np.log([[s.area_px / t.spot.area_px for s in spots] for t in self._tracks])
+        allowed = (cost <= self._gate) & clear & (np.abs(ratio) <= np.log(self._ratio))
+        rows, columns = scipy.optimize.linear_sum_assignment(np.where(allowed, cost, 1e6))
+        return {
+            int(j): self._tracks[i]
+            for i, j in zip(rows, columns, strict=True)
+            if allowed[i, j] and spots[j].isolated
+        }
+
+    def _has_split(
+        self, before: Spot, own: int, spots: list[Spot], owner: dict[int, _Track]
+    ) -> bool:
+        """Whether spot `own` has shrunk, and a spot without a track has come out of its place."""
+        if before.area_px <= _GREW * spots[own].area_px:
+            return False
+        born = (
+            (s.x_px, s.y_px)
+            for i, s in enumerate(spots)
+            if i != own and i not in owner and s.area_px * 4 > before.area_px
+            and not any(_holds_any(b.box, [(s.x_px, s.y_px)]) for b in self._before if b != before)
+        )  # fmt: skip
+        return _holds_any(before.box, born)
+
+
+def _has_swallowed(track: _Track, spot: Spot, alone: list[_Track]) -> bool:
+    """Whether a track's spot has grown, over where a track without a spot was expected."""
+    grown = spot.area_px > _GREW * track.spot.area_px
+    return grown and _holds_any(spot.box, (other.expected for other in alone))
+
+
+def _others(cost: Floats) -> Floats:
+    """For each entry the least of the other entries in its row; infinity where there is none."""
+    if cost.shape[1] < 2:
+        return np.full_like(cost, np.inf)
+    two = np.partition(cost, 1, axis=1)[:, :2]
+    return np.where(cost == two[:, :1], two[:, 1:], two[:, :1])
+
+
+def _distances(a: list[tuple[float, float]], b: list[tuple[float, float]]) -> Floats:
+    difference = np.asarray(a)[:, None] - np.asarray(b)[None]
+    return np.hypot(difference[..., 0], difference[..., 1])
+
+
+def _holds_any(box: Box, places) -> bool:  # type: ignore[no-untyped-def]
+    x0, y0, x1, y1 = box
+    return any(x0 <= x < x1 and y0 <= y < y1 for x, y in places)

@@ -8,3 +8,52 @@ x = Σ xᵢ B(t − i) it becomes a sum over pairs of control points, and B vani
 
     area = ½ Σᵢ Σₖ₌₁..₃ gₖ (pᵢ × pᵢ₊ₖ),   gₖ = 2 ∫ B(t) B′(t − k) dt,   p × q = pₓ q_y − p_y qₓ
 """
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Floats, Reals
+
+CONTROL_ARCS = np.array([0, 1 / 6, 1 / 3, 1 / 2, 5 / 6, 1])
+"""Where the control points lie on the backbone, as shares of its length (§2.2)."""
+
+
+_G = np.array([245, 56, 1]) / 360
+"""gₖ for k = 1, 2, 3."""
+
+
+def control_points(backbone: Reals) -> Floats:
+    """The six control points (rows, 6, 2) of backbones (rows, n, 2), equal steps from the head."""
+    n = backbone.shape[1]
+    at = CONTROL_ARCS * (n - 1)
+    low = np.minimum(at.astype(int), n - 2)
+    share = (at - low)[:, None]
+    return (1 - share) * backbone[:, low] + share * backbone[:, low + 1]
+
+
+def signed_area(control: Reals) -> Floats:
+    """Area (rows,) in px² enclosed by the closed uniform cubic B-spline of (rows, m, 2) points.
+
+    Positive where the curve runs anticlockwise as seen on screen (y down). For a fish, whose points
+    run from head to tail, that is a bend to its right; see `bend`.
+    """
+    x, y = control[..., 0], control[..., 1]
+    total = np.zeros(control.shape[:-2])
+    for k, g in enumerate(_G, start=1):
+        total += g * (x * np.roll(y, -k, -1) - y * np.roll(x, -k, -1)).sum(-1)
+    return -0.5 * total
+
+
+def closed_spline(control: Reals, per_knot: int = 16) -> Floats:
+    """Points (m · per_knot, 2) along the closed uniform cubic B-spline of control points (m, 2)."""
+    m = len(control)
+    spline = scipy.interpolate.BSpline(np.arange(m + 7.0), np.vstack([control, control[:3]]), 3)
+    return spline(np.linspace(3, m + 3, m * per_knot, endpoint=False))
+
+
+def bend(backbone: Reals, length_px: Reals) -> Floats:
+    """Signed motion area per squared body length (rows,), + = bent to the fish's left.
+
+    `motion_area` of the feature table is its absolute value.
+    """
+    return -signed_area(control_points(backbone)) / length_px**2

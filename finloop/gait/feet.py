@@ -4,3 +4,66 @@ The fundamental of a walk gives its period well, but not the phase at which the 
 the ground moves evenly, a lifted one does not. In a gait of four subcycles the motion of every foot
 is four parabolas joined at the keys. So the keys are where four parabolas fit all feet best.
 """
+
+from collections.abc import Mapping
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Floats
+from finloop.gait.model import subcycle
+
+FOOT = 16
+"""The lowest 1/FOOT of a limb's contour is its foot."""
+REACH = 0.06  # cycles that key 1 is looked for to either side
+STEPS = 61
+
+
+def feet(limbs: Mapping[str, Floats]) -> Floats:
+    """Forward position of the feet (frames, limbs) of limbs (frames, n, 2); rows may hold NaN."""
+    return np.stack([_foot(points) for points in limbs.values()], axis=1)
+
+
+def _foot(points: Floats) -> Floats:
+    low = np.argsort(-np.nanmean(points[..., 1], axis=0), kind="stable")
+    return points[:, low[: max(1, len(low) // FOOT)], 0].mean(axis=1)
+
+
+def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
+    """The phase (frames,), shifted and stretched so that `ahead` (frames, k) turns at the keys.
+
+    Least squares over the shift, at most about REACH, and the stretch. Rows with NaN are ignored.
+    """
+    whole = np.isfinite(ahead).all(axis=1)
+    if whole.sum() < 12:  # eight numbers a foot are fitted
+        return phase
+    known, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
+    middle = float(known.mean())
+
+    def off(change: Floats) -> float:
+        return _off(known - change[0] + change[1] * (known - middle), way, split)
+
+    moves = np.linspace(-REACH, REACH, STEPS)
+    first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])
+    best = scipy.optimize.minimize(
+        off,
+        (first, 0.0),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": [(first, 0.0), (first + 0.004, 0.0), (first, 0.003)],
+            "xatol": 1e-5,
+            "fatol": 1e-12 * float((way**2).sum()),
+        },
+    ).x
+    return phase - best[0] + best[1] * (phase - middle)
+
+
+def _off(phase: Floats, way: Floats, split: float) -> float:
+    """Squared residual of four parabolas, joined at the keys, fitted to (frames, k)."""
+    which, tau = subcycle(phase, split)
+    terms, row = np.zeros((len(phase), 8)), np.arange(len(phase))
+    terms[row, which] = 1 - tau
+    terms[row, (which + 1) % 4] = tau
+    terms[row, 4 + which] = tau * (1 - tau)
+    left = way - terms @ np.linalg.lstsq(terms, way, rcond=None)[0]
+    return float((left**2).sum())

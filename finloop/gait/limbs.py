@@ -6,3 +6,247 @@ The paper does not say which points correspond. Here every frame is turned and m
 shape of the limb, and its contour begins where it fits that shape best. The mean shape is the same
 for the whole film, so nothing drifts.
 """
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import skimage
+
+from finloop.base.arrays import Floats, Mask
+from finloop.curve.contour import Curve, area, centroid, clockwise, resampled
+from finloop.errors import FinloopError
+from finloop.gait.model import partner
+from finloop.gait.period import filled
+
+BODY = "body"
+SMOOTH_PX = 1.0
+LEAST_PX = 12  # a smaller region counts as empty
+LEAST_SHARE = 0.5  # of the frames in which a limb must be seen
+FINE = 16  # samples between two points in the search for the start
+HIDDEN = 0.75  # of its median area: a smaller region is probably hidden in part
+ROUNDS = 4  # mean shape and starts, in turn
+
+MISSING, EMPTY, BORDER = "not there", "empty", "touches the border of the picture"
+Region = Curve | str
+"""A contour, or why a frame has none: MISSING, EMPTY or BORDER."""
+
+
+@dataclass(frozen=True)
+class Limbs:
+    """Contours of limbs in the body frame, px: x right, y down, 0 where the body is."""
+
+    points: dict[str, Floats]  # by id, (frames, n, 2); NaN in frames that lack the limb
+    course: Floats  # where the body is in the picture, (frames, 2), smoothed
+    # of the body from end to end (its region's width), or of all limbs together without one
+    length_px: float
+    notes: tuple[str, ...]  # sentences about what is left out
+
+
+def region_contour(mask: Mask, smooth_px: float = SMOOTH_PX) -> Region:
+    """Closed contour of the largest part of a mask (h, w), clockwise, to a fraction of a pixel.
+
+    The mask is smoothed by a Gaussian, and the contour drawn at half height: steps of pixels go,
+    and a corner of radius r shrinks by about smooth_px² / 2r. Pixel centres are whole numbers.
+    """
+    if int(mask.sum()) < LEAST_PX:
+        return EMPTY
+    if mask[0].any() or mask[-1].any() or mask[:, 0].any() or mask[:, -1].any():
+        return BORDER
+    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+    pad = int(np.ceil(4 * smooth_px)) + 1
+    part = mask[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].astype(np.float32)
+    part = np.pad(part, pad)
+    if smooth_px > 0:
+        part = cv2.GaussianBlur(part, (0, 0), smooth_px)
+    curves = [
+        Curve(ring[:-1, ::-1].copy(), True) for ring in skimage.measure.find_contours(part, 0.5)
+    ]
+    curves = [curve for curve in curves if len(curve.points) > 3]
+    if not curves:
+        return EMPTY
+    largest = clockwise(max(curves, key=lambda curve: abs(area(curve))))
+    return Curve(largest.points + np.array([columns[0] - pad, rows[0] - pad]), True)
+
+
+def trace_contour(curve: Curve, width: float, height: float) -> Region:
+    """A traced contour, unless it leaves the picture."""
+    inside = (curve.points > 0).all() and (curve.points < [width, height]).all()
+    return curve if inside else BORDER
+
+
+def limbs(
+    frames: Sequence[Mapping[str, Region | None]],
+    n: int,
+    smooth_frames: float | None = None,
+    first: int = 0,
+) -> Limbs:
+    """Contours of every limb that the frames name, in the body frame.
+
+    FinloopError if there is no limb, or one is seen in less than half of the frames.
+
+    frames: by frame: contours by id, None where one is missing. The id "body", if there is one,
+        tells where the body is; else the mean of the limbs does.
+    n: points of a contour.
+    smooth_frames: a cycle: what the body sways in it is left to the limbs. None = it goes straight
+        on.
+    first: number of the first frame, for what is said about frames.
+    """
+    names = list(dict.fromkeys(name for frame in frames for name in frame))
+    if not [name for name in names if name != BODY]:
+        raise FinloopError(
+            f"regions of {len(frames)} frames, without a limb",
+            "a region for each limb, such as fore_left, fore_right, hind_left and hind_right",
+            "trace the limbs, one id each",
+        )
+    regions = {name: [frame.get(name) or MISSING for frame in frames] for name in names}
+    notes = _checked(regions, first)
+    centres = {name: _centres(of) for name, of in regions.items()}
+    where = [BODY] if BODY in regions else names
+    course = smoothed(np.mean([filled(centres[name]) for name in where], axis=0), smooth_frames)
+    points = dict[str, Floats]()
+    for name in names:
+        if name != BODY and name not in points:
+            # A limb and its partner at once: their points belong together too.
+            pair = dict.fromkeys((name, partner(name, names)))
+            both = corresponding([region for each in pair for region in regions[each]], n)
+            for each, of in zip(pair, np.split(both, len(pair)), strict=True):
+                points[each] = of - course[:, None]
+    points = {name: points[name] for name in names if name != BODY}
+    return Limbs(points, course, _length([regions[name] for name in where]), notes)
+
+
+def corresponding(regions: Sequence[Region], n: int) -> Floats:
+    """Contours (frames, n, 2) of equal arc length with point i the same in all; NaN where none.
+
+    Each starts where it fits the mean shape of all best, turned and moved: the greatest |Σ a̅ b|
+    of centred contours a, b as complex numbers, by FFT; the start lies between points as it needs.
+    The first point of all is the mean shape's uppermost: the hip or the shoulder.
+    """
+    curves = [clockwise(region) if isinstance(region, Curve) else None for region in regions]
+    there = [k for k, curve in enumerate(curves) if curve is not None]
+    out = np.full((len(curves), n, 2), np.nan)
+    fine = np.stack(
+        [resampled(curve, n * FINE).points @ [1, 1j] for curve in curves if curve is not None]
+    )
+    centred = fine - fine.mean(axis=1, keepdims=True)
+    spectra = np.fft.fft(centred, axis=1)
+    mean = centred[0]
+    for _ in range(ROUNDS):
+        fits = np.fft.ifft(spectra * np.fft.fft(mean).conj(), axis=1)
+        starts = np.abs(fits).argmax(axis=1)
+        turned = np.stack(
+            [
+                np.roll(shape, -start) * np.exp(-1j * np.angle(fit[start]))
+                for shape, start, fit in zip(centred, starts, fits, strict=True)
+            ]
+        )
+        mean = turned.mean(axis=0)
+    top = int(mean.imag.argmin())
+    for k, shape, start in zip(there, fine, starts, strict=True):
+        picked = np.roll(shape, -start - top)[::FINE]
+        out[k] = np.column_stack([picked.real, picked.imag])
+    return out
+
+
+def smoothed(track: Floats, window: float | None) -> Floats:
+    """A track (frames, k) without its motion of period `window` frames; None = a straight line.
+
+    The mean over a window about each frame. Within half a window of the ends, where there is none,
+    the means beside them go on in a straight line; a track shorter than two windows is taken as one
+    line throughout: it says no more.
+    """
+    time = np.arange(len(track), dtype=float)
+    if window is None or len(track) < 2 * window:
+        return _line(time, track, time)
+    half = int(np.ceil(window / 2))
+    # The part of each frame's time that lies in the window.
+    weight = np.clip(window / 2 + 0.5 - np.abs(np.arange(-half, half + 1)), 0, 1)
+    means = np.column_stack(
+        [np.convolve(values, weight / weight.sum(), "valid") for values in track.T]
+    )
+    inner, some = time[half : len(track) - half], round(window)
+    before = _line(inner[:some], means[:some], time[:half])
+    after = _line(inner[-some:], means[-some:], time[len(track) - half :])
+    return np.concatenate([before, means, after])
+
+
+def _line(time: Floats, values: Floats, times: Floats) -> Floats:
+    """The straight line through values (m, k) by least squares, at the wanted places."""
+    basis, there = (np.column_stack([np.ones(len(x)), x]) for x in (time, times))
+    return np.asarray(there @ np.linalg.lstsq(basis, values, rcond=None)[0])
+
+
+def _centres(regions: Sequence[Region]) -> Floats:
+    """Centroids of the areas (frames, 2); NaN where there is no contour."""
+    return np.array(
+        [
+            centroid(region.points) if isinstance(region, Curve) else (np.nan, np.nan)
+            for region in regions
+        ]
+    )
+
+
+def _length(regions: Sequence[Sequence[Region]]) -> float:
+    """Median width of all contours together, over the frames that lack fewest."""
+    frames = zip(*regions, strict=True)
+    contours = [[each.points for each in frame if isinstance(each, Curve)] for frame in frames]
+    most = max(len(frame) for frame in contours)
+    return float(np.median([np.ptp(np.concatenate(f)[:, 0]) for f in contours if len(f) == most]))
+
+
+def _checked(regions: Mapping[str, Sequence[Region]], first: int) -> tuple[str, ...]:
+    """Notes on frames that lack a limb; refuse a limb that too many frames lack."""
+    notes, wrong, hints = [], [], []
+    often = {
+        name
+        for name, frames in regions.items()
+        if sum(isinstance(region, Curve) for region in frames) >= LEAST_SHARE * len(frames)
+    }
+    for name, frames in regions.items():
+        lacking = {
+            why: [
+                k for k, each in enumerate(frames, first) if isinstance(each, str) and each == why
+            ]
+            for why in (MISSING, EMPTY, BORDER)
+        }
+        gaps = [f"{_numbers(which)}: {why}" for why, which in lacking.items() if which]
+        if name not in often:
+            wrong.append(f"{name!r} in frames {'; '.join(gaps)}")
+            hints += difflib.get_close_matches(name, sorted(often), 1, 0.8)
+            continue
+        if name != BODY and "left" not in name and "right" not in name:
+            notes.append(
+                f"{name} is of no side, left or right: it is taken to do the same in both halves of"
+                " the cycle"
+            )
+        if gaps:
+            notes.append(f"{name} is left out of frames {'; '.join(gaps)}")
+        size = np.array(
+            [area(region) if isinstance(region, Curve) else np.nan for region in frames]
+        )
+        if small := np.flatnonzero(np.abs(size) < HIDDEN * np.nanmedian(np.abs(size))).tolist():
+            notes.append(
+                f"{name} is smaller than usual in frames {_numbers([first + k for k in small])}:"
+                " if something hides a part of it there, trace it whole or leave it out"
+            )
+    if wrong:
+        alike = f" (is it {' or '.join(sorted(set(hints)))}?)" if hints else ""
+        raise FinloopError(
+            f"regions that most frames lack: {', '.join(wrong)}{alike}",
+            "the same ids in all frames; each whole in at least half of them",
+            "name each limb alike in all frames, white on black in masks; trace the rest, or leave"
+            " the limb out of all",
+        )
+    return tuple(notes)
+
+
+def _numbers(which: Sequence[int]) -> str:
+    """Frame numbers, runs as "3-7"."""
+    cuts = [0, *(i for i in range(1, len(which)) if which[i] != which[i - 1] + 1), len(which)]
+    runs = [(which[a], which[b - 1]) for a, b in pairwise(cuts)]
+    words = [f"{a}-{b}" if b > a else f"{a}" for a, b in runs[:8]]
+    return ", ".join(words) + (f" and {len(runs) - 8} more runs" if len(runs) > 8 else "")

@@ -3,3 +3,158 @@
 Flat colours on a meadow that passes by. The near limbs are paler than everything else, so that
 `limb_masks` can segment them by their colour; the far limbs are partly hidden.
 """
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+import skimage
+
+from finloop.base.arrays import Floats, Mask, Picture
+from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
+from finloop.drawn.dog.walk import DogFilm, camera_px, course_px, limb, phases, spot, trunk
+from finloop.errors import FinloopError
+
+POINTS = 256
+SUBPIXEL = 6  # bits of a pixel's fraction in the fill
+BLUR_PX = 0.6
+NEAR, FAR, COAT, DARK = (246, 232, 204), (118, 84, 62), (168, 108, 58), (98, 58, 34)
+COLLAR, INK, SHADE = (186, 44, 52), (36, 26, 24), (98, 142, 76)
+SKY, HILL, MEADOW, TUFT = (164, 204, 232), (128, 176, 136), (118, 164, 88), (84, 132, 66)
+PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
+BODY_ID = "body"
+
+
+@dataclass(frozen=True)
+class Scenery:
+    """Objects on the ground. Tufts: x [px], y [share of the meadow's depth], size [px]; hills: x,
+    height [px]."""
+
+    tufts: Floats
+    hills: Floats
+
+
+def scenery(dog: DogFilm, rng: np.random.Generator) -> Scenery:
+    """Random tufts and hills along the dog's whole course."""
+    far = dog.width_px + camera_px(dog)[-1]
+    count = int(far / 26) + 4
+    tufts = np.column_stack(
+        [rng.uniform(-40, far + 40, count), rng.uniform(0.08, 1, count), rng.uniform(3, 7, count)]
+    )
+    tufts = tufts[np.argsort(tufts[:, 1])]
+    steps = np.arange(-1, far / 130 + 2)
+    hills = np.column_stack(
+        [130 * steps + rng.uniform(-30, 30, len(steps)), rng.uniform(24, 60, len(steps))]
+    )
+    return Scenery(tufts, hills)
+
+
+def film(dog: DogFilm) -> Iterator[Picture]:
+    """Stream the frames, (height, width, 3) RGB."""
+    rng = np.random.default_rng(dog.seed)
+    ground = scenery(dog, rng)
+    for frame in range(dog.frames):
+        picture = cv2.GaussianBlur(_paint(dog, frame, ground), (0, 0), BLUR_PX).astype(np.float32)
+        grain = rng.standard_normal(picture.shape[:2], np.float32) * dog.noise
+        yield np.clip(np.rint(picture + grain[..., None]), 0, 255).astype(np.uint8)
+
+
+def _paint(dog: DogFilm, frame: int, ground: Scenery) -> Picture:
+    picture = np.empty((dog.height_px, dog.width_px, 3), np.uint8)
+    origin, camera = course_px(dog)[frame], camera_px(dog)[frame]
+    horizon = round(origin[1] - 0.42 * dog.trunk_px)
+    picture[:horizon], picture[horizon:] = SKY, MEADOW
+    for x, height in ground.hills:
+        centre = (round(x - 0.3 * camera), horizon)
+        cv2.ellipse(picture, centre, (110, round(height)), 0, 180, 360, HILL, -1, cv2.LINE_AA)
+    for x, deep, size in ground.tufts:
+        y = horizon + deep * (dog.height_px - horizon)
+        root = np.array([x - camera, y])
+        for lean in (-0.6, 0.0, 0.6):
+            blade = np.array([[-1.2, 0], [1.2, 0], [lean * size, -size * (0.6 + deep)]])
+            _fill(picture, root + blade, TUFT)
+    phase = float(phases(dog)[frame])
+    wide, flat = 0.62 * dog.trunk_px, 0.035 * dog.trunk_px
+    angle = np.linspace(0, 2 * np.pi, 64, endpoint=False)
+    oval = np.column_stack([wide * np.cos(angle), flat * np.sin(angle)])
+    _fill(picture, origin + oval, SHADE)
+    for part, colour in (
+        ("fore_left", FAR),
+        ("hind_left", FAR),
+        (TAIL, COAT),
+        (BODY, COAT),
+        (HEAD, COAT),
+        (EAR, DARK),
+        ("hind_right", NEAR),
+        ("fore_right", NEAR),
+    ):
+        _fill(picture, origin + _part(dog, phase, part), colour)
+        if part == BODY:
+            _fill(picture, origin + _collar(dog, phase), COLLAR)
+    for place, size in ((EYE, 0.020), (NOSE, 0.030)):
+        ring = size * dog.trunk_px * np.column_stack([np.cos(angle), np.sin(angle)])
+        _fill(picture, origin + spot(dog, phase, place) + ring, INK)
+    return picture
+
+
+def _part(dog: DogFilm, phase: float, part: str | tuple[tuple[float, float], ...]) -> Floats:
+    """Contour of a part, by its limb's id or its nodes, in the body frame, px."""
+    if isinstance(part, str):
+        return limb(dog, part, np.array(phase), POINTS)
+    return trunk(dog, phase, part, POINTS)
+
+
+def _collar(dog: DogFilm, phase: float) -> Floats:
+    """A band across the neck."""
+    corners = np.array([[0.545, -1.115], [0.60, -1.19], [0.845, -1.03], [0.815, -0.955]])
+    bob = trunk(dog, phase, BODY, POINTS)[0] - trunk(dog, 0.0, BODY, POINTS)[0]
+    return dog.trunk_px * corners + bob
+
+
+def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
+    nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
+    cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
+
+
+def fill(contour: Floats, height: int, width: int) -> Mask:
+    """Pixels (height, width) whose centres lie within a contour (n, 2) of x and y."""
+    out = np.zeros((height, width), bool)
+    out[skimage.draw.polygon(contour[:, 1], contour[:, 0], out.shape)] = True
+    return out
+
+
+def true_masks(dog: DogFilm, frame: int) -> dict[str, Mask]:
+    """Masks of all limbs and of the trunk, whole, also where other parts hide them.
+
+    So a person would trace them.
+    """
+    phase, origin = float(phases(dog)[frame]), course_px(dog)[frame]
+    parts: dict[str, str | tuple[tuple[float, float], ...]] = {
+        name: name for name in ("fore_left", "fore_right", "hind_left", "hind_right")
+    }
+    parts[BODY_ID] = BODY
+    return {
+        name: fill(origin + _part(dog, phase, part), dog.height_px, dog.width_px)
+        for name, part in parts.items()
+    }
+
+
+def limb_masks(picture: Picture) -> dict[str, Mask]:
+    """Masks of the near limbs in a frame of the coded film, segmented by colour.
+
+    FinloopError if the picture has fewer than two pale regions: it is not of this film.
+    """
+    levels = picture.astype(np.int32)
+    distance = np.stack([((levels - colour) ** 2).sum(axis=2) for colour in PALETTE])
+    pale = (distance.argmin(axis=0) == 0).astype(np.uint8)
+    count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
+    if count < 3:
+        raise FinloopError(
+            f"a picture with {count - 1} pale regions",
+            "a frame of the drawn dog, with both near limbs",
+            "give the film that was drawn",
+        )
+    largest = 1 + np.argsort(-stats[1:count, cv2.CC_STAT_AREA])[:2]
+    hind, fore = sorted(largest, key=lambda label: centres[label][0])
+    return {"fore_right": labels == fore, "hind_right": labels == hind}

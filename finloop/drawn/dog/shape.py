@@ -6,3 +6,150 @@ the ground below the middle of the trunk. Outlines run clockwise as seen.
 A limb has four bones, each turning about its upper joint: upper, lower, pastern and paw. Its skin
 moves by linear blend skinning: a bone weighs the more, the nearer to the point it lies at rest.
 """
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Floats, Mask
+from finloop.curve.contour import Curve, resampled
+
+FAR_OFFSET = (0.045, -0.022)  # of the far limbs from the near ones: seen a little from above
+FINE = 2048
+BLEND = 4  # power of the distance to a bone
+BLUNT = 0.02  # added to that distance, so that a point on a bone follows the others too
+
+
+@dataclass(frozen=True)
+class LimbShape:
+    """A limb at rest."""
+
+    # (5, 2): hip or shoulder, knee or elbow, hock or wrist, foot, tip of the toes
+    joints: tuple[tuple[float, float], ...]
+    outline: tuple[tuple[float, float], ...]  # (k, 2) nodes of a closed smooth curve
+    bend: int  # side of the knee: 1 = forward (knee), −1 = backward (elbow)
+    # turn of the pastern [rad] for each unit that the foot is ahead, and for each that it is
+    # lifted
+    lean: tuple[float, float]
+
+    def bones(self) -> Floats:
+        """Lengths of the four bones."""
+        return np.asarray(np.linalg.norm(np.diff(self.joints, axis=0), axis=1))
+
+
+FORE = LimbShape(
+    joints=((0.47, -0.78), (0.29, -0.47), (0.42, -0.13), (0.44, -0.035), (0.54, -0.025)),
+    outline=(
+        (0.37, -0.82), (0.47, -0.90), (0.58, -0.82), (0.585, -0.68), (0.50, -0.53),
+        (0.455, -0.41), (0.465, -0.26), (0.475, -0.14), (0.50, -0.085), (0.555, -0.06),
+        (0.585, -0.025), (0.56, 0.0), (0.475, 0.0), (0.40, -0.004), (0.375, -0.035),
+        (0.375, -0.11), (0.36, -0.20), (0.315, -0.34), (0.24, -0.44), (0.245, -0.54),
+        (0.30, -0.69),
+    ),
+    bend=-1,
+    lean=(-0.5, 2.2),
+)  # fmt: skip
+HIND = LimbShape(
+    joints=((-0.46, -0.80), (-0.34, -0.50), (-0.56, -0.25), (-0.50, -0.035), (-0.39, -0.025)),
+    outline=(
+        (-0.60, -0.80), (-0.48, -0.91), (-0.33, -0.87), (-0.25, -0.73), (-0.245, -0.57),
+        (-0.285, -0.46), (-0.36, -0.375), (-0.435, -0.29), (-0.475, -0.20), (-0.465, -0.12),
+        (-0.435, -0.08), (-0.385, -0.055), (-0.355, -0.022), (-0.38, 0.0), (-0.465, 0.0),
+        (-0.54, -0.004), (-0.565, -0.04), (-0.57, -0.11), (-0.60, -0.19), (-0.63, -0.26),
+        (-0.60, -0.32), (-0.545, -0.40), (-0.555, -0.52), (-0.60, -0.63), (-0.63, -0.72),
+    ),
+    bend=1,
+    lean=(-0.6, 2.6),
+)  # fmt: skip
+LIMBS = {"fore": FORE, "hind": HIND}
+
+BODY = (
+    (-0.66, -0.80), (-0.62, -0.92), (-0.48, -0.99), (-0.20, -0.97), (0.12, -0.96), (0.38, -1.02),
+    (0.54, -1.13), (0.66, -1.28), (0.80, -1.27), (0.86, -1.14), (0.80, -0.98), (0.72, -0.84),
+    (0.64, -0.70), (0.52, -0.60), (0.34, -0.55), (0.08, -0.57), (-0.16, -0.63), (-0.34, -0.67),
+    (-0.52, -0.66), (-0.63, -0.70),
+)  # fmt: skip
+HEAD = (
+    (0.61, -1.25), (0.66, -1.36), (0.76, -1.41), (0.87, -1.38), (0.95, -1.30), (1.08, -1.26),
+    (1.15, -1.22), (1.16, -1.16), (1.11, -1.11), (0.98, -1.09), (0.85, -1.07), (0.72, -1.10),
+    (0.63, -1.16),
+)  # fmt: skip
+EAR = (
+    (0.66, -1.36), (0.75, -1.35), (0.76, -1.25), (0.74, -1.12), (0.68, -1.05), (0.61, -1.09),
+    (0.60, -1.22),
+)  # fmt: skip
+TAIL = (
+    (-0.58, -0.92), (-0.70, -1.00), (-0.80, -1.12), (-0.85, -1.26), (-0.91, -1.30),
+    (-0.92, -1.20), (-0.88, -1.05), (-0.78, -0.90), (-0.66, -0.82), (-0.57, -0.82),
+)  # fmt: skip
+NECK, TAIL_ROOT = (0.74, -1.18), (-0.60, -0.87)  # head and tail turn about these
+EYE, NOSE = (0.905, -1.275), (1.145, -1.205)
+
+
+@cache
+def smooth(nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
+    """n points (n, 2) of equal arc length of the closed cubic spline through the nodes."""
+    corners = np.array([*nodes, nodes[0]])
+    knots = np.r_[0.0, np.cumsum(np.sqrt(np.linalg.norm(np.diff(corners, axis=0), axis=1)))]
+    spline = scipy.interpolate.CubicSpline(knots, corners, bc_type="periodic")
+    fine = spline(np.linspace(0, knots[-1], FINE, endpoint=False))
+    return resampled(Curve(fine, True), n).points
+
+
+@cache
+def skin(shape: LimbShape, n: int) -> tuple[Floats, Floats]:
+    """Outline (n, 2) at rest, and the weights (n, 4) of the bones at each point."""
+    outline, joints = smooth(shape.outline, n), np.array(shape.joints)
+    along = np.diff(joints, axis=0)
+    part = np.einsum("nbk,bk->nb", outline[:, None] - joints[:-1], along) / shape.bones() ** 2
+    foot = joints[:-1] + np.clip(part, 0, 1)[..., None] * along
+    far = np.linalg.norm(outline[:, None] - foot, axis=2) + BLUNT
+    share = far**-BLEND
+    return outline, share / share.sum(axis=1, keepdims=True)
+
+
+def reaches(shape: LimbShape, foot: Floats, top: Floats) -> Mask:
+    """Whether the limb is long enough for feet (…, 2) with its top moved by (…, 2)."""
+    bones, ankle = shape.bones(), _ankle(shape, foot)[0]
+    far = np.linalg.norm(ankle - (np.array(shape.joints[0]) + top), axis=-1)
+    return (far < bones[0] + bones[1]) & (far > abs(bones[0] - bones[1]))
+
+
+def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
+    """Outlines (…, n, 2) of a limb whose foot and top are moved by (…, 2) from their rest.
+
+    The knee follows by two-link inverse kinematics. The outline is a smooth function of `foot` and
+    `top` alone.
+    """
+    rest, bones = np.array(shape.joints), shape.bones()
+    ankle, pastern, paw = _ankle(shape, foot)
+    hip = rest[0] + top
+    across = ankle - hip
+    far = np.linalg.norm(across, axis=-1)
+    cosine = (bones[0] ** 2 + far**2 - bones[1] ** 2) / (2 * bones[0] * far)
+    # y is down, so a knee in front (+x) of a limb that hangs down is at a smaller angle.
+    upper = np.arctan2(across[..., 1], across[..., 0]) - shape.bend * np.arccos(cosine)
+    knee = hip + bones[0] * np.stack([np.cos(upper), np.sin(upper)], axis=-1)
+    shank = np.arctan2(*np.moveaxis(ankle - knee, -1, 0)[::-1])
+    straight = np.diff(rest, axis=0)
+    at_rest = np.arctan2(straight[:, 1], straight[:, 0])
+    turns = np.stack([upper - at_rest[0], shank - at_rest[1], pastern, paw], axis=-1)
+    heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
+    outline, share = skin(shape, n)
+    local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
+    moved = heads @ np.array([1, 1j])  # (…, 4)
+    points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
+    points = points + moved @ share.T
+    return np.stack([points.real, points.imag], axis=-1)
+
+
+def _ankle(shape: LimbShape, foot: Floats) -> tuple[Floats, Floats, Floats]:
+    """Hock or wrist (…, 2), turn of the pastern and of the paw (…,) [rad]."""
+    rest = np.array(shape.joints)
+    pastern = shape.lean[0] * foot[..., 0] - shape.lean[1] * foot[..., 1]
+    paw = -0.6 * shape.lean[1] * foot[..., 1]
+    up = (rest[2] - rest[3]) @ [1, 1j] * np.exp(1j * pastern)
+    ankle = rest[3] + foot + np.stack([up.real, up.imag], axis=-1)
+    return ankle, pastern, paw
