@@ -52,7 +52,7 @@ from finloop.animate.kinematics import Spot, bearing, touches
 from finloop.animate.loops import FilmSwimmer, counted, verdicts
 from finloop.animate.motion import ACCELERATE, STRAIGHT
 from finloop.animate.motion import FILM as IN_FILM
-from finloop.animate.players import frame_hulls, reach
+from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, after
@@ -829,7 +829,7 @@ def test_figure19_is_the_network_till_a_gateway_fits_and_the_film_while_a_way_is
         if before.row >= 0 and stretch.kind == SPRITE:
             exits += 1
             options = stretch.options
-            assert not worth(crossing, options, before, spot(*stretch.aim)).all()
+            assert not worth(crossing, options, before, stretch.aim).all()
     assert exits
 
 

@@ -128,7 +128,7 @@ def test_a_bent_fish_goes_on_from_its_bend():
         assert list(other.frames[: len(undone)]) == list(undone)
         assert (np.diff(other.share, prepend=0) > 0).all() and other.share[-1] == 1
     shallow = plan_of(LEFT, 10, 5)
-    deep = turns[LEFT].up[-1]
+    deep = turns[LEFT].number[turns[LEFT].peak]
     assert deep not in shallow.frames
     assert list(from_bend(shallow, turns, LEFT, deep).frames) == list(turns[LEFT].undone(deep))
     assert from_bend(plan, turns, LEFT, int(player.waters.sprites.cycles[0][0])) is plan

@@ -13,7 +13,7 @@ import pandas as pd
 from finloop.animate.arena import Tank, tank
 from finloop.animate.film import Film, film
 from finloop.animate.motion import Motion, learn
-from finloop.animate.players import players
+from finloop.animate.planner import players
 from finloop.animate.sprites import Sprites, arrange
 from finloop.animate.state import Decision, Waters
 from finloop.animate.swim import Cast, Player

@@ -59,10 +59,6 @@ class Tank:
                 break
         return seen
 
-    def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
-        """Whether every point between two is legal."""
-        return in_sight(self.legal, x, y, to_x, to_y)
-
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
         """A legal pixel, all equally likely."""
         height, width = self.legal.shape

@@ -80,12 +80,8 @@ class FilmSwimmer:
 
     def aim(self, fish: Fish, goal: Spot) -> Spot:
         """The point to head for: the goal, or what is in sight of the way to it."""
-        tank = self.waters.tank
-        legal = tank.into(goal.x, goal.y)
-        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < self.waters.touch_px:
-            return goal
-        x, y = tank.waypoint(fish.x, fish.y, *legal)
-        return goal if (x, y) == legal else goal._replace(x=float(x), y=float(y))
+        aim = self.waters.aim(fish, goal, self.waters.touch_px)
+        return goal if aim[:2] == self.waters.tank.into(goal.x, goal.y) else aim
 
     def options(self, fish: Fish, aim: Spot) -> Options:
         """The ways on from a fish that is in the film."""
@@ -156,7 +152,7 @@ class FilmSwimmer:
         path, touched = search.swim(self.waters.film, way, goal, aim, self.rules)
         plays = row == fish.row + 1 and fish.row >= 0
         return Stretch(
-            FILM, path, np.arange(row, row + len(path)), not plays, (aim.x, aim.y), touched,
+            FILM, path, np.arange(row, row + len(path)), not plays, aim, touched,
             self.decision(options, ENTER if fish.row < 0 else PLAY if plays else JUMP), FRAME,
             np.full(len(path), rot), options=options,
         )  # fmt: skip
@@ -194,17 +190,14 @@ class FilmSwimmer:
         way = np.empty((len(rows), 3))
         way[:, 0], way[:, 1], way[:, 2] = fish.x, fish.y, film.heading[rows] + rots
         return Stretch(
-            FILM, way, rows, begin != fish.row + 1, (aim.x, aim.y), False, Decision(SPOT), FRAME,
-            rots,
+            FILM, way, rows, begin != fish.row + 1, aim, False, Decision(SPOT), FRAME, rots
         )  # fmt: skip
 
 
 def counted(decision: Decision, options: Options) -> Decision:
     """A decision, with how many ways were weighed for it, and how many fail which test."""
     counts = np.bincount(options.verdict, minlength=len(VERDICTS)).tolist()
-    tank, quadrant, heading = (
-        counts[VERDICTS.index(test)] for test in ("tank", "quadrant", "heading")
-    )
+    _, tank, quadrant, heading, _ = counts  # in the order of VERDICTS
     return decision._replace(
         ways=len(options.rows), ways_tank=tank, ways_quadrant=quadrant, ways_heading=heading
     )

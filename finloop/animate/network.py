@@ -38,11 +38,6 @@ class Course(NamedTuple):
     error: float
     far: bool
 
-    @property
-    def point(self) -> tuple[float, float]:
-        """The aim, as a stretch keeps it."""
-        return self.aim.x, self.aim.y
-
 
 class SpriteSwimmer:
     """Swims by sprites."""
@@ -79,7 +74,7 @@ class SpriteSwimmer:
     def figure18(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Fig. 18, playing in network mode: turn, or swim straight, towards the goal."""
         settings = self.waters.settings
-        aim = self._aim(fish, goal)
+        aim = self.waters.aim(fish, goal, settings.arrived * self.waters.touch_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > settings.near * self._px
@@ -96,16 +91,6 @@ class SpriteSwimmer:
             or (self._turn(course, rng) if abs(error) > 1 else None)
             or self._brake(course)
         )
-
-    def _aim(self, fish: Fish, goal: Spot) -> Spot:
-        """The point to head for: the goal, or where it is nearest, or what is in sight of that."""
-        tank = self.waters.tank
-        legal = tank.into(goal.x, goal.y)
-        near = self.waters.settings.arrived * self.waters.touch_px
-        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < near:
-            return goal
-        x, y = tank.waypoint(fish.x, fish.y, *legal)
-        return goal._replace(x=float(x), y=float(y))
 
     def _straight(self, course: Course, rng: np.random.Generator) -> Stretch | None:
         """A phase of the film's straight swimming; None where a wall is ahead.
@@ -137,9 +122,7 @@ class SpriteSwimmer:
         state = int(phases.state[chosen])
         sprite, phase, new = self._cycle(fish, state, speed[:n])
         decision = Decision(PHASE, film_speed=float(first))
-        return Stretch(
-            state, way[:n], sprite, new, course.point, touched < n, decision, phase=phase
-        )
+        return Stretch(state, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase)
 
     def _cycle(
         self, fish: Fish, state: int, speed: Floats
@@ -177,7 +160,7 @@ class SpriteSwimmer:
         n = min(touched + 1, len(plan.frames))
         decision = Decision(TURNING, turn_deg=course.error, sprite_area=plan.area, room=room)
         return Stretch(
-            TURN, way[:n], plan.frames[:n], new, course.point, touched < n, decision, area=area
+            TURN, way[:n], plan.frames[:n], new, course.aim, touched < n, decision, area=area
         )
 
     def _room(self, course: Course, plan: TurnPlan, chosen: int) -> tuple[Floats, int, float]:
@@ -186,12 +169,8 @@ class SpriteSwimmer:
         The way, the tick at which the goal is touched, and the share of the displacement. A turn
         that begins fast is tried to stop sooner and sooner.
         """
-        motion, turns, ease = (
-            self.waters.motion,
-            self.waters.motion.turns,
-            self.waters.settings.ease,
-        )
-        n = len(plan.frames)
+        motion, turns = self.waters.motion, self.waters.motion.turns
+        ease, n = self.waters.settings.ease, len(plan.frames)
         film = slice(turns.start[chosen], turns.start[chosen] + turns.ticks[chosen])
         at_tick = np.linspace(0, turns.ticks[chosen] - 1, n)
         ticks = np.arange(turns.ticks[chosen])
@@ -232,7 +211,7 @@ class SpriteSwimmer:
             way, n, touched = np.tile(course.start, (ticks, 1)), ticks, ticks
         sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
         return Stretch(
-            DECELERATE, way[:n], sprite, new, course.point, touched < n, Decision(WALL), phase=phase
+            DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
         )
 
     def _alike(self, place: int, count: int, rng: np.random.Generator) -> int:

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -81,13 +82,8 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
 
 def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
     """Eq. 5 between what is drawn at successive ticks, cross-fades and all."""
-    shown = _drawn(edit, pictures)
-    before = next(shown)
-    steps = []
-    for after in shown:
-        steps.append(float(apart(after, before)))
-        before = after
-    return np.array(steps)
+    every = pairwise(_drawn(edit, pictures))
+    return np.array([float(apart(after, before)) for before, after in every])
 
 
 def _drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:

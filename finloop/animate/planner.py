@@ -1,5 +1,6 @@
 """Everything that plans an animation, from what has been made of a film."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -8,11 +9,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import place_goals, tank
-from finloop.animate.edit_list import Goal
+from finloop.animate.crossing import Crossing
+from finloop.animate.edit_list import HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import film
+from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
+from finloop.animate.network import SpriteSwimmer
 from finloop.animate.pictures import Pictures, without_ghosts
-from finloop.animate.players import frame_hulls, players, reach
+from finloop.animate.policies import Policy
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
@@ -25,6 +29,8 @@ from finloop.features.table import delta_frames
 from finloop.loops.graph import loop_graph
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
+
+Floats = NDArray[np.float64]
 
 
 class Material(NamedTuple):
@@ -90,3 +96,49 @@ def planner(made: Material, p: Settings) -> Planner:
     waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
     company = players(waters, cast, made.model, made.gateways, facts.step_median)
     return Planner(waters, company, pictures, facts.step_median)
+
+
+def frame_hulls(
+    outline_px: NDArray[np.floating], places: pd.DataFrame, scale: Floats
+) -> NDArray[np.float32]:
+    """Outlines (n, k, 2) of the film's frames, px ahead of and to the left of the mass centre.
+
+    outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
+    drawn size / filmed size.
+    """
+    centre = places[["x_px", "y_px"]].to_numpy(float)
+    offset = (outline_px - centre[:, None]) * scale[:, None, None]
+    angle = np.radians(places["heading_deg"].to_numpy(float))[:, None]
+    cos, sin = np.cos(angle), np.sin(angle)
+    ahead = offset[..., 0] * cos - offset[..., 1] * sin
+    left = -offset[..., 0] * sin - offset[..., 1] * cos
+    return np.stack([ahead, left], axis=-1).astype(np.float32)
+
+
+def reach(
+    sprite_hulls: Sequence[Floats], hulls: NDArray[np.float32], quantile: float
+) -> tuple[float, NDArray[np.bool_]]:
+    """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
+
+    quantile: of the frames' reach; wider ones are mostly faults.
+    """
+    frames = np.hypot(hulls[..., 0], hulls[..., 1]).max(axis=1)
+    sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
+    most = max(sprites, float(np.quantile(frames, quantile)))
+    return most, frames > most
+
+
+def players(
+    waters: Waters, cast: Cast, model: MotionModel, gateways: pd.DataFrame, step: float
+) -> dict[str, Player]:
+    """A player for every mode; without loops there is no such mode, and the hybrid is the network.
+
+    gateways: with the columns of `GATEWAYS`; step: the median distance of successive frames.
+    """
+    sprites = SpriteSwimmer(waters, model)
+    policies = dict.fromkeys((NETWORK, HYBRID), Policy(NETWORK, sprites))
+    if (waters.film.endless & waters.film.more).any():
+        crossing = Crossing(sprites, FilmSwimmer(waters), gateways, step)
+        policies = {mode: Policy(mode, sprites, crossing) for mode in MODES}
+    fade = waters.ticks(waters.settings.fade_s)
+    return {mode: Player(policy, waters, cast, fade) for mode, policy in policies.items()}

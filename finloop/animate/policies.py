@@ -1,82 +1,50 @@
-"""The three modes: policies of one player, that differ in what they may show next.
+"""The three modes, which differ in what may be shown next.
 
 Network mode shows sprites (Fig. 18), loops mode the film, hybrid mode the film where it leads to
 the goal and sprites between (§4.3, Figs. 17, 19). Every policy goes on from any state that a fish
 is in: by a gateway where it may not show more of what is on screen.
 """
 
-from dataclasses import dataclass
-from typing import Protocol
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate import search
 from finloop.animate.crossing import Crossing, refused
-from finloop.animate.edit_list import NO_WAY, OTHER_MODE
+from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE
 from finloop.animate.kinematics import Spot
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
 
 
-class Policy(Protocol):
-    """What may be shown next."""
-
-    def begin(self, rng: np.random.Generator) -> Fish:
-        """A fish somewhere in the tank."""
-
-    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-        """What is shown next, on the way to a goal."""
-
-
 @dataclass(frozen=True)
-class NetworkPolicy:
-    """Sprites alone. `crossing`: the way out of the film; None where there is no film to be in."""
+class Policy:
+    """What may be shown next in a mode. crossing: None where there is no film to be in."""
 
+    mode: str
     sprites: SpriteSwimmer
     crossing: Crossing | None = None
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """A fish somewhere in the tank, gliding."""
+        """A fish somewhere in the tank: gliding, in loops mode in the film."""
+        if self.crossing is not None and self.mode == LOOPS:
+            return self.crossing.film.begin(rng)
         return self.sprites.begin(rng)
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-        """Fig. 18; first out of the film."""
-        if fish.row >= 0 and self.crossing is not None:
-            return self.crossing.leave(fish, goal, OTHER_MODE, rng)
-        return self.sprites.figure18(fish, goal, rng)
-
-
-@dataclass(frozen=True)
-class LoopsPolicy:
-    """The film alone."""
-
-    crossing: Crossing
-
-    def begin(self, rng: np.random.Generator) -> Fish:
-        """A fish somewhere in the tank and in the film."""
-        return self.crossing.film.begin(rng)
-
-    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-        """On in the film; first into it, by any gateway that is not out of the tank."""
+        """What is shown next, on the way to a goal; first into the film, or out of it."""
+        if self.crossing is None:
+            return self.sprites.figure18(fish, goal, rng)
+        if self.mode == HYBRID:
+            return figure19(self.crossing, fish, goal, rng)
+        if self.mode == NETWORK:
+            if fish.row >= 0:
+                return self.crossing.leave(fish, goal, OTHER_MODE, rng)
+            return self.sprites.figure18(fish, goal, rng)
         if fish.row >= 0:
             return self.crossing.film.swim(fish, goal, rng)
         return _enter(self.crossing, fish, goal, rng, any_way=True)
-
-
-@dataclass(frozen=True)
-class HybridPolicy:
-    """Both."""
-
-    crossing: Crossing
-
-    def begin(self, rng: np.random.Generator) -> Fish:
-        """A fish somewhere in the tank, gliding."""
-        return self.crossing.sprites.begin(rng)
-
-    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-        """Fig. 19."""
-        return figure19(self.crossing, fish, goal, rng)
 
 
 def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
@@ -99,7 +67,7 @@ def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generato
     if np.isnan(left.decision.seam) and fish.waits < least:
         taken = film.choose(options, np.isfinite(options.value), rng)
         if taken is not None:
-            return film.play(fish, taken, goal, aim).waiting()
+            return replace(film.play(fish, taken, goal, aim), waits=True)
     return refused(left, options)
 
 

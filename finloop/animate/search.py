@@ -70,16 +70,6 @@ class Rules(NamedTuple):
     memory: float
 
 
-class Leg(NamedTuple):
-    """A piece of film that was played: where it ended; row −1 where it ends or leaves the tank."""
-
-    x: float
-    y: float
-    row: int
-    ticks: int
-    touched: bool
-
-
 @njit(cache=True, nogil=True)
 def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     """A displacement on the screen (y down), turned anticlockwise as seen."""
@@ -90,26 +80,30 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after `stride` ticks, at most `most` ticks: a `Leg`."""
+    """Play forward to the first loop end after `stride` ticks, at most `most` ticks.
+
+    Returns where that is: x, y, row, −1 where the film ends or leaves the tank; the ticks that were
+    played; whether the last one touches the aim.
+    """
     x, y, row = way.x, way.y, way.row
     cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
     for t in range(1, most + 1):
         at = rows[row]
         if not at.more:
             # The last picture of a track may still be exchanged for another.
-            return Leg(x, y, (row if at.end >= 0 and t > 1 else -1), t - 1, False)
+            return x, y, (row if at.end >= 0 and t > 1 else -1), t - 1, False
         x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
         row += 1
         at = rows[row]
         if not inside(legal, x, y):
-            return Leg(x, y, -1, t, False)
+            return x, y, -1, t, False
         # A fish that has reached its goal must be able to swim on.
         goes_on = at.more and rows[row + 1].endless
         if goes_on and touches(x, y, at.heading + way.rot, aim):
-            return Leg(x, y, row, t, True)
+            return x, y, row, t, True
         if t >= stride and at.end >= 0:
-            return Leg(x, y, row, t, False)
-    return Leg(x, y, row, most, False)
+            return x, y, row, t, False
+    return x, y, row, most, False
 
 
 @njit(cache=True, nogil=True)
@@ -168,31 +162,26 @@ def look(
     for c in range(count):
         if film.rows[candidates.rows[c]].endless and inside(legal, here.x, here.y):
             way = ways[n]
-            way.x, way.y, way.rot, way.cost = (
-                here.x,
-                here.y,
-                candidates.rots[c],
-                candidates.costs[c],
-            )
-            way.total, way.row, way.first, way.ticks = 0.0, candidates.rows[c], c, 0
-            way.since = candidates.since[c]
+            way.x, way.y, way.first, way.ticks, way.total = here.x, here.y, c, 0, 0.0
+            way.row, way.rot = candidates.rows[c], candidates.rots[c]
+            way.cost, way.since = candidates.costs[c], candidates.since[c]
             n += 1
     while n:
         m = 0
         for s in range(n):
             way = ways[s]
-            played = leg(
-                film.rows, legal, way, aim, max(rules.horizon - way.ticks, 1), rules.stride
+            most = max(rules.horizon - way.ticks, 1)
+            way.x, way.y, way.row, ticks, touched = leg(
+                film.rows, legal, way, aim, most, rules.stride
             )
-            way.x, way.y, way.row = played.x, played.y, played.row
-            way.ticks += played.ticks
-            way.since += played.ticks
+            way.ticks += ticks
+            way.since += ticks
             if found.value[way.first] == np.inf:
                 found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
             if way.row < 0 or not film.rows[way.row].endless:
                 continue
-            if played.touched or way.ticks >= rules.horizon:
-                _finish(film, way, played.touched, found, aim, rules)
+            if touched or way.ticks >= rules.horizon:
+                _finish(film, way, touched, found, aim, rules)
             else:
                 m = _branch(film, way, branches, m, here, (aim, rules))
         n = _best(branches[:m], order, found.over)

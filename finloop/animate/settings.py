@@ -5,10 +5,9 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-Positive = Annotated[float, Field(gt=0)]
-NotNegative = Annotated[float, Field(ge=0)]
+from finloop.settings import Count, NotNegative, Positive, Seed
+
 Share = Annotated[float, Field(ge=0, le=1)]
-Whole = Annotated[int, Field(ge=1)]
 
 
 @dataclass(frozen=True)
@@ -21,10 +20,10 @@ class Settings:
     goals_in: Literal["tank", "px"]
     goal_radius: Positive  # body lengths from a goal at which head or centre have reached it
     seconds: Positive  # s, of the animation, in every mode
-    seed: Annotated[int, Field(ge=0)]  # for every choice that is left to chance
+    seed: Seed  # for every choice that is left to chance
     # further animations to random goals, for the measures alone
     trials: Annotated[int, Field(ge=0)]
-    trial_goals: Whole  # random goals of each of them
+    trial_goals: Count  # random goals of each of them
 
     # What is drawn.
     fade_s: NotNegative  # s, cross-fade at a jump; 0 = a cut
@@ -35,12 +34,12 @@ class Settings:
     still: Share  # a tail counts as still below this share of a beating tail's movement
     steady: NotNegative  # per second; a speed that changes by a smaller share of itself is steady
     phase_drift_deg: Positive  # a phase whose heading drifts farther is a turn and is left out
-    phase_ticks: Whole  # shorter phases belong to the one before
+    phase_ticks: Count  # shorter phases belong to the one before
     speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
     speed_high: Share  # ... and the upper one
 
     # Network mode (Fig. 18).
-    alike: Whole  # a phase or turn is drawn from so many of the film's that are most alike
+    alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
     turn_quantile: Share  # of the film's turns; a smaller error of the heading is left to drift
     turn_least_deg: NotNegative  # a larger error is never left to the drift
     unbend_deg: NotNegative  # a fish stopped in a turn turns on where the error is larger
@@ -63,7 +62,7 @@ class Settings:
     stay_s: Positive  # s between two jumps, at least
     look_ahead_s: Positive  # s; ways through the film are followed so far ahead
     stride_s: Positive  # s; loop ends nearer to the last decision are passed by
-    beam: Whole  # ways that are followed at once
+    beam: Count  # ways that are followed at once
     seam_s: NotNegative  # s; so long a detour equals a seam of one natural step ...
     jerk_s: NotNegative  # ... a change of speed by one body length/s ...
     again_s: NotNegative  # ... frames that were on screen just now

@@ -17,50 +17,40 @@ Floats = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class TurnFrames:
-    """The frames of one turn: `up` to the strongest bend, `down` after it.
+    """The sprites (n,) of one turn, which bend more and more up to number `peak`.
 
-    up_area, down_area: relative motion areas; up_deg, down_deg: change of heading to the next
-    frame, towards the turn; hold_deg: the same while the strongest bends are held.
+    area: relative motion areas; degrees: change of heading to the next frame, towards the turn;
+    hold_deg: the same while the strongest bends are held.
     """
 
-    up: Ints
-    down: Ints
-    up_area: Floats
-    down_area: Floats
-    up_deg: Floats
-    down_deg: Floats
+    number: Ints
+    area: Floats
+    degrees: Floats
+    peak: int
     hold_deg: float
 
     def back(self, depth: int) -> int:
-        """The frame of `down` with which a turn that went up to `depth` goes on."""
-        after = np.flatnonzero(self.down_area <= self.up_area[depth])
-        return int(after[0]) if after.size else len(self.down) - 1
+        """The frame after the peak with which a turn that went up to frame `depth` goes on."""
+        shallow = np.flatnonzero(self.area <= self.area[depth])
+        after = shallow[shallow > self.peak]
+        return int(after[0]) if after.size else len(self.number) - 1
 
     def undone(self, sprite: int) -> Ints:
-        """The frames of `down` by which a fish that a sprite shows bent is straight again."""
-        if sprite in self.down:
-            return self.down[int(np.flatnonzero(self.down == sprite)[0]) + 1 :]
-        return self.down[self.back(int(np.flatnonzero(self.up == sprite)[0])) :]
+        """The sprites by which a fish that one of the turn shows bent is straight again."""
+        place = int(np.flatnonzero(self.number == sprite)[0])
+        return self.number[place + 1 if place > self.peak else self.back(place) :]
 
     def steps(self, depth: int, held: int) -> tuple[Ints, Floats]:
         """Frames of a turn, and the change of heading with each as the film shows it.
 
         The change to a frame is that from the one before; the first is entered from swimming.
         """
-        back = self.back(depth)
-        frames = np.concatenate(
-            [self.up[: depth + 1], np.full(held, self.up[depth]), self.down[back:]]
-        )
-        degrees = np.concatenate(
-            [
-                [0.0],
-                self.up_deg[:depth],
-                np.full(held, self.hold_deg),
-                self.up_deg[depth : depth + 1],
-                self.down_deg[back:-1],
-            ]
-        )
-        return frames, np.maximum(degrees, 0.0)
+        back, degrees = self.back(depth), self.degrees
+        frames = np.r_[0 : depth + 1, np.full(held, depth), back : len(self.number)]
+        changes = np.r_[
+            0.0, degrees[:depth], np.full(held, self.hold_deg), degrees[depth], degrees[back:-1]
+        ]
+        return self.number[frames], np.maximum(changes, 0.0)
 
 
 @dataclass(frozen=True)
@@ -105,13 +95,13 @@ def plan_turn(
     The strongest bend is held for at most `most` ticks. Where the film's frames turned by far less
     or more than is wanted, a deeper or shallower bend is taken.
     """
-    depth = max(1, int(np.abs(frames.up_area - area).argmin()))
-    depth = min(depth, len(frames.up) - 1)
+    depth = max(1, int(np.abs(frames.area[: frames.peak + 1] - area).argmin()))
+    depth = min(depth, frames.peak)
     while True:
         bare = frames.steps(depth, 0)[1].sum()
         held = min(max(round((angle_deg - bare) / max(frames.hold_deg, 1e-6)), 0), most)
         film = bare + held * frames.hold_deg
-        if angle_deg > settings.turn_more * film and depth < len(frames.up) - 1:
+        if angle_deg > settings.turn_more * film and depth < frames.peak:
             depth += 1
         else:
             break
@@ -120,7 +110,7 @@ def plan_turn(
     numbers, degrees = frames.steps(depth, held)
     film = float(degrees.sum())
     share = np.cumsum(degrees + settings.turn_floor * max(film, 1.0))
-    area = float(frames.up_area[depth])
+    area = float(frames.area[depth])
     return TurnPlan(numbers, share / share[-1], area, film, settings.turn_floor)
 
 
@@ -130,7 +120,7 @@ def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: i
     A bend to the same side is gone on from; one too deep is undone, one to the other side, too, and
     twice as fast as filmed, before the turn.
     """
-    bent = next((s for s, t in turns.items() if sprite in t.up or sprite in t.down), 0)
+    bent = next((s for s, t in turns.items() if sprite in t.number), 0)
     if not bent:
         return plan
     step = np.diff(plan.share, prepend=0.0)
@@ -181,15 +171,7 @@ def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
 def _turn_frames(part: pd.DataFrame, side: int) -> TurnFrames:
     area = part["motion_area_rel"].to_numpy(float)
     degrees = side * part["turn_deg"].to_numpy(float)
-    number = part.index.to_numpy()
     held = (part["phase"] != "out").to_numpy()
     peak = int(np.where(held, area, -1.0).argmax())
-    return TurnFrames(
-        number[: peak + 1],
-        number[peak + 1 :],
-        area[: peak + 1],
-        area[peak + 1 :],
-        degrees[: peak + 1],
-        degrees[peak + 1 :],
-        float(np.maximum(degrees[held], 0.0).mean()),
-    )
+    hold_deg = float(np.maximum(degrees[held], 0.0).mean())
+    return TurnFrames(part.index.to_numpy(), area, degrees, peak, hold_deg)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from finloop.animate.arena import Tank
 from finloop.animate.edit_list import FRAME, SPOT, SPRITE
 from finloop.animate.film import Film
-from finloop.animate.kinematics import wrap
+from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
@@ -42,6 +42,17 @@ class Waters:
     def ticks(self, seconds: float) -> int:
         """A time of the settings, in ticks."""
         return round(seconds * self.motion.rate_hz)
+
+    def aim(self, fish: "Fish", goal: Spot, near_px: float) -> Spot:
+        """The point to head for: where the goal is nearest, or what is in sight of the way there.
+
+        The goal itself where that is less than `near_px` away.
+        """
+        legal = self.tank.into(goal.x, goal.y)
+        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < near_px:
+            return goal
+        x, y = self.tank.waypoint(fish.x, fish.y, *legal)
+        return goal._replace(x=float(x), y=float(y))
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,7 +153,7 @@ class Stretch:
 
     kind: SPRITE or FRAME; rot (n,): by how much frames are turned; phase (n,): place in the cycle,
     in frames, where sprites of one are played; new: whether the first picture does not follow on
-    the one before; aim (2,): the point it heads for; area: asked of the network, NaN where it was
+    the one before; aim: the point it heads for; area: asked of the network, NaN where it was
     not asked; touched: whether the last tick touches the goal; waits: whether it waits for a
     gateway; whole: whether it was not cut short; options: what was weighed.
     """
@@ -151,7 +162,7 @@ class Stretch:
     way: Floats
     number: Ints
     new: bool
-    aim: tuple[float, float]
+    aim: Spot
     touched: bool
     decision: Decision
     kind: str = SPRITE
@@ -161,10 +172,6 @@ class Stretch:
     waits: bool = False
     whole: bool = True
     options: Options | None = None
-
-    def waiting(self) -> "Stretch":
-        """The same, as one that waits for a gateway."""
-        return replace(self, waits=True)
 
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import Tank, goal_name
+from finloop.animate.arena import Tank, goal_name, in_sight
 from finloop.animate.edit_list import (
     CONSIDERED,
     EDIT,
@@ -161,7 +161,7 @@ def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Flo
         way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
         direction = np.radians(fish.heading + angle)
         x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
-        if tank.sees(fish.x, fish.y, x, y):
+        if in_sight(tank.legal, fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
     return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
 
