@@ -12,36 +12,14 @@ from typing import get_args
 import cv2
 import numpy as np
 
-from finloop.extract.film import (
-    Detector,
-    Film,
-    TrackedFish,
-    Verdict,
-    batches,
-    cutouts,
-    detections,
-    nothing_followed,
-    rows,
-    sample_frames,
-    survey,
-    tracks,
-)
+from finloop.extract import film
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.io import video
 from finloop.io.atomic import whole_folder
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
 from finloop.io.record import save_record
-from finloop.io.video import (
-    ARENA_NAME,
-    CLIP_NAME,
-    FACTS_NAME,
-    KEY_FRAME_EVERY,
-    load_facts,
-    load_mask,
-    read_frames,
-    read_spread,
-)
 from finloop.parallel import warm_up
 from stages.settings import load
 
@@ -55,24 +33,24 @@ def main() -> None:
     settings: Settings = load("extract")
     if THREADS > 1:
         warm_up(WORKERS_NEED)
-    facts = load_facts(CLIP / FACTS_NAME)
-    mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
+    facts = video.load_facts(CLIP / video.FACTS_NAME)
+    mask = video.load_mask(CLIP / video.ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    sample = sample_frames(settings.samples, facts.frames, shape, KEY_FRAME_EVERY)
-    frames = list(read_spread(CLIP / CLIP_NAME, sample, colour=facts.colour))
-    scene, typical = survey(frames, arena, settings)
+    sample = film.sample_frames(settings.samples, facts.frames, shape, video.KEY_FRAME_EVERY)
+    frames = list(video.read_spread(CLIP / video.CLIP_NAME, sample, colour=facts.colour))
+    scene, typical = film.survey(frames, arena, settings)
     # One thread each: every core decodes its own stretch.
-    read = partial(read_frames, CLIP / CLIP_NAME, colour=facts.colour, threads=1)
-    film = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
-    detector = Detector(arena, typical, settings)
+    read = partial(video.read_frames, CLIP / video.CLIP_NAME, colour=facts.colour, threads=1)
+    clip = film.Film(read, facts.frames, facts.frame_rate_hz, video.KEY_FRAME_EVERY)
+    detector = film.Detector(arena, typical, settings)
     cuts = [start for start, _ in facts.segments[1:]]
-    tally: Counter[Verdict] = Counter()
+    tally: Counter[film.Verdict] = Counter()
     lengths: Counter[int] = Counter()
 
-    def linked() -> Iterator[list[TrackedFish]]:
-        seen = detections(film, scene, detector, THREADS)
-        for verdicts, fish in tracks(seen, typical, settings, cuts):
+    def linked() -> Iterator[list[film.TrackedFish]]:
+        seen = film.detections(clip, scene, detector, THREADS)
+        for verdicts, fish in film.tracks(seen, typical, settings, cuts):
             tally.update(verdicts)
             lengths.update(f.track_id for f in fish)
             advance()
@@ -83,10 +61,10 @@ def main() -> None:
             progress("extract", facts.frames) as advance,
             film_writer(folder, tracks_schema(settings.points)) as write,
         ):
-            for fish in batches(linked()):
-                write(rows(fish), cutouts(fish))
+            for fish in film.batches(linked()):
+                write(film.rows(fish), film.cutouts(fish))
         if not lengths:
-            raise nothing_followed(settings, tally)
+            raise film.nothing_followed(settings, tally)
         tank = SceneFacts(
             scene.polarity, scene.noise, scene.threshold, *typical, points=settings.points
         )
@@ -96,7 +74,7 @@ def main() -> None:
 
 
 def metrics(
-    frames: int, tank: SceneFacts, tally: Counter[Verdict], lengths: Counter[int]
+    frames: int, tank: SceneFacts, tally: Counter[film.Verdict], lengths: Counter[int]
 ) -> dict[str, float]:
     """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
     long = [count for count in lengths.values() if count >= LONG]
@@ -104,7 +82,7 @@ def metrics(
         "frames": frames,
         **{name: value for name, value in asdict(tank).items() if name.endswith(("_grey", "_px"))},
         "silhouettes": tally.total(),
-        **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
+        **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(film.Verdict)},
         "fish_frames": lengths.total(),
         "tracks": len(lengths),
         f"tracks_of_{LONG}_frames": len(long),

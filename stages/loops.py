@@ -16,12 +16,7 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
-from finloop.loops.positions import (
-    far_ends,
-    position_table,
-    routes_table,
-    shown_ends,
-)
+from finloop.loops.positions import far_ends, position_table, routes_table, shown_ends
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.loops.settings import Settings
 from stages.settings import load

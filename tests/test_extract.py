@@ -967,7 +967,7 @@ def test_a_damaged_clip_is_one_message_and_no_half_output(here, walked, harm, be
 
 
 @pytest.mark.parametrize("error", [OSError(28, "No space left on device"), KeyboardInterrupt()])
-@pytest.mark.parametrize("where", ["rows", "save_record", "film_writer"])
+@pytest.mark.parametrize("where", ["film.rows", "save_record", "film_writer"])
 def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatch, error, where):
     shutil.copytree(walked / "data/extract", here / "data/extract")
     old = content(here / "data/extract")
@@ -976,7 +976,7 @@ def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatc
     def stop(*_):
         raise error
 
-    monkeypatch.setattr(stages.extract, where, stop)
+    monkeypatch.setattr(f"stages.extract.{where}", stop)
     with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
         stages.extract.main()
     assert isinstance(caught.value, KeyboardInterrupt) or "disk is full" in caught.value.came

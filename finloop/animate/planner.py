@@ -21,7 +21,7 @@ from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, edit_list, swim
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import distance
@@ -81,9 +81,8 @@ def planner(made: Material, p: Settings) -> Planner:
     features, sprites = reel.features, reel.sprites
     motion = learn(features, rate_hz, delta_frames(made.model.delta_s, rate_hz), p)
     pictures = Pictures(reel, facts.size)
-    sides = [lists_to_array(made.outline[name]) for name in ("outline_x_px", "outline_y_px")]
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    hulls = frame_hulls(np.stack(sides, axis=-1), features, scale)
+    hulls = frame_hulls(lists_to_points(made.outline, "outline"), features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
     graph = loop_graph(made.loops, features["track_id"].to_numpy())

@@ -36,3 +36,8 @@ def columns(dtype: str, unit: str, *names: str, length: int = 0) -> list[Column]
 def lists_to_array(column: pd.Series) -> np.ndarray:
     """Stack a list column into one array, (rows, length)."""
     return np.stack(list(column)) if len(column) else np.empty((0, 0))
+
+
+def lists_to_points(table: pd.DataFrame, name: str) -> np.ndarray:
+    """The list columns <name>_x_px and <name>_y_px as points, (rows, length, 2)."""
+    return np.stack([lists_to_array(table[f"{name}_{axis}_px"]) for axis in "xy"], axis=-1)

@@ -6,8 +6,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_points
 from finloop.errors import FinloopError
+from finloop.features.head import tail_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
@@ -63,10 +64,8 @@ def poses(
     ids = np.sort(kept)
     rows = pd.concat([tracks, features], axis=1)[tracks["track_id"].isin(ids)]
     rows = rows.sort_values(["frame", "track_id"], ignore_index=True)
-    line = np.stack(
-        [lists_to_array(rows["backbone_x_px"]), lists_to_array(rows["backbone_y_px"])], -1
-    ).astype(float)
-    line = _head_first(line, rows[["head_x_px", "head_y_px"]].to_numpy(float))
+    line = lists_to_points(rows, "backbone").astype(float)
+    line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     sure = rows["head_confidence"].to_numpy(float)[:, None]
     body = [f"body_{n}" for n in range(1, body_points + 1)]
@@ -79,12 +78,6 @@ def poses(
         np.concatenate([_along(line, body_points + 2), centre[:, None]], axis=1),
         np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),
     )
-
-
-def _head_first(line: NDArray[np.float64], head: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lines (rows, n, 2), turned round where they end at the head (rows, 2)."""
-    first, last = (np.linalg.norm(line[:, end] - head, axis=1) for end in (0, -1))
-    return np.where((first <= last)[:, None, None], line, line[:, ::-1])
 
 
 def _along(line: NDArray[np.float64], count: int) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ it was: exchanging head and tail would mean a jump of a body length, and costs a
 """
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Reals
@@ -18,6 +19,13 @@ _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 
 _MOST = 2.0  # most that either cue may say about one frame, in log odds
 _WANDER = 0.15  # body lengths that an end moves between frames, standard deviation
 _MEMORY_S = 0.4  # frames nearer than this tell the same thing twice
+
+
+def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
+    """Which lines (rows, n, 2) px, beside a feature table, begin at the tail of their fish."""
+    head = features[["head_x_px", "head_y_px"]].to_numpy(float)
+    first, last = (np.linalg.norm(lines[:, end] - head, axis=1) for end in (0, -1))
+    return last < first
 
 
 def head_first(backbone: Reals, half_width: Reals, rate_hz: float) -> tuple[Mask, Floats]:

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import scipy
 
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_points
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import delta_of, orientations_of, wrap_deg
 
@@ -91,10 +91,7 @@ def against_truth(
     pairs = _nearest(features, truth)
     fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
     length = true["body_length_px"].to_numpy(float)
-    lines = np.stack(
-        [lists_to_array(true["backbone_x_px"]), lists_to_array(true["backbone_y_px"])], -1
-    )
-    lines = _resampled(lines, backbones.shape[1])
+    lines = _resampled(lists_to_points(true, "backbone"), backbones.shape[1])
     mine = backbones[pairs[:, 0]]
     swapped = np.hypot(*(mine - lines).transpose(2, 0, 1)).mean(1) > np.hypot(
         *(mine[:, ::-1] - lines).transpose(2, 0, 1)

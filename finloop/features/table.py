@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
-from finloop.base.schema import Column, Schema, columns, lists_to_array
+from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.errors import FinloopError
 from finloop.features.area import bend
 from finloop.features.head import head_first
@@ -121,9 +121,7 @@ def features(
 
 def oriented(tracks: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
     """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
-    backbone = np.stack(
-        [lists_to_array(tracks["backbone_x_px"]), lists_to_array(tracks["backbone_y_px"])], -1
-    ).astype(float)
+    backbone = lists_to_points(tracks, "backbone").astype(float)
     first, confidence = head_first(backbone, lists_to_array(tracks["half_width_px"]), rate_hz)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
 

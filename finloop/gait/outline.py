@@ -15,9 +15,10 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_points
 from finloop.curve.contour import Curve, centroid, clockwise
 from finloop.errors import FinloopError
+from finloop.features.head import tail_first
 from finloop.gait.period import Period, assess, course, period, with_phase_zero
 
 POINTS = 128
@@ -45,18 +46,15 @@ def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Float
 
     Both tables must hold the same frames; the feature table says which end is the head.
     """
-    outline = np.stack([lists_to_array(track[f"outline_{c}_px"]) for c in "xy"], -1)
-    backbone = np.stack([lists_to_array(track[f"backbone_{c}_px"]) for c in "xy"], -1)
-    head = features[["head_x_px", "head_y_px"]].to_numpy(float)
+    outline, backbone = (lists_to_points(track, name) for name in ("outline", "backbone"))
     if len(track) != len(features) or (track["frame"].values != features["frame"].values).any():
         raise FinloopError(
             f"{len(track)} frames of a track and {len(features)} of its features do not match",
             "the same frames of both",
             "make both anew: dvc repro features",
         )
-    far = np.linalg.norm(backbone[:, [0, -1]] - head[:, None], axis=-1)
-    first = far[:, 0] <= far[:, 1]
-    return outline.astype(float), np.where(first[:, None, None], backbone, backbone[:, ::-1])
+    turned = tail_first(backbone, features)[:, None, None]
+    return outline.astype(float), np.where(turned, backbone[:, ::-1], backbone)
 
 
 def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS) -> Swim:

@@ -15,20 +15,8 @@ from finloop.animate.edit_list import VERDICTS
 from finloop.animate.search import moved
 from finloop.animate.state import Options
 from finloop.animate.words import in_words
+from finloop.live import message
 from finloop.live.fish import Choice, Row
-from finloop.live.message import (
-    Count,
-    Drop,
-    Explain,
-    Look,
-    Pause,
-    SetGoal,
-    SetMode,
-    Speed,
-    Step,
-    SwimOn,
-    Wish,
-)
 from finloop.live.tank import LiveTank
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter, Placed
@@ -78,33 +66,33 @@ class View:
         """Whether time passes in the tank."""
         return not self.paused and self.looked is None
 
-    def grant(self, wish: Wish) -> None:
+    def grant(self, wish: message.Wish) -> None:
         """Do what is wished; what makes no sense now is let be."""
         tank = self.tank
         match wish:
-            case SetGoal():
+            case message.SetGoal():
                 self.looked = None
                 tank.send(wish.fish, wish.x, wish.y, wish.drag)
-            case Drop():
+            case message.Drop():
                 tank.drop(wish.fish)
-            case SetMode():
+            case message.SetMode():
                 tank.switch(wish.mode)
-            case Pause():
+            case message.Pause():
                 self.paused, self.looked = wish.on, None
-            case Step():
+            case message.Step():
                 self.paused, self.looked = True, None
                 self.on()
-            case Speed():
+            case message.Speed():
                 self.speed = wish.times
-            case Look():
+            case message.Look():
                 self.looked = wish.tick
-            case SwimOn():
+            case message.SwimOn():
                 tank.back_to(wish.tick)
                 self.explained = min(self.explained, len(tank.fish) - 1)
                 self.paused, self.looked = False, None
-            case Explain():
+            case message.Explain():
                 self.explained = min(wish.fish, len(tank.fish) - 1)
-            case Count():
+            case message.Count():
                 tank.count(wish.fish)
                 self.explained = min(self.explained, wish.fish - 1)
 

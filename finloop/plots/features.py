@@ -11,7 +11,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutouts
+from finloop.base.schema import lists_to_points
 from finloop.features.area import closed_spline, control_points
+from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
@@ -98,24 +100,19 @@ class Specimen(NamedTuple):
     y0_px: int
 
 
-def head_first(lines: NDArray[np.floating], features: pd.DataFrame) -> NDArray[np.floating]:
-    """Backbones (rows, n, 2), beside the feature table, turned so that each begins at the head."""
-    head = features[["head_x_px", "head_y_px"]].to_numpy(float)
-    first, last = (np.hypot(*(lines[:, end] - head).T) for end in (0, -1))
-    return np.where((last < first)[:, None, None], lines[:, ::-1], lines)
-
-
 def specimens(
     table: pd.DataFrame,
-    backbones: np.ndarray,
+    tracks: pd.DataFrame,
     numbers: np.ndarray,
     cutouts: Cutouts,
     background: np.ndarray,
 ) -> Iterator[Specimen]:
-    """Rows of the table with their cut-outs laid over the empty tank."""
+    """Rows of the feature table, and of `tracks` beside it, with their cut-outs over the tank."""
+    lines = lists_to_points(tracks, "backbone")
+    lines = np.where(tail_first(lines, table)[:, None, None], lines[:, ::-1], lines)
     for number in numbers.tolist():
         row, cutout = table.iloc[number], cutouts[number]
-        yield Specimen(row, backbones[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
+        yield Specimen(row, lines[number], cutout.over(background), cutout.x0_px, cutout.y0_px)
 
 
 def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:

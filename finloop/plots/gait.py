@@ -58,9 +58,9 @@ def figure8_contours(film: Film, columns: int = 6, shown: int = 18) -> Figure:
     """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
     picked = first[np.unique(np.linspace(0, len(first) - 1, min(shown, len(first))).astype(int))]
-    poses = [{name: points[k] for name, points in film.contours.items()} for k in picked]
+    poses = _poses({name: points[picked] for name, points in film.contours.items()})
     titles = [f"phase {film.phase[k] % 1:.2f}" for k in picked]
-    rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
+    rows = _rows(poses, columns)
     return _sheet(rows, titles, [""] * len(rows), "contours of the film")
 
 
@@ -188,22 +188,23 @@ def figure12(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
     edges = np.array([0, gait.split, 0.5, 0.5 + gait.split, 1])
     tau = np.arange(columns) / columns
     phases = np.concatenate([a + tau * (b - a) for a, b in pairwise(edges)])
-    return _synthesized(gait, keys, film, phases, columns, list("ABCD"), "synthesized cycle")
+    rows = _rows(_poses(_frames(gait, keys, film, phases)), columns)
+    titles = [f"phase {phase:.3f}" for phase in phases]
+    return _sheet(rows, titles, list("ABCD"), "synthesized cycle")
 
 
 def figure13(gait: Gait, keys: Keys, film: Film, columns: int = 6, rows: int = 2) -> Figure:
     """Fig. 13: subcycle A alone, with more frames."""
     phases = np.linspace(0, gait.split, rows * columns)
-    return _synthesized(gait, keys, film, phases, columns, [""] * rows, "subcycle A")
+    poses = _rows(_poses(_frames(gait, keys, film, phases)), columns)
+    titles = [f"phase {phase:.3f}" for phase in phases]
+    return _sheet(poses, titles, [""] * rows, "subcycle A")
 
 
 def figure14(gait: Gait, keys: Keys, film: Film, columns: int = 6) -> Figure:
     """Fig. 14: frames of a cycle at 4, 16 and 64 control points a contour."""
     phases = np.arange(columns) / columns
-    rows = []
-    for control in CONTROL:
-        frames = _frames(gait, keys, film, phases, control)
-        rows.append([{n: p[k] for n, p in frames.items()} for k in range(columns)])
+    rows = [_poses(_frames(gait, keys, film, phases, control)) for control in CONTROL]
     titles = [f"phase {phase:.2f}" for phase in phases] + [""] * (2 * columns)
     names = [f"{control} points" for control in CONTROL]
     return _sheet(rows, titles, names, "the same at few control points")
@@ -216,20 +217,13 @@ def _frames(
     return at_phases(keys.first, keys.second, gait, phases, layout, control=control)
 
 
-def _synthesized(
-    gait: Gait,
-    keys: Keys,
-    film: Film,
-    phases: Points,
-    columns: int,
-    names: Sequence[str],
-    title: str,
-) -> Figure:
-    frames = _frames(gait, keys, film, phases)
-    poses = [{n: p[k] for n, p in frames.items()} for k in range(len(phases))]
-    rows = [poses[k : k + columns] for k in range(0, len(poses), columns)]
-    titles = [f"phase {phase:.3f}" for phase in phases]
-    return _sheet(rows, titles, names, title)
+def _poses(frames: Mapping[str, Points]) -> list[Pose]:
+    """Contours (frames, n, 2) by name, frame by frame."""
+    return [dict(zip(frames, pose, strict=True)) for pose in zip(*frames.values(), strict=True)]
+
+
+def _rows(poses: Sequence[Pose], columns: int) -> list[Sequence[Pose]]:
+    return [poses[k : k + columns] for k in range(0, len(poses), columns)]
 
 
 def _sheet(

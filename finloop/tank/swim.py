@@ -16,7 +16,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_array, lists_to_points
+from finloop.features.head import tail_first
 from finloop.features.table import direction_deg, orientations_of
 
 Floats = NDArray[np.floating]
@@ -69,12 +70,9 @@ def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
 
     tracks: as `extract` wrote it; features: the head of each of its rows.
     """
-    names = ("backbone_x_px", "backbone_y_px")
-    line = np.stack([lists_to_array(tracks[name]) for name in names], axis=-1).astype(float)
+    line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
-    there = features[["head_x_px", "head_y_px"]].to_numpy(float)[:, None]
-    far = np.linalg.norm(line[:, [0, -1]] - there, axis=-1)
-    backwards = far[:, 0] > far[:, 1]
+    backwards = tail_first(line, features)
     line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
     local = line - tracks[["x_px", "y_px"]].to_numpy(float)[:, None]
     return Film(local * (1, -1), half_width)

@@ -4,24 +4,13 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-import numpy as np
-
-from finloop.base.schema import lists_to_array
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
-from finloop.plots.features import (
-    contact_sheet,
-    figure7,
-    head_first,
-    most_doubtful,
-    rose,
-    specimens,
-    trajectories,
-)
+from finloop.plots import features as draw
 from stages.run import progress
 
 EXTRACT, REPORT = Path("data/extract"), Path("reports/features")
@@ -34,18 +23,17 @@ def main() -> None:
     table = load_table(Path("data/features/features.parquet"), FEATURES)
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), COLUMNS)
-    lines = np.stack([lists_to_array(tracks[name]) for name in COLUMNS], axis=-1)
     background = load_picture(EXTRACT / "background.png")
-    rows = most_doubtful(table, FISH)
+    rows = draw.most_doubtful(table, FISH)
     with progress("plots", 4, "pictures") as advance:
         with open_cutouts(EXTRACT / "cutouts.arrow") as film:
-            fish = specimens(table, head_first(lines, table), rows, film, background)
-            save_picture(REPORT / "contact_sheet.png", contact_sheet(fish))
+            fish = draw.specimens(table, tracks, rows, film, background)
+            save_picture(REPORT / "contact_sheet.png", draw.contact_sheet(fish))
         advance()
         for name, figure in (
-            ("fig7", figure7(table)),
-            ("trajectories", trajectories(table, background)),
-            ("rose", rose(table)),
+            ("fig7", draw.figure7(table)),
+            ("trajectories", draw.trajectories(table, background)),
+            ("rose", draw.rose(table)),
         ):
             save_figure(REPORT / f"{name}.png", figure)
             advance()

@@ -15,15 +15,7 @@ from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, shown_ends
 from finloop.loops.search import LOOPS
 from finloop.loops.settings import Settings
-from finloop.plots.loops import (
-    apart,
-    best_and_worst,
-    examples,
-    message,
-    over_tank,
-    over_time,
-    table_picture,
-)
+from finloop.plots import loops as draw
 from finloop.reel import Reel
 from stages.settings import load
 
@@ -38,7 +30,7 @@ def main() -> None:
     if loops.empty:
         why = (DATA / "loops/none.txt").read_text(encoding="utf-8")
         for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
-            save_figure(REPORT / f"{name}.png", message(why))
+            save_figure(REPORT / f"{name}.png", draw.message(why))
         return
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
     facts = load_record(DATA / "distance/facts.json", MapFacts, "distance")
@@ -47,17 +39,17 @@ def main() -> None:
     graph = loop_graph(loops, track)
     tank = load_picture(DATA / "extract/background.png")
     ends = shown_ends(graph.ends, track)
-    save_figure(REPORT / "over_time.png", over_time(loops, graph, track, rate_hz))
-    save_figure(REPORT / "over_tank.png", over_tank(loops, graph, features, tank))
-    table = table_picture(position_table(ends, features), ends, features)
+    save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, rate_hz))
+    save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
+    table = draw.table_picture(position_table(ends, features), ends, features)
     save_figure(REPORT / "fig11.png", table)
     gap = round(p.least_s * rate_hz)
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         best, worst = (
-            list(examples(some.iloc[apart(some, gap, BEST)], Reel(features, film), facts))
+            list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], Reel(features, film), facts))
             for some in (loops, loops[::-1])
         )
-    save_figure(REPORT / "best_and_worst.png", best_and_worst(best, worst))
+    save_figure(REPORT / "best_and_worst.png", draw.best_and_worst(best, worst))
 
 
 if __name__ == "__main__":
