@@ -10,6 +10,7 @@ from finloop.base.arrays import Picture
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.film import Settings, Typical, judge
 from finloop.extract.segment import Silhouette, silhouettes
+from finloop.plots.parts import coloured, in_rows, write
 
 _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
     "fish": (0, 158, 115),
@@ -31,15 +32,15 @@ def detections_picture(
     """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""
     panels = []
     for frame, number in zip(frames, numbers, strict=True):
-        panel = frame.copy() if frame.ndim == 3 else cv2.cvtColor(frame, cv2.COLOR_GRAY2RGB)
+        panel, scale = coloured(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, settings.outline_share):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
-        panels.append(_titled(panel, f"frame {number}"))
-    if len(panels) % 2:
-        panels.append(np.full_like(panels[0], 255))
-    rows = [np.hstack(panels[i : i + 2]) for i in range(0, len(panels), 2)]
+        place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
+        write(panel, f"frame {number}", place, (255, 255, 255), 0.9 * scale, line)
+        panels.append(panel)
+    rows = in_rows(panels, 2)
     return np.vstack([_legend(rows[0].shape[1]), *rows])
 
 
@@ -51,22 +52,10 @@ def _contour(silhouette: Silhouette) -> NDArray[np.int32]:
     return max(contours, key=len)
 
 
-def _titled(panel: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
-    scale = panel.shape[1] / 900
-    cv2.putText(
-        panel, title, (int(12 * scale), int(30 * scale)), cv2.FONT_HERSHEY_SIMPLEX,
-        0.9 * scale, (255, 255, 255), max(1, round(2 * scale)), cv2.LINE_AA,
-    )  # fmt: skip
-    return panel
-
-
 def _legend(width: int) -> NDArray[np.uint8]:
     scale = width / 1800
     bar = np.full((int(50 * scale), width, 3), 255, np.uint8)
     for i, (word, colour) in enumerate(_COLOURS.items()):
         place = (int((20 + 300 * i) * scale), int(36 * scale))
-        cv2.putText(
-            bar, word, place, cv2.FONT_HERSHEY_SIMPLEX, 1.1 * scale, colour,
-            max(1, round(3 * scale)), cv2.LINE_AA,
-        )  # fmt: skip
+        write(bar, word, place, colour, 1.1 * scale, max(1, round(3 * scale)))
     return bar

@@ -17,8 +17,8 @@ from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
+from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank, write
 
-Picture = NDArray[np.uint8]
 TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
     STRAIGHT: (WORDS[STRAIGHT], "#0072B2"),
     LEFT: (WORDS[LEFT], "#D55E00"),
@@ -51,22 +51,13 @@ def _title(track: pd.DataFrame) -> str:
 
 def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
     """The way of every track over the empty tank, with its beginning and a heading now and then."""
-    height, width = background.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.6)
+    figure, axes = over_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
     for number, (_, track) in enumerate(features.groupby("track_id")):
         colour = colours[number % len(colours)]
         axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
         axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)
-        some = track.iloc[:: max(1, len(track) // 8)]
-        angle = np.radians(some["heading_deg"])
-        axes.quiver(
-            some["x_px"], some["y_px"], np.cos(angle), np.sin(angle), color=colour,
-            angles="uv", scale=45, width=0.0025,
-        )  # fmt: skip
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+        arrows(axes, track.iloc[:: max(1, len(track) // 8)], color=colour)
     axes.set_title("dot: a track begins; arrow: heading")
     return figure
 
@@ -131,18 +122,16 @@ def most_doubtful(features: pd.DataFrame, count: int) -> NDArray[np.intp]:
 
 def contact_sheet(specimens: Iterable[Specimen], columns: int = 6, size: int = 220) -> Picture:
     """Fish with backbone, control points, B-spline and heading drawn over the film."""
-    tiles = [_tile(specimen, size) for specimen in specimens]
-    while len(tiles) % columns:
-        tiles.append(np.full_like(tiles[0], 255))
-    rows = [np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)]
+    rows = in_rows([_tile(specimen, size) for specimen in specimens], columns)
     return np.vstack([_key(rows[0].shape[1]), *rows])
 
 
 _BACKBONE, _SPLINE, _CONTROL, _HEADING = (255, 220, 0), (255, 60, 60), (255, 255, 255), (0, 255, 90)
+_WORDS, _LETTERS = (235, 235, 235), 0.38
 
 
 def _tile(specimen: Specimen, size: int) -> Picture:
-    film = specimen.film if specimen.film.ndim == 3 else np.dstack([specimen.film] * 3)
+    film = coloured(specimen.film)
     scale = (size - 40) / max(film.shape[:2])
     tile = np.full((size, size, 3), 40, np.uint8)
     big = cv2.resize(film, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
@@ -167,10 +156,10 @@ def _tile(specimen: Specimen, size: int) -> Picture:
     )
     row = specimen.row
     word = TYPES[int(row["swimming_type"])][0]
-    _write(tile, f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}", (5, 13))
-    _write(
-        tile, f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}", (5, 27)
-    )
+    above = f"track {row['track_id']:.0f} frame {row['frame']:.0f} {word}"
+    below = f"confidence {row['head_confidence']:.3f}  area {row['motion_area_rel']:.2f}"
+    for text, y in ((above, 13), (below, 27)):
+        write(tile, text, (5, y), _WORDS, _LETTERS)
     return tile
 
 
@@ -178,11 +167,5 @@ def _key(width: int) -> Picture:
     bar = np.full((24, width, 3), 40, np.uint8)
     words = (("backbone", _BACKBONE), ("control points", _CONTROL), ("B-spline", _SPLINE))
     for number, (word, colour) in enumerate((*words, ("heading", _HEADING))):
-        _write(bar, word, (8 + 130 * number, 16), colour)
+        write(bar, word, (8 + 130 * number, 16), colour, _LETTERS)
     return bar
-
-
-def _write(
-    picture: Picture, text: str, place: tuple[int, int], colour: tuple[int, int, int] = (235,) * 3
-) -> None:
-    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.38, colour, 1, cv2.LINE_AA)

@@ -11,13 +11,13 @@ from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
 from finloop.gateways.find import IN, OUT, sprite_pictures
+from finloop.plots.parts import Picture, in_rows, on_grey, write
 from finloop.reel import Reel
 
-Picture = NDArray[np.uint8]
 Stack = NDArray[np.float32]
 
 TILE = 150  # px
-_GROUND, _INK, _STRIP = 205, (150, 30, 30), 20
+_INK, _STRIP = (150, 30, 30), 20
 _HEADLINES = {
     IN: "IN: sprite | next as filmed | next frame instead | half of both",
     OUT: "OUT: frame | next as filmed | next sprite instead | half of both",
@@ -72,34 +72,22 @@ def contact_sheet(shown: Mapping[str, Sequence[Pair]], columns: int = 3) -> Pict
     """The pairs of each direction, under a line that says what is shown."""
     bands = []
     for direction, of in shown.items():
-        bands += [_strip(_HEADLINES[direction], columns), *_lines([*map(_tiles, of)], columns)]
+        bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, of)], columns)]
     return np.vstack(bands)
 
 
 def _tiles(pair: Pair) -> Picture:
     half = ((pair.natural + pair.instead) / 2).astype(np.float32)
-    shown = [_on_ground(one) for one in (pair.before, pair.natural, pair.instead, half)]
+    stacks = (pair.before, pair.natural, pair.instead, half)
+    shown = [on_grey(255 * one[..., :-1], one[..., -1:]) for one in stacks]
     whole = np.hstack(shown)
     for text, y in ((pair.above, 12), (pair.below, TILE - 5)):
-        cv2.putText(whole, text, (4, y), cv2.FONT_HERSHEY_SIMPLEX, 0.36, _INK, 1, cv2.LINE_AA)
+        write(whole, text, (4, y), _INK, 0.36)
     cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)
     return whole
 
 
-def _on_ground(one: Stack) -> Picture:
-    laid = 255 * one[..., :-1] + _GROUND * (1 - one[..., -1:])
-    whole = np.broadcast_to(laid, (*one.shape[:2], 3))
-    return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
-
-
 def _strip(text: str, columns: int) -> Picture:
     strip = np.full((_STRIP, 4 * TILE * columns, 3), 255, np.uint8)
-    place = 4, _STRIP - 5
-    cv2.putText(strip, text, place, cv2.FONT_HERSHEY_SIMPLEX, 0.45, _INK, 1, cv2.LINE_AA)
+    write(strip, text, (4, _STRIP - 5), _INK, 0.45)
     return strip
-
-
-def _lines(tiles: Sequence[Picture], columns: int) -> list[Picture]:
-    blank = np.full((TILE, 4 * TILE, 3), 255, np.uint8)
-    every = [*tiles, *[blank] * (-len(tiles) % columns)]
-    return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]

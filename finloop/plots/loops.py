@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from finloop.distance.map import MapFacts
 from finloop.loops.graph import LoopGraph, goes_on, in_component
 from finloop.loops.positions import LETTERS
+from finloop.plots import parts
 from finloop.reel import Reel
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
@@ -25,7 +26,6 @@ _ARROWS = 60
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
 Rows = NDArray[np.integer]
-Picture = NDArray[np.uint8]
 
 
 def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
@@ -99,13 +99,10 @@ def _arcs(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float6
 
 
 def over_tank(
-    loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: Picture
+    loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, background: parts.Picture
 ) -> Figure:
     """Loop ends over the empty tank, and where loops within a track take the fish (Fig. 11a)."""
-    height, width = background.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width + 0.6), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.45)
+    figure, axes = parts.over_tank(background, 0.45, below=0.6)
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     frames = graph.frames
     dead = ~graph.endless
@@ -126,7 +123,6 @@ def over_tank(
             x[a], y[a], x[b] - x[a], y[b] - y[a], angles="xy", scale_units="xy", scale=1,
             width=0.0018, color="black", alpha=0.75, zorder=3,
         )  # fmt: skip
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     axes.set_title(
         f"arrows: what is played between the ends of {_some(len(some), len(within))} loops "
         "within a track"

@@ -11,13 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
-from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, Goal
+from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank
 from finloop.render.marks import aims, parts, rgb, sought, write
 from finloop.render.painter import Painter, Placed
 
-Picture = NDArray[np.uint8]
 _WANDERING = "0.35"
 _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
@@ -28,10 +27,7 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     Once the goals are done the fish wanders; that part is a thin grey line. Beside each goal stands
     when it was reached.
     """
-    height, width = background.shape[:2]
-    figure = Figure(figsize=(10, 10 * height / width + 0.5), layout="constrained")
-    axes = figure.subplots()
-    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.45)
+    figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
     way = edit[["x_px", "y_px"]].to_numpy(float)
     steps = np.stack([way[:-1], way[1:]], axis=1)
@@ -41,7 +37,9 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     for name, colour in colours.items():
         chosen = steps[aimed & (named == name)]
         axes.add_collection(LineCollection(list(chosen), colors=colour, lw=2.4, capstyle="round"))
-    _arrows(axes, edit[np.r_[False, aimed]])
+    sent = edit[np.r_[False, aimed]]
+    now_and_then = sent.iloc[min(12, len(sent)) :: max(1, len(sent) // 12)]
+    arrows(axes, now_and_then, color="black", zorder=3)
     axes.plot(*way[0], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {name: edit["time_s"].iloc[stop] for name, _, stop in aims(edit) if stop < len(edit)}
     for goal in goals:
@@ -59,18 +57,7 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
     figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
-    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
     return figure
-
-
-def _arrows(axes: "object", edit: pd.DataFrame) -> None:
-    """A heading now and then along the way to the goals."""
-    some = edit.iloc[min(12, len(edit)) :: max(1, len(edit) // 12)]
-    angle = np.radians(some["heading_deg"])
-    axes.quiver(  # type: ignore[attr-defined]
-        some["x_px"], some["y_px"], np.cos(angle), np.sin(angle), color="black", angles="uv",
-        scale=45, width=0.0025, zorder=3,
-    )  # fmt: skip
 
 
 TICKS = 40  # on the contact sheet
@@ -156,15 +143,12 @@ def window(frame: Picture, x_px: float, y_px: float, half_px: int) -> Picture:
 
 def contact_sheet(tiles: Sequence[Tile], columns: int = BEFORE + AFTER, size: int = 150) -> Picture:
     """Consecutive ticks side by side, the bar above each in the colour of its state."""
-    drawn = [_tile(tile, size) for tile in tiles]
-    while len(drawn) % columns or not drawn:
-        drawn.append(np.full((size + 20, size + 2, 3), 255, np.uint8))
-    return np.vstack([np.hstack(drawn[i : i + columns]) for i in range(0, len(drawn), columns)])
+    white = np.full((size + 20, size + 2, 3), 255, np.uint8)
+    return np.vstack(in_rows([_tile(tile, size) for tile in tiles] or [white], columns))
 
 
 def _tile(tile: Tile, size: int) -> Picture:
-    film = tile.film if tile.film.ndim == 3 else np.dstack([tile.film] * 3)
-    big = cv2.resize(film, (size, size), interpolation=cv2.INTER_CUBIC)
+    big = cv2.resize(coloured(tile.film), (size, size), interpolation=cv2.INTER_CUBIC)
     bar = np.full((18, size, 3), 255, np.uint8)
     bar[:, :5] = rgb(tile.colour)
     share = f"  {100 * tile.weight:.0f} %" if tile.weight > 0 else ""

@@ -6,13 +6,12 @@ from typing import Any
 import cv2
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.features.table import direction_deg, orientations_of
+from finloop.plots.parts import Picture, in_rows, on_grey, write
 from finloop.sprites.turn import Placed
 
-Picture = NDArray[np.uint8]
-_GROUND, _INK = 205, (150, 30, 30)
+_INK = (150, 30, 30)
 
 
 def contact_sheet(
@@ -41,21 +40,16 @@ def contact_sheet(
             )
             for row in rows.itertuples()
         ]  # fmt: skip
-        bands.append(_rows(tiles, columns))
+        bands += in_rows(tiles, columns)
     row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
-    bands.append(
-        _rows(
-            [
-                _tile(
-                    pictures(row.sprite, o), row, reach, size,
-                    f"orientation {o}", f"{direction_deg(o, count):.0f} deg",
-                )
-                for o in range(1, count + 1)
-            ],
-            columns,
+    tiles = [
+        _tile(
+            pictures(row.sprite, o), row, reach, size,
+            f"orientation {o}", f"{direction_deg(o, count):.0f} deg",
         )
-    )  # fmt: skip
-    return np.vstack(bands)
+        for o in range(1, count + 1)
+    ]  # fmt: skip
+    return np.vstack([*bands, *in_rows(tiles, columns)])
 
 
 def _reach(one: Placed, row: Any) -> int:
@@ -75,17 +69,10 @@ def _tile(one: Placed, row: Any, reach: int, size: int, above: str, below: str) 
     )
     big = cv2.warpAffine(one.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC)
     big = np.clip(big, 0, 255)
-    tile = np.broadcast_to(big[..., :-1] + _GROUND * (1 - big[..., -1:] / 255), (size, size, 3))
-    tile = np.ascontiguousarray(np.clip(np.rint(tile), 0, 255).astype(np.uint8))
+    tile = on_grey(big[..., :-1], big[..., -1:] / 255)
     middle = size // 2
     cv2.drawMarker(tile, (middle, middle), (255, 255, 255), cv2.MARKER_CROSS, 5, 1)
     cv2.rectangle(tile, (0, 0), (size - 1, size - 1), (225,) * 3, 1)
     for text, y in ((above, 12), (below, size - 5)):
-        cv2.putText(tile, text, (4, y), cv2.FONT_HERSHEY_SIMPLEX, 0.32, _INK, 1, cv2.LINE_AA)
+        write(tile, text, (4, y), _INK, 0.32)
     return tile
-
-
-def _rows(tiles: list[Picture], columns: int) -> Picture:
-    while len(tiles) % columns:
-        tiles.append(np.full_like(tiles[0], 255))
-    return np.vstack([np.hstack(tiles[i : i + columns]) for i in range(0, len(tiles), columns)])

@@ -2,14 +2,14 @@
 
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
-from finloop.base.cutout import Cutout, Cutouts
+from finloop.base.cutout import Cutouts
 from finloop.errors import FinloopError
 from finloop.features.table import orientations_of
 from finloop.reel import sprite_row
@@ -18,20 +18,13 @@ from finloop.render.painter import Picture, Placed, Turned, picture
 PLACE = ["x_px", "y_px"]
 
 
-class Store(Protocol):
-    """Cut-outs by number, see `finloop.base.cutout.Cutouts`."""
-
-    def __len__(self) -> int: ...
-    def __getitem__(self, row: int) -> Cutout: ...
-
-
 class Shelf(NamedTuple):
     """Cut-outs of the n frames, or of the n sprites in so many orientations.
 
     centres_px (n, 2): their mass centres in the film.
     """
 
-    store: Store
+    store: Cutouts
     centres_px: NDArray[np.float64]
     orientations: int = 1
 

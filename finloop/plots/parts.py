@@ -1,0 +1,59 @@
+"""What several figures share: the tank below, headings, tiles in rows, words on a picture."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import cv2
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Picture = NDArray[np.uint8]
+Colour = tuple[int, int, int]
+_GROUND = 205  # grey level that a cut-out lies on
+
+
+def over_tank(background: Picture, alpha: float, below: float = 0.0) -> tuple[Figure, Axes]:
+    """A figure of the empty tank in px of the film, paled by `alpha`; `below`: inches for a key."""
+    height, width = background.shape[:2]
+    figure = Figure(figsize=(10, 10 * height / width + below), layout="constrained")
+    axes = figure.subplots()
+    axes.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=alpha)
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    return figure, axes
+
+
+def arrows(axes: Axes, rows: pd.DataFrame, **style: Any) -> None:
+    """The heading_deg of some rows at their x_px, y_px."""
+    angle = np.radians(rows["heading_deg"])
+    axes.quiver(
+        rows["x_px"], rows["y_px"], np.cos(angle), np.sin(angle), angles="uv", scale=45,
+        width=0.0025, **style,
+    )  # fmt: skip
+
+
+def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
+    """Tiles of one size (h, w, 3) side by side; the last row is filled up with white ones."""
+    white = [np.full_like(tile, 255) for tile in tiles[:1]] * (-len(tiles) % columns)
+    every = [*tiles, *white]
+    return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
+
+
+def coloured(picture: Picture) -> Picture:
+    """A picture (h, w) or (h, w, 3) as a new (h, w, 3)."""
+    return np.dstack([picture] * 3 if picture.ndim == 2 else [picture])
+
+
+def on_grey(colour: NDArray[np.float32], alpha: NDArray[np.float32]) -> Picture:
+    """Premultiplied colours (h, w, 1 or 3), 0 … 255, of alpha (h, w, 1), 0 … 1, over grey."""
+    whole = np.broadcast_to(colour + _GROUND * (1 - alpha), (*alpha.shape[:2], 3))
+    return np.ascontiguousarray(np.clip(np.rint(whole), 0, 255).astype(np.uint8))
+
+
+def write(
+    picture: Picture, text: str, place: tuple[int, int], colour: Colour, size: float, line: int = 1
+) -> None:
+    """Write into a picture (h, w, 3), from `place` (left end of the base line) on."""
+    cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, line, cv2.LINE_AA)
