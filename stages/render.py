@@ -9,26 +9,22 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, SPRITE, Goal
-from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.animate.edit_list import Goal
 from finloop.io.atomic import whole_folder
-from finloop.io.edit_list import load_edit
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
-from finloop.io.record import load_record, load_records
-from finloop.io.table import load_table
+from finloop.io.record import load_records
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, placed
 from finloop.render.marks import Marks
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
 from finloop.render.steps import Steps, film_steps, step_numbers
-from finloop.sprites.orient import SPRITES
+from stages.edit import DATA, load_drawn
 from stages.gallery import open_gallery
 from stages.settings import load
 
-CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
-SPRITES_FOLDER, ANIMATE = Path("data/sprites"), Path("data/animate")
+CLIP, GOALS = DATA / "clip", DATA / "animate/goals.json"
 OUT, REPORT = Path("data/render"), Path("reports/render")
 Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
 
@@ -77,23 +73,14 @@ def main() -> None:
     """Make data/render/, reports/render/."""
     p: Settings = load("render")
     facts = load_facts(CLIP / FACTS_NAME)
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    background = load_picture(EXTRACT / "background.png")
-    columns = ["track_id", "frame", "x_px", "y_px"]
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), columns)
-    edit = load_edit(ANIMATE, p.mode, "render", EDIT)
-    goals = load_records(ANIMATE / "goals.json", Goal, "animate")
-    drawn = SPRITE in {*edit["kind"], *edit["partner_kind"]}
-    table = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES) if drawn else None
-    stores = EXTRACT / "cutouts.arrow", tracks, SPRITES_FOLDER / "sprites.arrow", table
-    with open_gallery(*stores) as gallery, progress("render", len(edit)) as advance:
-        change = films(p, edit, goals, gallery, background, advance)
-        natural = film_steps(Painter(background), gallery, tracks)
-    save_metrics(
-        REPORT / "metrics.json",
-        step_numbers(change, natural)
-        | {"frames": len(edit), "duration_s": len(edit) / facts.frame_rate_hz},
-    )
+    background = load_picture(DATA / "extract/background.png")
+    drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
+    ticks = len(drawn.edit)
+    with open_gallery(drawn) as gallery, progress("render", ticks) as advance:
+        change = films(p, drawn.edit, goals, gallery, background, advance)
+        natural = film_steps(Painter(background), gallery, drawn.tracks)
+    duration = {"frames": ticks, "duration_s": ticks / facts.frame_rate_hz}
+    save_metrics(REPORT / "metrics.json", step_numbers(change, natural) | duration)
 
 
 if __name__ == "__main__":

@@ -10,19 +10,14 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, SPRITE
-from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.cutouts import open_cutouts
-from finloop.io.edit_list import load_edit
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture, save_picture
-from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.io.viewer import save_viewer
-from finloop.sprites.orient import SPRITES
 from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
@@ -32,10 +27,10 @@ from finloop.tank.scene import Scene
 from finloop.tank.settings import Settings
 from finloop.tank.skin import Skins
 from finloop.tank.swim import film_bodies, heights, poses
+from stages.edit import DATA, load_drawn
 from stages.settings import load
 
-DATA, EXTRACT = Path("data"), Path("data/extract")
-OUT, REPORT = Path("data/tank"), Path("reports/tank")
+EXTRACT, OUT, REPORT = DATA / "extract", DATA / "tank", Path("reports/tank")
 ALT = (
     "A tank with a glass wall on every side; a fish swims in it, as bent and as coloured as it was "
     "filmed from above, over its shadow on the floor of the film."
@@ -47,16 +42,11 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 @contextmanager
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
-    edit = load_edit(DATA / "animate", p.mode, "tank", EDIT)
+    edit, _, tracks, sprites = load_drawn(p.mode, "tank", columns=None)
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points))
     columns = ["head_x_px", "head_y_px"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
-    sprites = pd.DataFrame()
-    if SPRITE in {*edit["kind"], *edit["partner_kind"]}:
-        sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    pose = poses(edit, film, sprites)
+    pose = poses(edit, film, pd.DataFrame() if sprites is None else sprites)
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(lengths(pose.backbone)))
     place = np.c_[pose.centre, heights(edit["time_s"].to_numpy(float), p.depth * length)]
