@@ -12,12 +12,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.distance.picture import BODY, Place, picture, places, steps, typical_length
 from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of
 
-Floats = NDArray[np.float64]
 Pictures = NDArray[np.float32]
 Rows = NDArray[np.intp]
 
@@ -90,7 +90,7 @@ class Reel:
         return float(self.features["body_length_px"].median())
 
     @cached_property
-    def lengths_px(self) -> NDArray[np.floating]:
+    def lengths_px(self) -> Reals:
         """The typical length (n,) of each row's track."""
         return typical_length(self.features).to_numpy()
 
@@ -100,7 +100,7 @@ class Reel:
         return places(self.features)
 
     @cached_property
-    def goes_on(self) -> NDArray[np.bool_]:
+    def goes_on(self) -> Mask:
         """Whether the next row (n,) is the next frame of the same track."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
@@ -128,7 +128,7 @@ class Reel:
         heading = self.features["heading_deg"].to_numpy(float)[rows] * (pose == BODY)
         return self.headed(rows, heading, size)
 
-    def headed(self, rows: Rows, heading_deg: NDArray[np.floating], size: int) -> Pictures:
+    def headed(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
         """Pictures (k, size, size, c) of some rows, of which these headings are turned right."""
         channels = self.film[0].pixels.shape[2]
         made = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
@@ -159,7 +159,7 @@ class Reel:
         return places(self.sprites)
 
     @cached_property
-    def sprite_lengths_px(self) -> NDArray[np.floating]:
+    def sprite_lengths_px(self) -> Reals:
         """The length (s,) as filmed of each sprite's fish."""
         return self.length_px / self.sprites["scale"].to_numpy()
 

@@ -37,6 +37,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
+from finloop.base.arrays import Mask
 from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split
 from finloop.distance.compare import Similar
@@ -79,7 +80,7 @@ class Film:
 
     folder: Path
     facts: VideoFacts
-    arena: NDArray[np.bool_]
+    arena: Mask
 
     @property
     def rate_hz(self) -> float:

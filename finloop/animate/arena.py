@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
+from finloop.base.arrays import Mask
 from finloop.errors import FinloopError
 
 _LOOK_PX = 2.0  # step along a line of sight
@@ -24,8 +25,8 @@ class Tank:
     them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each.
     """
 
-    arena: NDArray[np.bool_]
-    legal: NDArray[np.bool_]
+    arena: Mask
+    legal: Mask
     nearest: NDArray[np.int32]
 
     def into(self, x: float, y: float) -> tuple[float, float]:
@@ -69,14 +70,14 @@ class Tank:
 
 
 @njit(cache=True, nogil=True)
-def inside(legal: NDArray[np.bool_], x: float, y: float) -> bool:
+def inside(legal: Mask, x: float, y: float) -> bool:
     """Whether the pixel that holds a point is there and legal."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
 @njit(cache=True, nogil=True)
-def in_sight(legal: NDArray[np.bool_], x: float, y: float, to_x: float, to_y: float) -> bool:
+def in_sight(legal: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
     """Whether every point between two is legal."""
     far = np.hypot(to_x - x, to_y - y)
     steps = int(far / _LOOK_PX) + 1
@@ -87,7 +88,7 @@ def in_sight(legal: NDArray[np.bool_], x: float, y: float, to_x: float, to_y: fl
     return True
 
 
-def tank(arena: NDArray[np.bool_], reach_px: float) -> Tank:
+def tank(arena: Mask, reach_px: float) -> Tank:
     """The tank for a fish no part of which is farther than `reach_px` from its centre.
 
     FinloopError if such a fish does not fit in.

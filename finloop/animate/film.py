@@ -13,11 +13,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.motion import Motion
+from finloop.base.arrays import Floats, Mask
 from finloop.distance.picture import BODY, typical_length
 from finloop.loops.graph import LoopGraph, endless_rows
-
-Floats = NDArray[np.float64]
-
 
 ROW = np.dtype(
     [
@@ -56,7 +54,7 @@ class Film(NamedTuple):
 
 def film(
     features: pd.DataFrame, graph: LoopGraph, motion: Motion, pose: str, step: float,
-    barred: NDArray[np.bool_],
+    barred: Mask,
 ) -> Film:  # fmt: skip
     """Arrange a feature table and its loops.
 

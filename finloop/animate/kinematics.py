@@ -7,11 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
-
-Floats = NDArray[np.float64]
+from finloop.base.arrays import Floats, Mask
 
 
 class Spot(NamedTuple):
@@ -82,7 +80,7 @@ def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def straight(legal: NDArray[np.bool_], start: Floats, swim: Ahead, goal: Spot):  # type: ignore[no-untyped-def]
+def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: ignore[no-untyped-def]
     """Swim ahead from `start` (x, y, heading), tick by tick.
 
     Returns
@@ -108,7 +106,7 @@ def straight(legal: NDArray[np.bool_], start: Floats, swim: Ahead, goal: Spot): 
 
 @njit(cache=True, nogil=True)
 def turn(  # type: ignore[no-untyped-def]
-    legal: NDArray[np.bool_], start: Floats, swim: Turning, goal: Spot, aim: Spot, fastest: float
+    legal: Mask, start: Floats, swim: Turning, goal: Spot, aim: Spot, fastest: float
 ):  # fmt: skip
     """Turn from `start` (x, y, heading) towards the point `aim`, tick by tick.
 

@@ -17,11 +17,9 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FILM
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import wrap_deg
 from finloop.loops.positions import displacement, next_end, quadrant
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def verdicts(found: Found, before: float, most_error_deg: float) -> NDArray[np.int8]:
@@ -133,9 +131,7 @@ class FilmSwimmer:
         dx, dy = search.moved(film.dx[fish.row], film.dy[fish.row], fish.rot)
         return fish.x + dx, fish.y + dy
 
-    def choose(
-        self, options: Options, allowed: NDArray[np.bool_], rng: np.random.Generator
-    ) -> Options | None:
+    def choose(self, options: Options, allowed: Mask, rng: np.random.Generator) -> Options | None:
         """The options, one of the best of the allowed taken; None if there is none."""
         if not allowed.any():
             return None

@@ -17,6 +17,7 @@ from finloop.animate.edit_list import FRAME, LOOPS, Goal
 from finloop.animate.motion import FILM, STATES, TURN, Motion
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player
+from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
 from finloop.features.table import wrap_deg
 
@@ -29,8 +30,6 @@ KINEMATICS = Schema(
     )
 )
 """How the film (mode FILM_MOTION) and each mode's fish move, a row a tick; both over Δ."""
-
-Floats = NDArray[np.float64]
 
 
 def of_plan(
@@ -104,13 +103,11 @@ def _off_segment(points: Floats, a: Floats, b: Floats) -> Floats:
 
 def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
     """The table of `KINEMATICS`, of `motion_of_film` and `motion_of_edit` by name."""
-    return pd.concat(
-        [
-            pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
-            for mode, (speed, rate) in motions.items()
-        ],
-        ignore_index=True,
-    )
+    parts = [
+        pd.DataFrame({"mode": mode, "speed": speed, "turn_rate": rate})
+        for mode, (speed, rate) in motions.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
@@ -134,30 +131,29 @@ def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floa
         for _, track in features.groupby("track_id")
         if len(track) > motion.delta
     ]
-    speed, rate = zip(*parts, strict=True) if parts else ((np.zeros(0),), (np.zeros(0),))
-    return np.concatenate(speed), np.concatenate(rate)
+    speed, rate = np.concatenate([np.zeros((2, 0)), *parts], axis=1)
+    return speed, rate
 
 
 def _over_delta(place: Floats, heading_deg: Floats, motion: Motion) -> tuple[Floats, Floats]:
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     moved = np.hypot(*(place[delta:] - place[:-delta]).T)
     heading = np.unwrap(heading_deg, period=360)
-    return (
-        moved / motion.body_length_px / seconds,
-        (heading[delta:] - heading[:-delta]) / seconds,
-    )
+    turned = heading[delta:] - heading[:-delta]
+    return moved / motion.body_length_px / seconds, turned / seconds
 
 
-def kinematic_distance(mine: Floats, film: Floats) -> float:
-    """Wasserstein distance of two samples, in standard deviations of the film's."""
-    return float(scipy.stats.wasserstein_distance(mine, film) / film.std())
+def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:
+    """Wasserstein distance of two samples, in standard deviations of the film's or the whole's."""
+    sd = (film if whole is None else whole).std()
+    return float(scipy.stats.wasserstein_distance(mine, film) / sd)
 
 
 def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> dict[str, float]:
     """Kinematic distance of speed and of turn rate."""
     return {
-        "speed_kinematic_distance_sd": kinematic_distance(mine[0], film[0]),
-        "turn_rate_kinematic_distance_sd": kinematic_distance(mine[1], film[1]),
+        f"{name}_kinematic_distance_sd": kinematic_distance(*pair)
+        for name, *pair in zip(("speed", "turn_rate"), mine, film, strict=True)
     }
 
 
@@ -201,24 +197,22 @@ def of_turns(edit: pd.DataFrame) -> dict[str, float]:
 
 def of_steps(mine: Floats, film: Floats) -> dict[str, float]:
     """Steps between drawn pictures against the film's own."""
-    middle = float(np.median(film))
-    return {
-        "step_ratio_median": float(np.median(mine)) / middle,
-        "step_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
-        "steps_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
-    }
+    return _against(film, "step", mine, "steps")
 
 
 def of_seams(seams: Floats, film: Floats) -> dict[str, float]:
     """Seam ratios of jumps, D(i + 1, j), before any cross-fade."""
     if seams.size == 0:
         return {"jumps": 0.0}
+    return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
+
+
+def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[str, float]:
     middle = float(np.median(film))
     return {
-        "jumps": float(seams.size),
-        "seam_ratio_median": float(np.median(seams)) / middle,
-        "seam_ratio_p95": float(np.quantile(seams, 0.95)) / middle,
-        "jumps_above_film_p95_pct": 100 * float((seams > np.quantile(film, 0.95)).mean()),
+        f"{name}_ratio_median": float(np.median(mine)) / middle,
+        f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
+        f"{all_of_them}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
     }
 
 
@@ -276,12 +270,7 @@ def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> di
 
 def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
     """All measures side by side: a row each, a column per mode and one of the film itself."""
-    names = list(dict.fromkeys(name for found in (*modes.values(), film) for name in found))
-    columns = {**modes, "film": film}
-    return pd.DataFrame(
-        {"measure": names}
-        | {column: [found.get(name, np.nan) for name in names] for column, found in columns.items()}
-    )
+    return pd.DataFrame({**modes, "film": film}).rename_axis("measure").reset_index()
 
 
 def of_film(
@@ -293,18 +282,17 @@ def of_film(
     second, about as near as another film of the same fish would come.
     """
     half = features["frame"].median()
-    parts = [
+    early, late = (
         motion_of_film(part, motion)
         for part in (features[features["frame"] <= half], features[features["frame"] > half])
-    ]
+    )
+    halves = {
+        f"{name}_halves_kinematic_distance_sd": kinematic_distance(*each)
+        for name, *each in zip(("speed", "turn_rate"), early, late, swum, strict=True)
+        if all(part.size for part in each)
+    }
     return {
-        **{
-            f"{name}_halves_kinematic_distance_sd": float(
-                scipy.stats.wasserstein_distance(parts[0][i], parts[1][i]) / swum[i].std()
-            )
-            for i, name in enumerate(("speed", "turn_rate"))
-            if all(part[i].size for part in parts)
-        },
+        **halves,
         "speed_median_body_lengths_s": float(np.median(swum[0])),
         "turn_rate_sd_deg_s": float(swum[1].std()),
         **of_steps(steps, steps),

@@ -10,7 +10,6 @@ Speeds are body lengths per second, distances body lengths, angles degrees, + = 
 
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -18,6 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from finloop.animate.settings import Settings
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
@@ -38,9 +38,9 @@ class Phases:
     before: NDArray[np.int8]
     ticks: NDArray[np.int32]
     start: NDArray[np.int32]
-    first_speed: NDArray[np.float64]
-    speed_change: NDArray[np.float64]
-    drift_deg: NDArray[np.float64]
+    first_speed: Floats
+    speed_change: Floats
+    drift_deg: Floats
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class Turns:
     included_angle_deg, displacement: over the Δ in which the heading changes most.
     """
 
-    angle_deg: NDArray[np.float64]
+    angle_deg: Floats
     ticks: NDArray[np.int32]
     start: NDArray[np.int32]
-    included_angle_deg: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    forward: NDArray[np.float64]
-    sideways: NDArray[np.float64]
+    included_angle_deg: Floats
+    displacement: Floats
+    forward: Floats
+    sideways: Floats
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,12 @@ class Motion:
 class Course:
     """How one track swims: everything smoothed over Δ, so that noise is not taken for motion."""
 
-    speed: NDArray[np.float64]
-    heading_deg: NDArray[np.float64]
-    forward: NDArray[np.float64]
-    sideways: NDArray[np.float64]
-    sway: NDArray[np.float64]  # deviation of the bend within Δ
+    speed: Floats
+    heading_deg: Floats
+    forward: Floats
+    sideways: Floats
+    growth: Floats  # of the speed, as a share of itself, per second
+    sway: Floats  # deviation of the bend within Δ
     kind: NDArray[np.int8]
 
 
@@ -98,15 +99,18 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
     moved = (place[after] - place[before]) / span[:, None]
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians(heading)
-    step = np.gradient(place, axis=0) if len(track) > 1 else np.zeros_like(place)
+    step = np.gradient(place, axis=0)
     bend = track["bend"].to_numpy(float)
     mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
+    speed = np.hypot(*moved.T) * rate_hz
+    faster = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * rate_hz
     return Course(
-        speed=np.hypot(*moved.T) * rate_hz,
+        speed=speed,
         heading_deg=heading,
         forward=step[:, 0] * np.cos(angle) - step[:, 1] * np.sin(angle),
         sideways=-step[:, 0] * np.sin(angle) - step[:, 1] * np.cos(angle),
+        growth=faster / np.maximum(speed, 1e-9),
         sway=np.sqrt(np.maximum(spread, 0.0)),
         kind=track["swimming_type"].to_numpy(),
     )
@@ -123,36 +127,25 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
         for _, track in features.groupby("track_id")
         if len(track) > 2 * delta
     ]
-    speeds = np.concatenate([c.speed for c in courses] or [np.zeros(0)])
-    beating = [c.sway[c.kind == TYPE_STRAIGHT] for c in courses]
-    straight = np.concatenate(beating or [np.zeros(0)])
-    if straight.size == 0 or speeds.max() <= 0:
-        raise _too_little("straight swimming", "features.turn_threshold_deg")
-    still = settings.still * np.quantile(straight, 0.9)
+    beating = np.concatenate([[], *(c.sway[c.kind == TYPE_STRAIGHT] for c in courses)])
+    if not beating.size or max(c.speed.max() for c in courses) <= 0:
+        raise _too_little("straight swimming")
+    speeds = np.concatenate([c.speed for c in courses])
     low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
-    rules = PhaseRules(float(still), rate_hz, delta, settings)
-    runs = [
-        (c, kind, first, last)
-        for c in courses
-        for kind, first, last in _runs(c.kind)
-    ]  # fmt: skip
-    phases = _phases([run for run in runs if run[1] == TYPE_STRAIGHT], rules)
+    runs = [(c, *run) for c in courses for run in _runs(c.kind)]
+    straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
+    phases = _phases(straight, settings.still * float(np.quantile(beating, 0.9)), settings)
     turns = _turns([run for run in runs if run[1] != TYPE_STRAIGHT], rate_hz, delta)
-    if len(phases.ticks) == 0:
-        raise _too_little("straight swimming", "features.turn_threshold_deg")
-    if len(turns.ticks) == 0:
-        raise _too_little("turning", "features.turn_threshold_deg")
-    between = [last - first for c, kind, first, last in runs if kind == TYPE_STRAIGHT]
-    return Motion(
-        phases, turns, np.array(between, np.int32), float(low), float(high), rate_hz, delta, length
-    )
+    between = np.array([last - first for _, _, first, last in straight], np.int32)
+    return Motion(phases, turns, between, float(low), float(high), rate_hz, delta, length)
 
 
-def _too_little(what: str, threshold: str) -> FinloopError:
+def _too_little(what: str) -> FinloopError:
     return FinloopError(
         f"the film shows no {what} to learn from",
         "tracks of some seconds in which a fish swims straight, and turns",
-        f"take a longer film, or change {threshold} (reports/features/fig7.png shows the types)",
+        "take a longer film, or change features.turn_threshold_deg (reports/features/fig7.png "
+        "shows the types)",
     )
 
 
@@ -166,51 +159,40 @@ def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
 Run = tuple[Course, int, int, int]
 
 
-class PhaseRules(NamedTuple):
-    """How straight swimming is cut into phases. still: sway below which a tail is still."""
-
-    still: float
-    rate_hz: float
-    delta: int
-    settings: Settings
-
-
-def _phases(runs: list[Run], rules: PhaseRules) -> Phases:
-    state, before, ticks, first_speed, change, drift = [], [], [], [], [], []
+def _phases(runs: list[Run], still: float, settings: Settings) -> Phases:
+    """still: sway below which a tail is still."""
+    rows = []
     for c, _, first, last in runs:
-        labels = _labels(c, first, last, rules)
         came = TURN if first > 0 else -1
-        for label, a, b in labels:
+        for label, a, b in _labels(c, first, last, still, settings):
             prior = max(a - 1, 0)
             drifted = c.heading_deg[a:b] - c.heading_deg[prior]
-            if np.abs(drifted).max() > rules.settings.phase_drift_deg:
-                came = label
-                continue
-            state.append(label)
-            before.append(came)
-            ticks.append(b - a)
-            first_speed.append(c.speed[prior])
-            change.append(c.speed[a:b] - c.speed[prior])
-            drift.append(drifted)
+            if np.abs(drifted).max() <= settings.phase_drift_deg:
+                begins = c.speed[prior]
+                rows.append((label, came, b - a, begins, c.speed[a:b] - begins, drifted))
             came = label
+    if not rows:
+        raise _too_little("straight swimming")
+    state, before, ticks, first_speed, change, drift = zip(*rows, strict=True)
     return Phases(
         np.array(state, np.int8),
         np.array(before, np.int8),
         np.array(ticks, np.int32),
         _starts(ticks),
-        np.array(first_speed, float),
-        np.concatenate(change or [np.zeros(0)]),
-        np.concatenate(drift or [np.zeros(0)]),
+        np.array(first_speed),
+        np.concatenate(change),
+        np.concatenate(drift),
     )
 
 
-def _labels(c: Course, first: int, last: int, rules: PhaseRules) -> list[tuple[int, int, int]]:
+def _labels(
+    c: Course, first: int, last: int, still: float, settings: Settings
+) -> list[tuple[int, int, int]]:
     """(state, first, one past the last) of the phases of a straight run."""
-    here, steady, least = slice(first, last), rules.settings.steady, rules.settings.phase_ticks
-    rate = np.gradient(scipy.ndimage.uniform_filter1d(c.speed, rules.delta))[here] * rules.rate_hz
-    rate = rate / np.maximum(c.speed[here], 1e-9)
+    here, steady, least = slice(first, last), settings.steady, settings.phase_ticks
+    growth = c.growth[here]
     label = np.select(
-        [c.sway[here] < rules.still, rate > steady, rate < -steady],
+        [c.sway[here] < still, growth > steady, growth < -steady],
         [SLIDE, ACCELERATE, DECELERATE],
         STRAIGHT,
     ).astype(np.int8)
@@ -226,7 +208,7 @@ def _labels(c: Course, first: int, last: int, rules: PhaseRules) -> list[tuple[i
 
 
 def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns:
-    angle, ticks, included, displacement, forward, sideways = [], [], [], [], [], []
+    rows = []
     for c, kind, first, last in runs:
         prior, final = max(first - 1, 0), min(last, len(c.kind) - 1)
         turned = kind * (c.heading_deg[prior : final + 1] - c.heading_deg[prior])
@@ -234,22 +216,23 @@ def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns:
             continue  # cut off by an end of the track, or a bend that turned nothing
         over = turned[min(delta, len(turned) - 1) :] - turned[: max(len(turned) - delta, 1)]
         peak = prior + int(over.argmax())
-        angle.append(turned[-1])
-        ticks.append(last - first)
-        included.append(over.max())
-        displacement.append(c.speed[min(peak + delta // 2, last - 1)] * delta / rate_hz)
-        forward.append(c.forward[first:last])
-        sideways.append(kind * c.sideways[first:last])
+        displacement = c.speed[min(peak + delta // 2, last - 1)] * delta / rate_hz
+        sideways = kind * c.sideways[first:last]
+        forward = c.forward[first:last]
+        rows.append((turned[-1], last - first, over.max(), displacement, forward, sideways))
+    if not rows:
+        raise _too_little("turning")
+    angle, ticks, included, far, ahead, aside = zip(*rows, strict=True)
     return Turns(
-        np.array(angle, float),
+        np.array(angle),
         np.array(ticks, np.int32),
         _starts(ticks),
-        np.array(included, float),
-        np.array(displacement, float),
-        np.concatenate(forward or [np.zeros(0)]),
-        np.concatenate(sideways or [np.zeros(0)]),
+        np.array(included),
+        np.array(far),
+        np.concatenate(ahead),
+        np.concatenate(aside),
     )
 
 
-def _starts(ticks: list[int]) -> NDArray[np.int32]:
+def _starts(ticks: tuple[int, ...]) -> NDArray[np.int32]:
     return np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32)

@@ -10,7 +10,6 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.animate import kinematics as step
 from finloop.animate.edit_list import PHASE, TURNING, WALL
@@ -18,10 +17,9 @@ from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import DECELERATE, SLIDE, STATES, TURN
 from finloop.animate.sprites import TurnPlan, from_bend, plan_turn
 from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
 from finloop.features.swimming_type import LEFT, RIGHT
-
-Floats = NDArray[np.float64]
 
 
 class Course(NamedTuple):
@@ -124,9 +122,7 @@ class SpriteSwimmer:
         decision = Decision(PHASE, film_speed=float(first))
         return Stretch(state, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase)
 
-    def _cycle(
-        self, fish: Fish, state: int, speed: Floats
-    ) -> tuple[NDArray[np.int64], Floats, bool]:
+    def _cycle(self, fish: Fish, state: int, speed: Floats) -> tuple[Ints, Floats, bool]:
         """Frames of a state's cycle for ticks at such speeds, places in it, whether it is new."""
         sprites, settings = self.waters.sprites, self.waters.settings
         cycle, begins = sprites.cycles[state], fish.phase

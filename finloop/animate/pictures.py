@@ -11,10 +11,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import apart, picture
 from finloop.reel import Reel
 
-Floats = NDArray[np.float64]
 Picture = NDArray[np.float32]
 
 
@@ -124,7 +124,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
     return np.array(found), np.array(ticks, np.intp)
 
 
-def film_next(sprites: pd.DataFrame) -> NDArray[np.int64]:
+def film_next(sprites: pd.DataFrame) -> Ints:
     """For every sprite the sprite of the film's next frame, −1 where there is none."""
     step = sprites["step"].to_numpy()
     follows = np.append((np.diff(sprites["frame"]) == 1) & (np.diff(step) == 1), False)

@@ -21,6 +21,7 @@ from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, edit_list, swim
+from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
@@ -29,8 +30,6 @@ from finloop.features.table import delta_frames
 from finloop.loops.graph import loop_graph
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
-
-Floats = NDArray[np.float64]
 
 
 class Material(NamedTuple):
@@ -41,7 +40,7 @@ class Material(NamedTuple):
     """
 
     rate_hz: float
-    arena: NDArray[np.bool_]
+    arena: Mask
     reel: Reel
     outline: pd.DataFrame
     model: MotionModel
@@ -97,9 +96,7 @@ def planner(made: Material, p: Settings) -> Planner:
     return Planner(waters, company, pictures, facts.step_median)
 
 
-def frame_hulls(
-    outline_px: NDArray[np.floating], places: pd.DataFrame, scale: Floats
-) -> NDArray[np.float32]:
+def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArray[np.float32]:
     """Outlines (n, k, 2) of the film's frames, px ahead of and to the left of the mass centre.
 
     outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
@@ -116,7 +113,7 @@ def frame_hulls(
 
 def reach(
     sprite_hulls: Sequence[Floats], hulls: NDArray[np.float32], quantile: float
-) -> tuple[float, NDArray[np.bool_]]:
+) -> tuple[float, Mask]:
     """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
 
     quantile: of the frames' reach; wider ones are mostly faults.

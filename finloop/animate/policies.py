@@ -8,7 +8,6 @@ is in: by a gateway where it may not show more of what is on screen.
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.animate import search
 from finloop.animate.crossing import Crossing, refused
@@ -16,6 +15,7 @@ from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE
 from finloop.animate.kinematics import Spot
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
+from finloop.base.arrays import Mask
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generato
     return refused(left, options)
 
 
-def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> NDArray[np.bool_]:
+def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> Mask:
     """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second."""
     rate, gain = crossing.waters.motion.rate_hz, crossing.waters.settings.gain
     ticks = search.remaining(fish.x, fish.y, fish.heading, aim, crossing.film.rules)

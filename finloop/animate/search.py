@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 from finloop.animate.arena import inside
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from finloop.base.arrays import Floats, Ints, Mask
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -137,12 +135,12 @@ class Found(NamedTuple):
     far: Floats
     error: Floats
     ticks: Floats
-    over: NDArray[np.bool_]
+    over: Mask
 
 
 @njit(cache=True, nogil=True)
 def look(
-    film: Film, legal: NDArray[np.bool_], candidates: Candidates, here: Here, aim: Spot,
+    film: Film, legal: Mask, candidates: Candidates, here: Here, aim: Spot,
     rules: Rules,
 ) -> Found:  # fmt: skip
     """Follow every candidate through the film and its loops: a beam search.

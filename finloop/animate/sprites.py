@@ -4,15 +4,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.animate.motion import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
 from finloop.animate.settings import Settings
+from finloop.base.arrays import Floats, Ints
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import orientations_of
-
-Ints = NDArray[np.int64]
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -17,9 +17,7 @@ from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from finloop.base.arrays import Floats, Ints, Mask
 
 NOTHING = np.zeros((0, 3), np.int64)
 
@@ -142,7 +140,7 @@ class Options:
     taken: int = -1
 
     @property
-    def legal(self) -> NDArray[np.bool_]:
+    def legal(self) -> Mask:
         """Whether a way passes all tests, and was followed to its end."""
         return self.verdict == 0
 

@@ -23,11 +23,10 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.motion import STATES, TURN
 from finloop.animate.policies import Policy
 from finloop.animate.state import Decision, Fish, State, Stretch, Waters, after
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
-
-Floats = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -107,7 +106,7 @@ class Swim:
 
     stretches: list[Stretch]
     names: list[str]  # of the goal, for each stretch
-    reached: NDArray[np.int64]
+    reached: Ints
 
     def considered(self, ticks: int) -> pd.DataFrame:
         """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`."""
@@ -252,8 +251,8 @@ def edit_columns(
 class Shown:
     """Pictures (ticks,): whether it is a frame, its number, by how much a frame is turned."""
 
-    frame: NDArray[np.bool_]
-    number: NDArray[np.int64]
+    frame: Mask
+    number: Ints
     rot: Floats
 
 
@@ -274,9 +273,7 @@ def drawn(shown: Shown, heading: Floats, player: Player) -> dict[str, NDArray[np
     }
 
 
-def cross_fades(
-    shown: Shown, new: list[bool], first: NDArray[np.int64], player: Player
-) -> tuple[Shown, Floats]:
+def cross_fades(shown: Shown, new: list[bool], first: Ints, player: Player) -> tuple[Shown, Floats]:
     """The pictures (ticks,) that fade out, and their shares, 0 where none does.
 
     Where something else begins, the old plays on for `player.fade` ticks and loses its share.

@@ -17,15 +17,14 @@ import pandas as pd
 import torch
 from torch import Tensor
 
+from finloop.base.arrays import Floats, Mask
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
     OUTPUT_HIGH,
     OUTPUT_LOW,
     OUTPUTS,
-    Mask,
     MotionModel,
-    Numbers,
     Rows,
     input_range,
     to_scale,
@@ -111,9 +110,9 @@ def learn(
 
 
 def train(
-    inputs: Numbers,
-    outputs: Numbers,
-    held_out: tuple[Numbers, Numbers],
+    inputs: Floats,
+    outputs: Floats,
+    held_out: tuple[Floats, Floats],
     settings: Settings,
     delta_s: float,
     rng: np.random.Generator,
@@ -168,7 +167,7 @@ def train(
 
 
 def _tensors(
-    inputs: Numbers, outputs: Numbers, low: Numbers, high: Numbers, device: torch.device
+    inputs: Floats, outputs: Floats, low: Floats, high: Floats, device: torch.device
 ) -> tuple[Tensor, Tensor]:
     """Inputs (n, 5), scaled and with a last 1, and targets (n, 2), within the margin."""
     x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
@@ -177,7 +176,7 @@ def _tensors(
     return torch.from_numpy(x).to(device), torch.from_numpy(t).to(device)
 
 
-def _check_growth(first: Numbers, second: Numbers, settings: Settings) -> None:
+def _check_growth(first: Floats, second: Floats, settings: Settings) -> None:
     """Refuse weights, (inputs, hidden) and (hidden, outputs), that grew without bound."""
     if not max(np.abs(first).max(), np.abs(second).max()) < RUN_AWAY:
         raise FinloopError(

@@ -7,16 +7,14 @@ fitted to the rows that the network learnt from. Both are clipped to the range o
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema
 from finloop.bpn.model import (
     OUTPUT_HIGH,
     OUTPUT_LOW,
     OUTPUTS,
-    Mask,
     MotionModel,
-    Numbers,
     Rows,
     type_class,
 )
@@ -37,12 +35,12 @@ def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFra
     return pd.DataFrame(states, columns=[column.name for column in HELD_OUT.columns])
 
 
-def persistence(inputs: Numbers) -> Numbers:
+def persistence(inputs: Floats) -> Floats:
     """Nothing changes: (n, 4) → (n, 2)."""
     return inputs[:, :2]
 
 
-def linear(train_inputs: Numbers, train_outputs: Numbers, inputs: Numbers) -> Numbers:
+def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
     """Linear least squares with an intercept: (n, 4) → (n, 2)."""
     known = np.column_stack([train_inputs, np.ones(len(train_inputs))])
     solution = np.linalg.lstsq(known, train_outputs, rcond=None)[0]
@@ -50,7 +48,7 @@ def linear(train_inputs: Numbers, train_outputs: Numbers, inputs: Numbers) -> Nu
     return np.clip(found, OUTPUT_LOW, OUTPUT_HIGH)
 
 
-def errors(predicted: Numbers, true: Numbers) -> dict[str, float]:
+def errors(predicted: Floats, true: Floats) -> dict[str, float]:
     """Errors of states (n, 2): area on its 0-1 scale, type as a number and as a class.
 
     The recall of a type that does not occur is NaN.
@@ -72,7 +70,7 @@ def errors(predicted: Numbers, true: Numbers) -> dict[str, float]:
     }
 
 
-def confusion(predicted: Numbers, true: Numbers) -> NDArray[np.int64]:
+def confusion(predicted: Floats, true: Floats) -> Ints:
     """Counts (3, 3) of true type by predicted type, both in the order of WORDS."""
     said, was = type_class(predicted[:, 1]), type_class(true[:, 1])
     return np.array([[np.sum((was == a) & (said == b)) for b in WORDS] for a in WORDS])

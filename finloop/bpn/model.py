@@ -14,6 +14,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.bpn.settings import Settings
 from finloop.errors import FinloopError
 
@@ -31,9 +32,6 @@ MARGIN = 0.05  # targets lie in [MARGIN, 1 - MARGIN]: a sigmoid reaches neither 
 TAIL = 0.01  # share of displacements, of angles, that lies outside the scaled range
 LEAST_TRAIN, LEAST_HELD_OUT = 20, 5  # rows
 
-Numbers = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-
 
 @dataclass(frozen=True, eq=False)
 class MotionModel:
@@ -41,15 +39,15 @@ class MotionModel:
 
     delta_s: float  # the time Δ in seconds from the state that goes in to the state that comes out
     # (4,) what becomes -1 and 1 before the first layer; inputs beyond are clipped to it
-    input_low: Numbers
-    input_high: Numbers
-    output_low: Numbers  # (2,) the range of the outputs
-    output_high: Numbers
+    input_low: Floats
+    input_high: Floats
+    output_low: Floats  # (2,) the range of the outputs
+    output_high: Floats
     margin: float  # output_low is learnt as `margin`, output_high as 1 - `margin`
-    hidden_weights: Numbers  # (4, hidden)
-    hidden_bias: Numbers  # (hidden,)
-    output_weights: Numbers  # (hidden, 2)
-    output_bias: Numbers  # (2,)
+    hidden_weights: Floats  # (4, hidden)
+    hidden_bias: Floats  # (hidden,)
+    output_weights: Floats  # (hidden, 2)
+    output_bias: Floats  # (2,)
 
     def record(self) -> dict[str, Any]:
         """Every number, unit and name as plain values; `motion_model` reads them, to the bit."""
@@ -64,7 +62,7 @@ class MotionModel:
         """The number of hidden units."""
         return len(self.hidden_bias)
 
-    def predict(self, inputs: NDArray[np.floating]) -> Numbers:
+    def predict(self, inputs: Reals) -> Floats:
         """Eq. 4: (n, 4) states and controls, see INPUTS → (n, 2) states Δ later, see OUTPUTS.
 
         Motion area in [0, 1]; swimming type as a real number in [-1, 1]: `type_class` rounds it.
@@ -108,17 +106,17 @@ def motion_model(**content: Any) -> MotionModel:
     return MotionModel(**numbers, **arrays)  # type: ignore[arg-type]
 
 
-def to_scale(values: NDArray[np.floating], low: Numbers, high: Numbers) -> Numbers:
+def to_scale(values: Reals, low: Floats, high: Floats) -> Floats:
     """Values (n, k) clipped to [low, high] and brought to [-1, 1]."""
     return 2 * (np.clip(np.asarray(values, float), low, high) - low) / (high - low) - 1
 
 
-def type_class(swimming_type: NDArray[np.floating]) -> NDArray[np.int8]:
+def type_class(swimming_type: Reals) -> NDArray[np.int8]:
     """The nearest of -1 right, 0 straight, 1 left."""
     return np.rint(swimming_type).astype(np.int8)
 
 
-def input_range(inputs: Numbers) -> tuple[Numbers, Numbers]:
+def input_range(inputs: Floats) -> tuple[Floats, Floats]:
     """The range (low, high), (4,) each, that the inputs are scaled by.
 
     Area and type have theirs; displacement and angle take theirs from the rows (n, 4), without the
@@ -135,10 +133,10 @@ def input_range(inputs: Numbers) -> tuple[Numbers, Numbers]:
 class Rows:
     """What there is to learn from: inputs (n, 4), outputs (n, 2), and where each row is from."""
 
-    inputs: Numbers
-    outputs: Numbers
-    track_id: NDArray[np.int64]
-    frame: NDArray[np.int64]  # of the inputs; the outputs are delta_frames later
+    inputs: Floats
+    outputs: Floats
+    track_id: Ints
+    frame: Ints  # of the inputs; the outputs are delta_frames later
     delta_frames: int
 
     def __len__(self) -> int:
@@ -209,7 +207,7 @@ def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]
     return split_by_blocks(rows, max(1, round(p.block_s * rate_hz)), p.held_out, rng)
 
 
-def _chosen(group: NDArray[np.int64], share: float, rng: np.random.Generator) -> list[int]:
+def _chosen(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
     """Random groups that hold about that share of the rows; never none, never all."""
     groups, counts = np.unique(group, return_counts=True)
     chosen: list[int] = []

@@ -11,7 +11,8 @@ import onnx
 from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
-from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel, Numbers
+from finloop.base.arrays import Floats
+from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel
 from finloop.errors import FinloopError
 
 INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
@@ -96,7 +97,7 @@ def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
     return float(np.abs((answers[0] - model.predict(points)) / span).max())
 
 
-def _probes(low: Numbers, high: Numbers) -> Numbers:
+def _probes(low: Floats, high: Floats) -> Floats:
     shares = np.random.default_rng(0).uniform(-0.1, 1.1, (1000, len(low)))
     corners = np.stack(np.meshgrid(*([[-1.0, 0.0, 0.5, 1.0, 2.0]] * len(low))), -1)
     return low + np.vstack([shares, corners.reshape(-1, len(low))]) * (high - low)

@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Mask, Reals
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import FILM
 from finloop.errors import FinloopError
@@ -177,22 +178,22 @@ def kinds(features: pd.DataFrame, pose: str) -> Ints:
     return 3 * features["orientation"].to_numpy(np.intp) * (pose == FILM) + swims
 
 
-def alike(kind: Ints, area: NDArray[np.floating], threshold: float) -> NDArray[np.bool_]:
+def alike(kind: Ints, area: Reals, threshold: float) -> Mask:
     """State(i, j) of Eq. 6 for all pairs, (n, n): True where Eqs. 7 and 8 are 1, not MAX."""
     return (kind[:, None] == kind) & _near(area, area, threshold)
 
 
-def _near(a: NDArray[np.floating], b: NDArray[np.floating], threshold: float) -> NDArray[np.bool_]:
+def _near(a: Reals, b: Reals, threshold: float) -> Mask:
     """Eq. 8, in float64."""
     return np.abs(a.astype(float)[:, None] - b.astype(float)) <= threshold
 
 
-def order(kind: Ints, area: NDArray[np.floating]) -> Ints:
+def order(kind: Ints, area: Reals) -> Ints:
     """The rows by kind, then area: in this order Eq. 6 is a band along the diagonal."""
     return np.lexsort((area, kind))
 
 
-def bands(kind: Ints, area: NDArray[np.floating], threshold: float) -> Iterator[Block]:
+def bands(kind: Ints, area: Reals, threshold: float) -> Iterator[Block]:
     """Blocks that hold every pair a < b that Eq. 6 compares, each once; frames are in `order`."""
     area = area.astype(float)
     edges = [0, *(np.flatnonzero(np.diff(kind)) + 1), len(kind)]
@@ -214,7 +215,7 @@ def computed(blocks: Iterable[Block]) -> int:
 
 
 def similar(
-    x: Picture, kind: Ints, area: NDArray[np.floating], threshold: float, most: float = np.inf
+    x: Picture, kind: Ints, area: Reals, threshold: float, most: float = np.inf
 ) -> Iterator[Pairs]:
     """Eq. 6: the pairs a < b that Eqs. 7 and 8 let through and that are at most `most` apart.
 

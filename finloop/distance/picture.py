@@ -11,6 +11,7 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Reals
 from finloop.base.cutout import Cutout
 
 FILM, BODY = "film", "body"
@@ -66,17 +67,17 @@ def typical_length(features: pd.DataFrame) -> pd.Series:
     return features.groupby("track_id")["body_length_px"].transform("median")
 
 
-def apart(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
+def apart(a: Reals, b: Reals) -> Floats:
     """Eq. 5 between pictures (…, size, size, c), one by one, as (…)."""
     return np.linalg.norm((a - b).reshape(*np.shape(a)[:-3], -1), axis=-1).astype(float)
 
 
-def steps(pictures: NDArray[np.floating]) -> NDArray[np.float64]:
+def steps(pictures: Reals) -> Floats:
     """Eq. 5 from each picture (n, size, size, c) to the next, as (n − 1,)."""
     return apart(pictures[1:], pictures[:-1])
 
 
-def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> NDArray[np.float64]:
+def distance(a: NDArray[np.float32], b: NDArray[np.float32]) -> Floats:
     """Eq. 5 between all pictures (n, …) and (m, …) of one size, as (n, m).
 
     Of whole films `finloop.distance.map` computes it, by matrix products.

@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
+from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
@@ -46,7 +47,6 @@ seen, fit each other; in the pose FILM that turn of the film is 0. Out, it is ro
 sprite stands in for; the whole film is turned alike.
 """
 
-Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
 
@@ -255,7 +255,7 @@ def numbers(
     }
 
 
-def _longest(flag: NDArray[np.bool_], track: pd.Series) -> int:
+def _longest(flag: Mask, track: pd.Series) -> int:
     """The longest run of True rows within one track."""
     run = pd.Series(~flag).cumsum()
     return int(pd.Series(flag).groupby([track.to_numpy(), run.to_numpy()]).sum().max())

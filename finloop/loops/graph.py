@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
+from finloop.base.arrays import Floats, Mask
+
 Leg = tuple[int, int, str]
 PLAY, JUMP = "play", "jump"
 _FREE = 1e-9  # frames: a sparse graph cannot hold an edge that costs nothing
@@ -36,10 +38,10 @@ class LoopGraph:
     # film. After segment k comes segment `ahead[k]`, or one to which there is a jump from there.
     # A segment that cannot be reached again has a component of its own
     component: NDArray[np.int32]
-    cyclic: NDArray[np.bool_]  # (m,) whether the segment can be reached again from itself
+    cyclic: Mask  # (m,) whether the segment can be reached again from itself
     # (m,) whether one can play on for ever from the segment that begins at the end. So at end k:
     # play on if `endless[k]`, jump to t if `endless[t]`
-    endless: NDArray[np.bool_]
+    endless: Mask
 
     def jumps(self, end: int) -> NDArray[np.int32]:
         """The ends that can follow in place of one, nearest first."""
@@ -85,9 +87,7 @@ def _following(
     return coo_array((np.ones(len(rows), np.int8), (rows, columns)), (m, m)).tocsr()
 
 
-def _components(
-    following: csr_array, frames: NDArray[np.int32]
-) -> tuple[NDArray[np.int32], NDArray[np.bool_]]:
+def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArray[np.int32], Mask]:
     """Strongly connected components (m,), most film first, and which segments come round again."""
     m = len(frames)
     count, name = connected_components(following, directed=True, connection="strong")
@@ -133,7 +133,7 @@ def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
 def _never_ends(
     track_id: NDArray[np.integer], ends: NDArray[np.int32], start: NDArray[np.int32],
     to: NDArray[np.int32],
-) -> NDArray[np.bool_]:  # fmt: skip
+) -> Mask:  # fmt: skip
     """Whether the film can play for ever after a row (n,)."""
     more = np.append(track_id[1:] == track_id[:-1], False)
     end = np.full(len(track_id), -1, np.int32)
@@ -141,12 +141,12 @@ def _never_ends(
     return more & np.append(endless_rows(more, end, start, ends[to])[1:], False)
 
 
-def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> NDArray[np.bool_]:
+def goes_on(graph: LoopGraph, track_id: NDArray[np.integer]) -> Mask:
     """Whether the film can play for ever after a row (n,)."""
     return _never_ends(track_id, graph.ends, graph.start, graph.to)
 
 
-def in_component(graph: LoopGraph, rows: int, number: int = 0) -> NDArray[np.bool_]:
+def in_component(graph: LoopGraph, rows: int, number: int = 0) -> Mask:
     """Which rows (rows,) of the film lie in the segments of one component."""
     edge = np.zeros(rows + 1, np.int32)
     mine = (graph.component == number) & (graph.ahead >= 0)
@@ -198,7 +198,7 @@ def _routes(
                 heapq.heappush(queue, (best, arrival, cost + more, to, (*way, leg)))
 
 
-def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> NDArray[np.float64]:
+def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> Floats:
     """What it costs at least to come from an end (m,) to `target`; inf where no way leads."""
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)

@@ -11,12 +11,12 @@ import pandas as pd
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Reals
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
 
 Rows = NDArray[np.integer]
-Floats = NDArray[np.floating]
 
 
 def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
@@ -40,7 +40,7 @@ def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
     return stop
 
 
-def displacement(x: Floats, y: Floats, a: Any, b: Any) -> tuple[Floats, Floats]:
+def displacement(x: Reals, y: Reals, a: Any, b: Any) -> tuple[Reals, Reals]:
     """An entry of the position table: from row a to row b along the film, y up for rows' y down."""
     return x[b] - x[a], y[a] - y[b]
 

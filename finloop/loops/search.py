@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
 from finloop.errors import FinloopError
@@ -44,14 +45,13 @@ MOVED = 0.05  # body lengths from which a fish has a direction of travel
 RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
 
 Rows = NDArray[np.integer]
-Floats = NDArray[np.floating]
 
 
 @dataclass(frozen=True)
 class SparseMap:
     """The sparse distance map: row i holds columns `j[start[i]:start[i + 1]]`, rising, all > i."""
 
-    start: NDArray[np.int64]
+    start: Ints
     j: NDArray[np.int32]
     distance: NDArray[np.float32]
 
@@ -114,7 +114,7 @@ def _candidates(
     return table[~bad].sort_values(["filtered", "a", "b"], ignore_index=True), counts
 
 
-def weights(n: int) -> NDArray[np.float64]:
+def weights(n: int) -> Floats:
     """Binomial weights of the 2n + 1 pairs along the diagonal; their sum is 1."""
     return scipy.special.comb(2 * n, np.arange(2 * n + 1)) / 4.0**n
 
@@ -144,11 +144,11 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _filtered(
-    start: NDArray[np.int64],
+    start: Ints,
     j: NDArray[np.int32],
     distance: NDArray[np.float32],
     track: NDArray[np.int32],
-    weight: NDArray[np.float64],
+    weight: Floats,
     limit: float,
 ) -> NDArray[np.float32]:
     n, rows = len(weight) // 2, len(track)
@@ -177,7 +177,7 @@ def _filtered(
 
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
-) -> tuple[NDArray[np.int64], NDArray[np.int32]]:
+) -> tuple[Ints, NDArray[np.int32]]:
     """Places (in `pairs.j`) and rows a of the local minima of `value` that are loops.
 
     Smallest within `radius` frames along a and along b, inside the two tracks; of equal ones so
@@ -191,13 +191,13 @@ def minima(
 
 @njit(cache=True, nogil=True)
 def _minima(
-    start: NDArray[np.int64],
+    start: Ints,
     j: NDArray[np.int32],
     value: NDArray[np.float32],
     track: NDArray[np.int32],
     radius: int,
     least: int,
-) -> NDArray[np.int64]:
+) -> Ints:
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
         for p in range(start[a], start[a + 1]):
@@ -221,7 +221,7 @@ def _minima(
     return np.flatnonzero(minimum)
 
 
-def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> NDArray[np.bool_]:
+def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     """Fig. 13: whether loops (n,) travel against the fish's heading, by more than `most_deg`.
 
     Played between its ends, a loop within one track travels from a to b, whatever the fish does on
@@ -235,7 +235,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> NDArr
     heading = np.radians(features["heading_deg"].to_numpy(float))
     unit = np.exp(1j * heading)
 
-    def against(low: Rows, high: Rows, towards: NDArray[np.complex128]) -> NDArray[np.bool_]:
+    def against(low: Rows, high: Rows, towards: NDArray[np.complex128]) -> Mask:
         way = (x[high] - x[low]) + 1j * (y[high] - y[low])
         off = np.abs(wrap_deg(np.degrees(np.angle(way) - np.angle(towards))))
         return (np.abs(way) >= MOVED * length[low]) & (off > most_deg)
@@ -253,13 +253,13 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> NDArr
     return bad
 
 
-def chosen(a: Rows, b: Rows, most: int) -> NDArray[np.bool_]:
+def chosen(a: Rows, b: Rows, most: int) -> Mask:
     """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
     return _chosen(np.asarray(a, np.int32), np.asarray(b, np.int32), most)
 
 
 @njit(cache=True, nogil=True)
-def _chosen(a: NDArray[np.int32], b: NDArray[np.int32], most: int) -> NDArray[np.bool_]:
+def _chosen(a: NDArray[np.int32], b: NDArray[np.int32], most: int) -> Mask:
     used = np.zeros(b.max() + 1, np.int32)
     keep = np.zeros(len(a), np.bool_)
     for p in range(len(a)):

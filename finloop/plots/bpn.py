@@ -5,8 +5,9 @@ import pandas as pd
 from matplotlib.colors import to_rgba_array
 from matplotlib.figure import Figure
 
+from finloop.base.arrays import Floats
 from finloop.bpn.held_out import confusion
-from finloop.bpn.model import Numbers, type_class
+from finloop.bpn.model import type_class
 from finloop.plots.features import TYPES
 
 
@@ -27,7 +28,7 @@ def figure15(curve: pd.DataFrame) -> Figure:
     return figure
 
 
-def held_out_figure(predicted: Numbers, true: Numbers) -> Figure:
+def held_out_figure(predicted: Floats, true: Floats) -> Figure:
     """Predicted against true states (n, 2) of held-out rows: areas, and which type for which."""
     figure = Figure(figsize=(10, 4.8), layout="constrained")
     left, right = figure.subplots(1, 2)

@@ -15,6 +15,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 from finloop.features.table import orientations_of
 
@@ -209,7 +210,7 @@ def _reach(sprites: pd.DataFrame, index: pd.DataFrame) -> int:
 
 
 def _frame(
-    spot: Spot, centre: NDArray[np.float64], corner: pd.Series, reach: int, duration: int
+    spot: Spot, centre: Floats, corner: pd.Series, reach: int, duration: int
 ) -> dict[str, Any]:
     (x, y), (left, top), size = centre, corner, 2 * reach + 1
     origin_x, origin_y = int(np.floor(x + 0.5)) - reach, int(np.floor(y + 0.5)) - reach

@@ -11,6 +11,7 @@ import pandas as pd
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Mask, Reals
 from finloop.features.swimming_type import STRAIGHT
 from finloop.sprites.settings import Settings
 from finloop.sprites.swimmers import smooth, spans
@@ -92,7 +93,7 @@ def _straight(
 
 def _common_faults(
     track: pd.DataFrame, start: NDArray[np.intp], n: int, settings: Settings
-) -> dict[str, NDArray[np.float64]]:
+) -> dict[str, Floats]:
     """Faults that beats and slides share, of windows of `n` frames that begin at `start`."""
     heading = track["heading"].to_numpy()
     speed = sliding_window_view(track["speed"].to_numpy(), n)[start]
@@ -109,7 +110,7 @@ def _common_faults(
     }
 
 
-def _crowded(alone: NDArray[np.floating], settings: Settings) -> NDArray[np.float64]:
+def _crowded(alone: Reals, settings: Settings) -> Floats:
     """1 where another fish is just far enough away, 0 from twice that."""
     return np.clip(2 - alone / settings.alone, 0, 1)
 
@@ -145,7 +146,7 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
     return pd.DataFrame()
 
 
-def _peaks(bend: NDArray[np.floating], turning: NDArray[np.bool_]) -> NDArray[np.intp]:
+def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
     """Frames that are bent more than the one before and no less than the one after."""
     inner = np.flatnonzero((bend[1:-1] > bend[:-2]) & (bend[1:-1] >= bend[2:])) + 1
     return inner[turning[inner] & (bend[inner] > 0)]
@@ -192,7 +193,7 @@ def _turn(
     }
 
 
-def _downhill(bend: NDArray[np.floating], peak: int, end: int, way: int, settings: Settings) -> int:
+def _downhill(bend: Reals, peak: int, end: int, way: int, settings: Settings) -> int:
     """The row between `peak` and `end` where the fish is straightest before it bends again.
 
     `way`: 1 = later, −1 = earlier. Small rises do not end the search; a straight fish does.
@@ -207,7 +208,7 @@ def _downhill(bend: NDArray[np.floating], peak: int, end: int, way: int, setting
     return low
 
 
-def _climbs(bend: NDArray[np.floating]) -> float:
+def _climbs(bend: Reals) -> float:
     """How much the bend falls before its peak and rises after it, together."""
     step = np.diff(bend)
     peak = int(bend.argmax())

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Reals
 from finloop.distance.picture import apart, steps
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT
@@ -22,7 +23,7 @@ from finloop.sprites.stretch import SIDES, WORDS, Stretch, cycle_heading, from_t
 
 _SAMPLE = 200  # frames whose median sharpness is the clip's; more do not change it
 
-Look = Callable[[NDArray[np.intp], NDArray[np.floating]], NDArray[np.float32]]
+Look = Callable[[NDArray[np.intp], Reals], NDArray[np.float32]]
 """Rows of the table of swimmers and a heading for each → pictures (n, size, size, channels) of
 these fish, headed right, their mass centres in the middle, all of one length."""
 
@@ -138,7 +139,7 @@ def best_of_tracks(
     return sorted(best.values(), key=lambda s: s.cost)
 
 
-def closure(pictures: NDArray[np.floating]) -> float:
+def closure(pictures: Reals) -> float:
     """How far the last picture is from the first, over the median step between these pictures.
 
     They are a loop's frames and the one after them.
@@ -146,7 +147,7 @@ def closure(pictures: NDArray[np.floating]) -> float:
     return float(apart(pictures[-1], pictures[0])) / max(float(np.median(steps(pictures))), 1e-9)
 
 
-def sharpness(pictures: NDArray[np.floating]) -> NDArray[np.float64]:
+def sharpness(pictures: Reals) -> Floats:
     """Gradient energy (n,) of pictures (n, h, w, channels) per opaque pixel."""
     down, right = np.diff(pictures, axis=1)[:, :, :-1], np.diff(pictures, axis=2)[:, :-1]
     return (down**2 + right**2).sum((1, 2, 3)) / np.maximum(pictures[..., -1].sum((1, 2)), 1e-9)

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.schema import Column, Schema
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
@@ -94,7 +94,7 @@ def _sequence(table: pd.DataFrame, word: str, choice: Choice, settings: Settings
     )
 
 
-def _line(table: pd.DataFrame, stretch: Stretch) -> NDArray[np.float64]:
+def _line(table: pd.DataFrame, stretch: Stretch) -> Floats:
     """Heading (n + 1,) of a straight stretch and of the next frame, on a line."""
     rows = _with_next(table, stretch)
     n = len(stretch)
@@ -104,9 +104,7 @@ def _line(table: pd.DataFrame, stretch: Stretch) -> NDArray[np.float64]:
     return np.r_[line, 2 * line[-1] - line[-2]]
 
 
-def _turn_heading(
-    table: pd.DataFrame, stretch: Stretch, side: int, turn_back_deg: float
-) -> NDArray[np.float64]:
+def _turn_heading(table: pd.DataFrame, stretch: Stretch, side: int, turn_back_deg: float) -> Floats:
     """Heading (n + 1,) of a turn and of the next frame, smoothed; at the ends as measured.
 
     Where it turns back by no more than `turn_back_deg` in all, it is made not to.

@@ -2,13 +2,11 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.reel import Reel
 
 _SOLID = 64  # alpha from which a pixel belongs to the fish
-
-Floats = NDArray[np.float64]
 
 
 def outlines(reel: Reel) -> list[Floats]:

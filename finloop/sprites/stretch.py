@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 
@@ -94,7 +94,7 @@ def phases(table: pd.DataFrame, stretch: Stretch, side: int, hold: float) -> lis
     return ["in"] * first + ["hold"] * (last - first + 1) + ["out"] * (len(bend) - 1 - last)
 
 
-def cycle_heading(table: pd.DataFrame, start: int, n: int) -> NDArray[np.float64]:
+def cycle_heading(table: pd.DataFrame, start: int, n: int) -> Floats:
     """Heading (n + 1,) along a straight stretch and the frame after it: a line.
 
     Its slope is the drift from the first frame to that after the last. Both show the same phase of

@@ -6,8 +6,8 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats, Reals
 from finloop.sprites.settings import Settings
 
 
@@ -62,7 +62,7 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -
     return result
 
 
-def _smooth_by_track(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
+def _smooth_by_track(table: pd.DataFrame, name: str) -> Floats:
     return (
         table.groupby("track_id", sort=False)[name]
         .transform(lambda x: smooth(x.to_numpy(float)))
@@ -70,7 +70,7 @@ def _smooth_by_track(table: pd.DataFrame, name: str) -> NDArray[np.float64]:
     )
 
 
-def smooth(values: NDArray[np.floating]) -> NDArray[np.float64]:
+def smooth(values: Reals) -> Floats:
     """¼, ½, ¼ of neighbours (frames,): takes noise out, keeps lines, and monotone runs monotone.
 
     The ends are continued in a straight line.
@@ -82,7 +82,7 @@ def smooth(values: NDArray[np.floating]) -> NDArray[np.float64]:
     return scipy.ndimage.convolve1d(ends, [0.25, 0.5, 0.25])[1:-1]
 
 
-def _alone(table: pd.DataFrame) -> NDArray[np.float64]:
+def _alone(table: pd.DataFrame) -> Floats:
     """Distance (rows,) in px to the nearest other mass centre of the same frame; inf if none."""
     nearest = np.full(len(table), np.inf)
     place = table[["x_px", "y_px"]].to_numpy()

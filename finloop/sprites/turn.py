@@ -11,6 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
+
 _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
 
 
@@ -23,7 +25,7 @@ class Placed:
     y0_px: int
 
 
-def rotation(angle_deg: float) -> NDArray[np.float64]:
+def rotation(angle_deg: float) -> Floats:
     """The matrix (2, 2) that turns (x right, y down) anticlockwise as seen; exact at 90° steps."""
     c, s = np.cos(np.radians(angle_deg)), np.sin(np.radians(angle_deg))
     if angle_deg % 90 == 0:
@@ -31,7 +33,7 @@ def rotation(angle_deg: float) -> NDArray[np.float64]:
     return np.array([[c, s], [-s, c]])
 
 
-def reflection(axis_deg: float) -> NDArray[np.float64]:
+def reflection(axis_deg: float) -> Floats:
     """The matrix (2, 2) that mirrors about a line in the direction `axis_deg`."""
     return rotation(axis_deg) @ np.diag([1.0, -1.0]) @ rotation(-axis_deg)
 
@@ -59,7 +61,7 @@ def turned(
     return _mapped(source, np.array([x_px, y_px]), linear)
 
 
-def _mapped(source: Placed, pivot: NDArray[np.float64], linear: NDArray[np.float64]) -> Placed:
+def _mapped(source: Placed, pivot: Floats, linear: Floats) -> Placed:
     """`source` under the rigid map p ↦ pivot + linear (p − pivot)."""
     h, w = source.pixels.shape[:2]
     origin = np.array([source.x0_px, source.y0_px])
