@@ -22,7 +22,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.errors import FinloopError
 from finloop.io.footage import Loss, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.movie import VideoWriter
-from finloop.io.table import TableWriter
+from finloop.io.table import table_writer
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -36,6 +36,7 @@ from finloop.io.video import (
 from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
 
 _ROWS = 512  # of truth that gather before they are written
+WriteRows = Callable[[pd.DataFrame], None]
 
 
 @dataclass(frozen=True)
@@ -47,10 +48,10 @@ class Source:
     loss: Loss
     truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
 
-    def flush(self, table: TableWriter) -> None:
+    def flush(self, write: WriteRows) -> None:
         """Write the rows of truth to their table, and empty the list."""
         if self.truth:
-            table.write(pd.DataFrame(self.truth))
+            write(pd.DataFrame(self.truth))
             self.truth.clear()
 
 
@@ -77,7 +78,7 @@ def normalise(
         writer = stack.enter_context(VideoWriter.of(folder / CLIP_NAME, facts))
         truth = None
         if isinstance(p, Carp):
-            truth = stack.enter_context(TableWriter(folder / TRUTH_NAME, TRUTH))
+            truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
         timing, tally = _record(writer, source, truth, advance)
     facts = replace(
         facts,
@@ -133,7 +134,7 @@ def _films(p: Zebrafish | File) -> Source:
 
 
 def _record(
-    writer: VideoWriter, source: Source, truth: TableWriter | None, advance: Callable[[], None]
+    writer: VideoWriter, source: Source, truth: WriteRows | None, advance: Callable[[], None]
 ) -> tuple[Timing, Tally]:
     """Write the takes one after the other, re-timed to a constant rate from their first frames."""
     timing, tally = Timing(), Tally()

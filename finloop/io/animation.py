@@ -15,8 +15,8 @@ from finloop.base.paint import painted, shapes
 from finloop.errors import FinloopError
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
-from finloop.io.atomic import whole_file
-from finloop.io.movie import Mp4Writer, WebpWriter
+from finloop.io.atomic import save_bytes
+from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 
 CRF, QUALITY = 18, 85
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room
@@ -66,45 +66,42 @@ def plain(morph: Morph) -> dict[str, Any]:
 
 
 def _save_svg(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    _save_text(path, to_svg(morph, frame_rate))
+    save_bytes(path, f"{to_svg(morph, frame_rate)}\n".encode())
 
 
-def _save_json(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    _save_text(path, json.dumps(plain(morph), separators=(",", ":"), allow_nan=False))
+def _save_plain(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
+    _save_json(path, plain(morph))
 
 
 def _save_lottie(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
-    animation = to_lottie(morph, frame_rate)
-    _save_text(path, json.dumps(animation, separators=(",", ":"), allow_nan=False))
+    _save_json(path, to_lottie(morph, frame_rate))
 
 
-def _save_text(path: Path, text: str) -> None:
-    with whole_file(path) as part:
-        part.write_text(text + "\n", encoding="utf-8")
+def _save_json(path: Path, content: dict[str, Any]) -> None:
+    text = json.dumps(content, separators=(",", ":"), allow_nan=False)
+    save_bytes(path, f"{text}\n".encode())
 
 
 def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> None:
     scale = size / max(morph.width, morph.height)
     # Even sides, which both formats ask for.
     height, width = (2 * max(1, round(s * scale / 2)) for s in (morph.height, morph.width))
-    shape, movie = (height, width, 3), path.suffix.lower()
-    film: Mp4Writer | WebpWriter
-    if movie == ".mp4":
+    shape = height, width, 3
+    film: Movie = WebpWriter(path, shape, frame_rate, width, QUALITY)
+    if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)
-    else:
-        film = WebpWriter(path, shape, frame_rate, width, QUALITY)
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     with film:
         for frame in range(len(morph.tau)):
-            drawn = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
-            film.write(painted(drawn, shape[:2], scale))
+            contours = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
+            film.write(painted(contours, shape[:2], scale))
 
 
 Writer = Callable[[Path, Morph, Fraction, int], None]
 ENDINGS: dict[str, Writer] = {
     ".svg": _save_svg,
     ".lottie.json": _save_lottie,
-    ".json": _save_json,
+    ".json": _save_plain,
     ".webp": _save_film,
     ".mp4": _save_film,
 }

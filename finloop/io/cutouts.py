@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from finloop.base.cutout import Cutout
 from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
+from finloop.io.record import made_by
 
 _INDEX = {
     "track_id": (pa.int32(), "1"),
@@ -56,6 +57,7 @@ class CutoutWriter:
         self._stack = ExitStack()
         part = self._stack.enter_context(whole_file(self._path))
         self._file = self._stack.enter_context(pa.ipc.new_file(str(part), self._schema))
+        self._stack.push(self._flush)
         return self
 
     def write(self, cutout: Cutout) -> None:
@@ -76,21 +78,15 @@ class CutoutWriter:
         if len(self._rows) >= _BATCH:
             self._flush()
 
-    def _flush(self) -> None:
-        if self._rows:
+    def _flush(self, error: Any = None, *_: Any) -> None:
+        if self._rows and error is None:
             columns = zip(*self._rows, strict=True)
             arrays = [pa.array(c, f.type) for c, f in zip(columns, self._schema, strict=True)]
             self._file.write_batch(pa.record_batch(arrays, schema=self._schema))
             self._rows = []
 
-    def __exit__(self, kind: Any, *error: Any) -> bool | None:
-        if kind is None:
-            try:
-                self._flush()
-            except BaseException as failure:
-                self._stack.__exit__(type(failure), failure, failure.__traceback__)
-                raise
-        return self._stack.__exit__(kind, *error)
+    def __exit__(self, *error: Any) -> bool | None:
+        return self._stack.__exit__(*error)
 
 
 @dataclass(frozen=True)
@@ -118,11 +114,8 @@ class CutoutStore:
         try:
             raw = _CODEC.decompress(self.packed(row), decompressed_size=int(np.prod(shape)))
         except (OSError, pa.ArrowException) as error:
-            raise FinloopError(
-                came=f"cut-out {row} of the store is damaged ({error})",
-                wanted="the file that the stage `extract` wrote",
-                do="make it again: `dvc repro --force extract`",
-            ) from error
+            came = f"cut-out {row} of the store is damaged ({error})"
+            raise FinloopError(came, *made_by("extract")) from error
         pixels = np.frombuffer(raw, np.uint8).reshape(shape)
         key = (int(at[name]) for name in _KEY if name in at)
         return Cutout(int(at.track_id), int(at.frame), int(at.x0_px), int(at.y0_px), pixels, *key)
@@ -139,11 +132,8 @@ def open_cutouts(path: Path) -> Iterator[CutoutStore]:
             source = stack.enter_context(pa.memory_map(str(path)))
             table = pa.ipc.open_file(source).read_all()
         except (OSError, pa.ArrowException) as error:
-            raise FinloopError(
-                came=f"{path} cannot be read as a cut-out store ({error})",
-                wanted="the file that the stage `extract` wrote",
-                do="make it again: `dvc repro --force extract`",
-            ) from error
+            came = f"{path} cannot be read as a cut-out store ({error})"
+            raise FinloopError(came, *made_by("extract")) from error
         if not any(map(table.schema.equals, (_FILM, _SPRITES))):
             raise FinloopError(
                 came=f"{path} has the columns {', '.join(table.column_names)}",

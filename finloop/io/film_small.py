@@ -24,16 +24,15 @@ def small_film(path: Path, most_bytes: int) -> tuple[bytes, Picture]:
     poster = next(iter(read_frames(path, colour=True)))
     film = path.read_bytes()
     for width in _WIDTHS:
-        if len(film) <= most_bytes:
-            return film, poster
-        film = _narrower(path, poster.shape, width)
-    if len(film) <= most_bytes:
-        return film, poster
-    raise FinloopError(
-        f"{path} is {len(film) / 1e6:.1f} MB even {_WIDTHS[-1]} px wide",
-        f"a film of at most {most_bytes / 1e6:.1f} MB",
-        "report.film_most_mb=… larger, or animate.seconds=… shorter",
-    )
+        if len(film) > most_bytes:
+            film = _narrower(path, poster.shape, width)
+    if len(film) > most_bytes:
+        raise FinloopError(
+            f"{path} is {len(film) / 1e6:.1f} MB even {_WIDTHS[-1]} px wide",
+            f"a film of at most {most_bytes / 1e6:.1f} MB",
+            "report.film_most_mb=… larger, or animate.seconds=… shorter",
+        )
+    return film, poster
 
 
 def _narrower(path: Path, shape: tuple[int, ...], width: int) -> bytes:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from finloop.base.cutout import Cutout
 from finloop.base.schema import Schema
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.table import TableWriter
+from finloop.io.table import table_writer
 
 TRACKS_NAME, CUTOUTS_NAME = "tracks.parquet", "cutouts.arrow"
 _LOT = 4096  # rows of the table in memory
@@ -34,10 +34,10 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
     """
     table, pictures = folder / f"unsorted-{TRACKS_NAME}", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []
-    with TableWriter(table, schema) as rows, CutoutWriter(pictures) as cutouts:
+    with table_writer(table, schema) as write_rows, CutoutWriter(pictures) as cutouts:
 
         def write(lot: pd.DataFrame, of_lot: Iterable[Cutout]) -> None:
-            rows.write(lot)
+            write_rows(lot)
             tracks.append(lot["track_id"].to_numpy(np.int32))
             for one in of_lot:
                 cutouts.write(one)

@@ -8,7 +8,6 @@ from abc import ABC, abstractmethod
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 import av
@@ -61,6 +60,7 @@ class Movie(ABC):
             self._stream: Any = self._file.add_stream(coder, rate=self._rate, options=options)
             self._stream.codec_context.thread_count = THREADS
             self._stream.codec_context.time_base = 1 / self._rate
+            stack.push(self._finish)
             self._stack = stack.pop_all()
         return self._stream
 
@@ -97,17 +97,12 @@ class Movie(ABC):
         self._file.mux(self._stream.encode(coded))
         self.frames += 1
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> bool | None:
-        with self._stack as stack:
-            if kind is None:
-                self._file.mux(self._stream.encode(None))
-            stack_exit = stack.pop_all()
-        return stack_exit.__exit__(kind, error, trace)
+    def _finish(self, error: Any, *_: Any) -> None:
+        if error is None:
+            self._file.mux(self._stream.encode(None))
+
+    def __exit__(self, *error: Any) -> bool | None:
+        return self._stack.__exit__(*error)
 
 
 _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)

@@ -8,7 +8,7 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes, whole_file
 
 if TYPE_CHECKING:  # a third of a second, in stages that draw no figure
     from matplotlib.figure import Figure
@@ -19,8 +19,7 @@ def save_picture(path: Path, picture: Picture) -> None:
     if picture.ndim == 3:
         code = cv2.COLOR_RGB2BGR if picture.shape[2] == 3 else cv2.COLOR_RGBA2BGRA
         picture = cv2.cvtColor(picture, code)
-    with whole_file(path) as part:
-        part.write_bytes(cv2.imencode(path.suffix, picture)[1].tobytes())
+    save_bytes(path, cv2.imencode(path.suffix, picture)[1].tobytes())
 
 
 def load_picture(path: Path) -> Picture:
@@ -28,19 +27,15 @@ def load_picture(path: Path) -> Picture:
     try:
         coded = np.frombuffer(path.read_bytes(), np.uint8)
         picture = cv2.imdecode(coded, cv2.IMREAD_UNCHANGED)
-    except (OSError, cv2.error) as error:
-        raise _unreadable(path, str(error)) from error
-    if picture is None:
-        raise _unreadable(path, "no picture")
+        if picture is None:
+            raise ValueError("no picture")
+    except (OSError, cv2.error, ValueError) as error:
+        raise FinloopError(
+            f"{path} cannot be read as a picture ({error})",
+            "a picture that an earlier stage wrote",
+            "run the pipeline again: `dvc repro`",
+        ) from error
     return picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_BGR2RGB)
-
-
-def _unreadable(path: Path, why: str) -> FinloopError:
-    return FinloopError(
-        f"{path} cannot be read as a picture ({why})",
-        "a picture that an earlier stage wrote",
-        "run the pipeline again: `dvc repro`",
-    )
 
 
 def save_figure(path: Path, figure: "Figure") -> None:

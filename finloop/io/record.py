@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 
 T = TypeVar("T")
 MOST_BYTES = 100_000_000
@@ -15,9 +15,8 @@ MOST_BYTES = 100_000_000
 
 def save_json(path: Path, content: Any, indent: int = 2) -> None:
     """Write dictionaries, lists, numbers and text; whole or not at all."""
-    with whole_file(path) as part:
-        text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
-        part.write_text(text + "\n", encoding="utf-8")
+    text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
+    save_bytes(path, f"{text}\n".encode())
 
 
 def load_json(
@@ -43,7 +42,7 @@ def save_record(path: Path, record: Any) -> None:
 
 def load_record(path: Path, kind: Callable[..., T], stage: str) -> T:
     """`kind(**content)` of an object that a stage wrote; errors as for `load_json`."""
-    return load_json(path, lambda content: kind(**content), *_made_by(stage))
+    return load_json(path, lambda content: kind(**content), *made_by(stage))
 
 
 def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
@@ -53,9 +52,10 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
     """A `kind(**one)` for each object of a list that a stage wrote; errors as for `load_json`."""
-    return load_json(path, lambda content: [kind(**one) for one in content], *_made_by(stage))
+    return load_json(path, lambda content: [kind(**one) for one in content], *made_by(stage))
 
 
-def _made_by(stage: str) -> tuple[str, str]:
+def made_by(stage: str) -> tuple[str, str]:
+    """What is wanted, and what to do, where a file is not as a stage wrote it."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

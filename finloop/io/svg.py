@@ -26,6 +26,8 @@ FLATNESS = 1e-4  # of the larger side of the drawing
 MOST_CONTOURS = 1000
 
 _MOST_PIECES = 500  # of one curved segment
+# What svgelements raises where it does not understand a drawing.
+_MISREAD = ArithmeticError, AttributeError, LookupError, RecursionError, TypeError, ValueError
 _GRADIENT = "#808080"  # stands for gradients and patterns
 
 
@@ -42,10 +44,12 @@ def load_svg(path: Path) -> Drawing:
         source = io.BytesIO(ElementTree.tostring(tree))
         picture = svg.SVG.parse(source, reify=True, on_error="raise")
         contours = list(_contours(picture)) if isinstance(picture, svg.SVG) else []
-    except (ArithmeticError, AttributeError, LookupError, RecursionError, TypeError) as error:
-        raise _not_understood(path, error) from error
-    except ValueError as error:
-        raise _not_understood(path, error) from error
+    except _MISREAD as error:
+        raise FinloopError(
+            f"{path} cannot be understood ({error!r})",
+            "an SVG whose paths and transforms follow the standard",
+            "open it in a drawing program and save it as plain SVG",
+        ) from error
     if not contours:
         raise FinloopError(
             f"{path} has no contour",
@@ -64,14 +68,6 @@ def load_svg(path: Path) -> Drawing:
     }
     styles = {name: style for name, (_, _, style) in zip(names, contours, strict=True) if style}
     return Drawing(curves, *_size(tree, picture, curves), styles)
-
-
-def _not_understood(path: Path, error: Exception) -> FinloopError:
-    return FinloopError(
-        f"{path} cannot be understood ({error!r})",
-        "an SVG whose paths and transforms follow the standard",
-        "open it in a drawing program and save it as plain SVG",
-    )
 
 
 def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> tuple[float, float]:

@@ -4,10 +4,9 @@ Files are Parquet. The units travel in the file (in the metadata of each field),
 opened without this program still says what its numbers mean.
 """
 
-from collections.abc import Iterable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -201,27 +200,12 @@ def save_csv_in_blocks(path: Path, blocks: Iterable[pd.DataFrame], decimals: int
             )
 
 
-class TableWriter:
-    """Write a table that is too long to hold in memory, piece by piece, whole or not at all.
+@contextmanager
+def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame], None]]:
+    """Yield what appends rows to a table too long to hold in memory, whole or not at all.
 
-    A context manager: the file appears at `path` when the block ends well.
+    The file appears at `path` when the block ends well. FinloopError as `save_table`.
     """
-
-    def __init__(self, path: Path, schema: Schema) -> None:
-        self._path, self._schema, self.rows = path, schema, 0
-
-    def __enter__(self) -> "TableWriter":
-        self._stack = ExitStack()
-        part = self._stack.enter_context(whole_file(self._path))
-        self._file = self._stack.enter_context(
-            pq.ParquetWriter(part, _arrow(self._schema), compression="zstd")
-        )
-        return self
-
-    def write(self, frame: pd.DataFrame) -> None:
-        """Append rows. FinloopError as `save_table`."""
-        self._file.write_table(_to_table(frame, self._schema, str(self._path)))
-        self.rows += len(frame)
-
-    def __exit__(self, *error: Any) -> bool | None:
-        return self._stack.__exit__(*error)
+    arrow = _arrow(schema)
+    with whole_file(path) as part, pq.ParquetWriter(part, arrow, compression="zstd") as file:
+        yield lambda frame: file.write_table(_to_table(frame, schema, str(path)))

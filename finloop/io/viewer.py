@@ -10,7 +10,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 
 _PACKAGE, _SCRIPT = "dash-model-viewer", "dash_model_viewer/vendor/model-viewer-umd.min.js"
 _PAGE = """<!doctype html>
@@ -116,8 +116,7 @@ def save_viewer(
         way=str([[round(part, 2) for part in place] for place in way]),
         rate=rate_hz,
     )
-    with whole_file(path) as part:
-        part.write_text(page, encoding="utf-8")
+    save_bytes(path, page.encode())
 
 
 def _script() -> str:

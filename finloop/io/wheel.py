@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from finloop.errors import FinloopError
-from finloop.io.atomic import whole_file
+from finloop.io.atomic import save_bytes
 
 PACKAGE = "idtrackerai==6.0.14"
 SHA256 = {
@@ -107,8 +107,7 @@ def _unpack(wheel: Path, part: str, path: Path) -> None:
     digest = hashlib.sha256(data).hexdigest()
     if digest != SHA256[part]:
         raise _unknown(wheel, member, f"its sha256 is {digest}, not {SHA256[part]}")
-    with whole_file(path) as half:
-        half.write_bytes(data)
+    save_bytes(path, data)
 
 
 def _unknown(wheel: Path, member: str, why: str) -> FinloopError:
