@@ -359,7 +359,7 @@ def test_whole_or_not_at_all(tmp_path, ending, monkeypatch):
         return painted(*arguments, **kinds)
 
     monkeypatch.setattr(finloop.io.animation, "painted", fails)
-    monkeypatch.setattr("pathlib.Path.write_text", lambda *a, **k: 1 / 0)
+    monkeypatch.setattr("pathlib.Path.write_bytes", lambda *a, **k: 1 / 0)
     with pytest.raises((RuntimeError, ZeroDivisionError)):
         save_animation(path, a_morph(), RATE, 64)
     assert path.read_bytes() == before
