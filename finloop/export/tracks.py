@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from finloop.base.schema import lists_to_points
 from finloop.errors import FinloopError
+from finloop.features.area import at_places
 from finloop.features.head import tail_first
 
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
@@ -66,6 +67,7 @@ def poses(
     rows = rows.sort_values(["frame", "track_id"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
     line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
+    places = at_places(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
     centre = rows[["x_px", "y_px"]].to_numpy(float)
     sure = rows["head_confidence"].to_numpy(float)[:, None]
     body = [f"body_{n}" for n in range(1, body_points + 1)]
@@ -75,14 +77,6 @@ def poses(
         frames,
         np.searchsorted(ids, rows["track_id"].to_numpy()),
         rows["frame"].to_numpy(np.int64),
-        np.concatenate([_along(line, body_points + 2), centre[:, None]], axis=1),
+        np.concatenate([places, centre[:, None]], axis=1),
         np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),
     )
-
-
-def _along(line: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-    """`count` points at equal steps of lines (rows, n, 2) whose own points are at equal steps."""
-    at = np.linspace(0, line.shape[1] - 1, count)
-    low = np.minimum(at.astype(int), line.shape[1] - 2)
-    share = (at - low)[:, None]
-    return (1 - share) * line[:, low] + share * line[:, low + 1]

@@ -24,11 +24,14 @@ _G = np.array([245, 56, 1]) / 360
 
 def control_points(backbone: Reals) -> Floats:
     """The six control points (rows, 6, 2) of backbones (rows, n, 2), equal steps from the head."""
-    n = backbone.shape[1]
-    at = CONTROL_ARCS * (n - 1)
-    low = np.minimum(at.astype(int), n - 2)
-    share = (at - low)[:, None]
-    return (1 - share) * backbone[:, low] + share * backbone[:, low + 1]
+    return at_places(backbone, CONTROL_ARCS * (backbone.shape[1] - 1))
+
+
+def at_places(lines: Reals, places: Floats) -> Floats:
+    """Points (rows, k, 2) of lines (rows, n, 2) at places (k,) counted in points, 0 … n − 1."""
+    low = np.minimum(places.astype(int), lines.shape[1] - 2)
+    share = (places - low)[:, None]
+    return (1 - share) * lines[:, low] + share * lines[:, low + 1]
 
 
 def signed_area(control: Reals) -> Floats:

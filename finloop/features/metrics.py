@@ -5,6 +5,7 @@ import pandas as pd
 import scipy
 
 from finloop.base.schema import lists_to_points
+from finloop.features.area import at_places
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
 from finloop.features.table import delta_of, orientations_of, wrap_deg
 
@@ -91,13 +92,11 @@ def against_truth(
     pairs = _nearest(features, truth)
     fish, true = features.iloc[pairs[:, 0]], truth.iloc[pairs[:, 1]]
     length = true["body_length_px"].to_numpy(float)
-    lines = _resampled(lists_to_points(true, "backbone"), backbones.shape[1])
+    lines = lists_to_points(true, "backbone")
+    lines = at_places(lines, np.linspace(0, lines.shape[1] - 1, backbones.shape[1]))
     mine = backbones[pairs[:, 0]]
-    swapped = np.hypot(*(mine - lines).transpose(2, 0, 1)).mean(1) > np.hypot(
-        *(mine[:, ::-1] - lines).transpose(2, 0, 1)
-    ).mean(1)
-    along = np.where(swapped[:, None, None], mine[:, ::-1], mine)
-    apart = np.hypot(*(along - lines).transpose(2, 0, 1)).mean(1) / length
+    swapped = _apart(mine, lines) > _apart(mine[:, ::-1], lines)
+    apart = _apart(np.where(swapped[:, None, None], mine[:, ::-1], mine), lines) / length
     centre = np.hypot(
         fish["x_px"].to_numpy() - true["x_px"].to_numpy(),
         fish["y_px"].to_numpy() - true["y_px"].to_numpy(),
@@ -129,6 +128,11 @@ def against_truth(
     }
 
 
+def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Mean distance (rows,) of corresponding points of lines (rows, n, 2)."""
+    return np.hypot(*(a - b).transpose(2, 0, 1)).mean(1)
+
+
 def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
     """How often a track passes from one fish to another."""
     same_track = np.diff(track.to_numpy()) == 0
@@ -147,11 +151,3 @@ def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:
     both["apart"] = np.hypot(both["x_px"] - both["x_px_true"], both["y_px"] - both["y_px_true"])
     best = both.loc[both.groupby("fish")["apart"].idxmin()]
     return best[["fish", "true"]].to_numpy()
-
-
-def _resampled(lines: np.ndarray, points: int) -> np.ndarray:
-    """Lines (rows, m, 2) of equal steps, as (rows, points, 2)."""
-    at = np.linspace(0, lines.shape[1] - 1, points)
-    low = np.minimum(at.astype(int), lines.shape[1] - 2)
-    share = (at - low)[:, None]
-    return (1 - share) * lines[:, low] + share * lines[:, low + 1]

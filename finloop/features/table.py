@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Reals
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.errors import FinloopError
-from finloop.features.area import bend
+from finloop.features.area import at_places, bend
 from finloop.features.head import head_first
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
@@ -82,9 +82,7 @@ def heading(backbone: Reals) -> Floats:
 
     The chord from one third of the body to the head end: the part that does not bend.
     """
-    at = HEAD_SHARE * (backbone.shape[1] - 1)
-    low, share = int(at), at - int(at)
-    third = (1 - share) * backbone[:, low] + share * backbone[:, low + 1]
+    third = at_places(backbone, np.array([HEAD_SHARE * (backbone.shape[1] - 1)]))[:, 0]
     dx, dy = (backbone[:, 0] - third).T
     return wrap_deg(np.degrees(np.arctan2(-dy, dx)))
 
