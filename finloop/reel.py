@@ -62,11 +62,10 @@ class Reel:
             index, count = self.store.index, self.orientations
             rows = sprite_row(index["sprite"], index["orientation"], count)
             if not np.array_equal(rows, np.arange(len(self.sprites) * count)):
-                made, wanted = (
-                    len(self.store),
-                    f"{len(self.sprites)} sprites in {count} orientations",
+                problems.append(
+                    f"{len(self.store)} pictures of sprites, wanted {len(self.sprites)} sprites in "
+                    f"{count} orientations"
                 )
-                problems.append(f"{made} pictures of sprites, wanted {wanted}")
         if problems:
             raise FinloopError(
                 "; ".join(problems),
@@ -167,13 +166,8 @@ class Reel:
         self, number: int, size: int, orientation: int = 1, turn_deg: float = 0.0
     ) -> Pictures:
         """A sprite (size, size, c) in an orientation, and turned on from there."""
-        return picture(
-            self.sprite(number, orientation),
-            self.sprite_places[number],
-            self.sprite_lengths_px[number],
-            size,
-            turn_deg,
-        )
+        place, length = self.sprite_places[number], self.sprite_lengths_px[number]
+        return picture(self.sprite(number, orientation), place, length, size, turn_deg)
 
     def sprite_pictures(self, size: int, orientation: int = 1) -> Pictures:
         """Every sprite (s, size, size, c) in an orientation."""

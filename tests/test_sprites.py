@@ -54,12 +54,11 @@ from finloop.sprites.metrics import (
 from finloop.sprites.orient import (
     SPRITES,
     drawn,
-    placed,
     sprite_table,
 )
 from finloop.sprites.stretch import Stretch, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
-from finloop.sprites.turn import Placed, reflection, rotation, trimmed, turned
+from finloop.sprites.turn import reflection, rotation, trimmed, turned
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -229,7 +228,13 @@ def canvas(one, size=120):
 
 
 PIVOTS = [(100.0, 200.0), (100.5, 199.5), (101.3, 203.81)]
-SOURCE = Placed(shape(), 80, 185)
+
+
+def cut_out(pixels, x0_px, y0_px):
+    return Cutout(0, 0, x0_px, y0_px, pixels)
+
+
+SOURCE = cut_out(shape(), 80, 185)
 
 
 @pytest.mark.parametrize("angle", [0, 360, -720])
@@ -266,7 +271,7 @@ def test_quarter_turns_are_exact_matrices():
 def test_a_positive_angle_is_anticlockwise_as_seen():
     dot = np.zeros((3, 3, 2), np.uint8)
     dot[1, 1] = 200, 255
-    one = turned(Placed(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
+    one = turned(cut_out(dot, 109, 199), 100, 200, 30)  # 10 px to the right of the pivot
     np.testing.assert_allclose(
         centre(one), [100 + 10 * np.cos(np.pi / 6), 200 - 10 * np.sin(np.pi / 6)], atol=0.1
     )
@@ -285,7 +290,7 @@ def test_there_and_back_is_close(angle):
 @pytest.mark.parametrize("angle", [0, 12, 77, 180])
 @pytest.mark.parametrize("axis", [None, 33.0])
 def test_colour_never_exceeds_alpha_and_edges_do_not_shine(angle, axis):
-    flat = Placed(shape((0.6, 0.2, 1.0)), 80, 185)
+    flat = cut_out(shape((0.6, 0.2, 1.0)), 80, 185)
     one = turned(flat, 101.3, 203.81, angle, mirror_axis_deg=axis).pixels.astype(float)
     assert (one[..., :3] <= one[..., 3:]).all()
     for channel, share in enumerate((0.6, 0.2, 1.0)):  # of one colour it was, of one it stays
@@ -321,7 +326,7 @@ def test_aligned_fish_are_headed_right_in_the_middle(toy):
     look = toy.look
     rows = np.array([3, 8])
     for picture in look(rows, table["heading"].to_numpy()[rows]):
-        one = Placed((255 * picture).round().astype(np.uint8), 0, 0)
+        one = cut_out((255 * picture).round().astype(np.uint8), 0, 0)
         np.testing.assert_allclose(centre(one), (AUTOMATIC.picture_px - 1) / 2, atol=0.2)
         assert abs(tilt(one)) < 2
         assert picture.max() <= 1
@@ -467,9 +472,9 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     for step in range(len(mine)):
         left, right = (made[(k * len(mine) + step) * ORIENTATIONS] for k in (0, 1))
         x, y = mine["x_px"][step], mine["y_px"][step]
-        flipped = turned(placed(right), x, y, 0, mirror_axis_deg=0.0)
-        shift = Placed(flipped.pixels, flipped.x0_px - int(x) + 100, flipped.y0_px - int(y) + 200)
-        here = Placed(left.pixels, left.x0_px - int(x) + 100, left.y0_px - int(y) + 200)
+        flipped = turned(right, x, y, 0, mirror_axis_deg=0.0)
+        shift = cut_out(flipped.pixels, flipped.x0_px - int(x) + 100, flipped.y0_px - int(y) + 200)
+        here = cut_out(left.pixels, left.x0_px - int(x) + 100, left.y0_px - int(y) + 200)
         assert np.abs(canvas(shift) - canvas(here))[..., -1].mean() < 0.6  # twice resampled
 
 
@@ -666,7 +671,7 @@ def test_motion_is_the_film_s_own(toy, sprites):
 def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
     slide = sprites[sprites["sequence"] == "slide"].iloc[3]
     for number in range(ORIENTATIONS):
-        one = placed(pictures[int(slide["sprite"]) * ORIENTATIONS + number])
+        one = pictures[int(slide["sprite"]) * ORIENTATIONS + number]
         off = wrap_deg(np.array(tilt(one) - 15 * number))
         assert abs(off) < 1.5, number + 1
         np.testing.assert_allclose(centre(one), [slide["x_px"], slide["y_px"]], atol=0.1)
@@ -675,7 +680,7 @@ def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
 @pytest.mark.parametrize("count", [5, 36])
 def test_there_can_be_fewer_and_more_orientations(toy, sprites, count):
     row = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
-    made = [placed(one) for one in drawn(row, toy.cutouts)]
+    made = list(drawn(row, toy.cutouts))
     assert len(made) == count
     for number, one in enumerate(made):
         assert abs(wrap_deg(np.array(tilt(one) - number * 360 / count))) < 1.5, number + 1
@@ -717,7 +722,7 @@ def test_numbers_are_flat_and_finite(toy, sprites):
 
 def test_the_contact_sheet_shows_steps_and_orientations(sprites, pictures):
     sheet = contact_sheet(
-        sprites, lambda s, o: placed(pictures[sprite_row(s, o, ORIENTATIONS)]), columns=6, size=60
+        sprites, lambda s, o: pictures[sprite_row(s, o, ORIENTATIONS)], columns=6, size=60
     )
     lines = sum(-(-len(rows) // 6) for _, rows in sprites.groupby("sequence")) + ORIENTATIONS // 6
     assert sheet.shape == (60 * lines, 360, 3) and sheet.std() > 5

@@ -11,10 +11,11 @@ and turns on while it is on screen: `turn_deg` says how the film is turned to fi
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import count, repeat
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema
@@ -168,7 +169,7 @@ def _ways_in(
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     lasts = _left(features) >= settings.least_s * rate_hz
-    ways = [_ways(*np.empty((4, 0)))]
+    ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(near.orientation):
         rows = np.flatnonzero(lasts & (near.orientation == number))
         for sprite, far in enumerate(near.ahead[:, rows]):
@@ -179,9 +180,11 @@ def _ways_in(
                 best.append(int(order[0]))
                 late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart_s * rate_hz
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
-            rank = np.arange(1, len(best) + 1)
-            ways.append(_ways(np.full(len(best), sprite), best, rank, near.ahead[sprite, best]))
-    return pd.concat(ways).sort_values("sprite", kind="stable")
+            far = near.ahead[sprite, best]
+            ways += zip(repeat(sprite), best, count(1), far, strict=False)
+    kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
+    table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
+    return table.sort_values("sprite", kind="stable")
 
 
 def _ways_out(
@@ -197,23 +200,12 @@ def _ways_out(
     for _, sequence in sprites.iloc[entered].groupby("sequence", sort=False):
         far = near.own[np.ix_(sequence.index, row + 1)]
         best = np.argsort(far, axis=0, kind="stable")[:top]
-        ways.append(
-            _ways(
-                sequence.index.to_numpy()[best].T.ravel(),
-                np.repeat(row, len(best)),
-                0,
-                np.take_along_axis(far, best, 0).T.ravel(),
-            )
-        )
+        sprite = sequence.index.to_numpy()[best].T.ravel()
+        distance = np.take_along_axis(far, best, 0).T.ravel()
+        rows = np.repeat(row, len(best))
+        ways.append(pd.DataFrame({"sprite": sprite, "row": rows, "distance": distance}))
     table = pd.concat(ways).query("distance <= @most").sort_values(["row", "distance"])
     return table.assign(rank=table.groupby("row").cumcount() + 1)
-
-
-def _ways(sprite: ArrayLike, row: ArrayLike, rank: ArrayLike, distance: ArrayLike) -> pd.DataFrame:
-    sprites, rows = np.asarray(sprite, int), np.asarray(row, int)
-    return pd.DataFrame({"sprite": sprites, "row": rows}).assign(
-        rank=np.asarray(rank, int), distance=np.asarray(distance, float)
-    )
 
 
 def nearest(

@@ -6,8 +6,8 @@ next one of its track is a *segment*; it is named by the end it begins at.
 """
 
 import heapq
-from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -89,15 +89,20 @@ def _following(
 
 def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArray[np.int32], Mask]:
     """Strongly connected components (m,), most film first, and which segments come round again."""
-    m = len(frames)
     count, name = connected_components(following, directed=True, connection="strong")
     cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
-    film = np.bincount(name, frames * cyclic, minlength=count)
-    first = np.full(count, m)
-    np.minimum.at(first, name, np.arange(m))
-    rank = np.empty(count, np.int32)
-    rank[np.lexsort((first, -film))] = np.arange(count)
-    return rank[name], cyclic
+    return ranked(name, frames * cyclic), cyclic
+
+
+def ranked(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
+    """New numbers of groups (n,) 0, 1 …: the heaviest first, of equal ones that which comes first.
+
+    weight (n,): of each member; None: 1.
+    """
+    total, first = np.bincount(name, weight), np.unique(name, return_index=True)[1]
+    rank = np.empty(len(total), np.int32)
+    rank[np.lexsort((first, -total))] = np.arange(len(total))
+    return rank[name]
 
 
 @njit(cache=True)
@@ -166,22 +171,17 @@ def routes(
     and plays on between jumps: two frames that are like a third need not be alike. No more than
     `most` ways are followed through any end.
     """
-    return list(_routes(graph, source_end, target_end, most, jump_frames))
-
-
-def _routes(
-    graph: LoopGraph, source: int, target: int, most: int, jump_frames: float
-) -> Iterator[list[Leg]]:
-    left = _least_cost(graph, target, jump_frames)
+    left = _least_cost(graph, target_end, jump_frames)
+    ways: list[list[Leg]] = []
     # (cost to the target at best, order of arrival, cost so far, end, way so far)
-    queue: list[tuple[float, int, float, int, tuple[Leg, ...]]] = [(left[source], 0, 0, source, ())]
+    queue: list[tuple[float, int, float, int, tuple[Leg, ...]]]
+    queue = [(left[source_end], 0, 0, source_end, ())]
     followed: dict[tuple[int, bool], int] = {}
-    arrival = count = 0
-    while queue and count < most:
+    arrival = 0
+    while queue and len(ways) < most:
         _, _, cost, end, way = heapq.heappop(queue)
-        if way and end == target:
-            count += 1
-            yield list(way)
+        if way and end == target_end:
+            ways.append(list(way))
             continue
         jumped = bool(way) and way[-1][2] == JUMP
         followed[end, jumped] = followed.get((end, jumped), 0) + 1
@@ -196,6 +196,7 @@ def _routes(
                 arrival += 1
                 best = cost + more + left[to]
                 heapq.heappush(queue, (best, arrival, cost + more, to, (*way, leg)))
+    return ways
 
 
 def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> Floats:

@@ -79,19 +79,15 @@ def routes_table(
     `jump_distance` is D of a jump, in median natural steps (`step`).
     """
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
-    rows = []
-    for number, way in enumerate(ways, start=1):
-        for a, b, how in merged(way):
-            rows.append(
-                {
-                    "route": number, "how": how,
-                    "from_track": track[a], "from_frame": frame[a],
-                    "to_track": track[b], "to_frame": frame[b],
-                    "frames": 0 if how == JUMP else b - a,
-                    "jump_distance": _jump_distance(graph, a, b) / step if how == JUMP else None,
-                }
-            )  # fmt: skip
     columns = ["route", "how", "from_track", "from_frame", "to_track", "to_frame", "frames"]
+    rows = [
+        (
+            number, how, track[a], frame[a], track[b], frame[b], 0 if how == JUMP else b - a,
+            _jump_distance(graph, a, b) / step if how == JUMP else None,
+        )
+        for number, way in enumerate(ways, start=1)
+        for a, b, how in merged(way)
+    ]  # fmt: skip
     return pd.DataFrame(rows, columns=[*columns, "jump_distance"])
 
 

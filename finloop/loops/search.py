@@ -9,6 +9,7 @@ must not only look alike but move alike; *step* the median of D between consecut
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,6 +24,7 @@ from finloop.base.schema import Column, Schema
 from finloop.distance.picture import typical_length
 from finloop.errors import FinloopError
 from finloop.features.table import delta_of, wrap_deg
+from finloop.loops.graph import ranked
 from finloop.loops.settings import Settings
 
 
@@ -47,8 +49,7 @@ RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean hea
 Rows = NDArray[np.integer]
 
 
-@dataclass(frozen=True)
-class SparseMap:
+class SparseMap(NamedTuple):
     """The sparse distance map: row i holds columns `j[start[i]:start[i + 1]]`, rising, all > i."""
 
     start: Ints
@@ -127,7 +128,7 @@ def filtered(
     A pair has none, inf, where the value exceeds `limit`, where one of the pairs along the
     diagonal is not in the map, or where one lies beyond the end of either track.
     """
-    return _filtered(pairs.start, pairs.j, pairs.distance, track, weights(dynamics), limit)
+    return _filtered(pairs, track, weights(dynamics), limit)
 
 
 @njit(cache=True, nogil=True)
@@ -144,13 +145,9 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
 
 @njit(cache=True, nogil=True)
 def _filtered(
-    start: Ints,
-    j: NDArray[np.int32],
-    distance: NDArray[np.float32],
-    track: NDArray[np.int32],
-    weight: Floats,
-    limit: float,
+    pairs: SparseMap, track: NDArray[np.int32], weight: Floats, limit: float
 ) -> NDArray[np.float32]:
+    start, j, distance = pairs
     n, rows = len(weight) // 2, len(track)
     value = np.full(len(j), np.inf, np.float32)
     for a in range(n, rows - n):
@@ -175,6 +172,7 @@ def _filtered(
     return value
 
 
+@njit(cache=True, nogil=True)
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
 ) -> tuple[Ints, NDArray[np.int32]]:
@@ -185,19 +183,7 @@ def minima(
     after a; nearer pairs are no loops, but they count in the comparison: what lies on a slope down
     to them is no minimum.
     """
-    at = _minima(pairs.start, pairs.j, value, track, radius, least)
-    return at, (np.searchsorted(pairs.start, at, side="right") - 1).astype(np.int32)
-
-
-@njit(cache=True, nogil=True)
-def _minima(
-    start: Ints,
-    j: NDArray[np.int32],
-    value: NDArray[np.float32],
-    track: NDArray[np.int32],
-    radius: int,
-    least: int,
-) -> Ints:
+    start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
         for p in range(start[a], start[a + 1]):
@@ -218,7 +204,8 @@ def _minima(
                 if not smallest:
                     break
             minimum[p] = smallest
-    return np.flatnonzero(minimum)
+    places = np.flatnonzero(minimum)
+    return places, (np.searchsorted(start, places, side="right") - 1).astype(np.int32)
 
 
 def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
@@ -253,13 +240,9 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     return bad
 
 
+@njit(cache=True, nogil=True)
 def chosen(a: Rows, b: Rows, most: int) -> Mask:
     """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
-    return _chosen(np.asarray(a, np.int32), np.asarray(b, np.int32), most)
-
-
-@njit(cache=True, nogil=True)
-def _chosen(a: NDArray[np.int32], b: NDArray[np.int32], most: int) -> Mask:
     used = np.zeros(b.max() + 1, np.int32)
     keep = np.zeros(len(a), np.bool_)
     for p in range(len(a)):
@@ -288,13 +271,7 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     size = int(parts[-1]) + 1
     joined = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
     _, name = connected_components(joined, directed=False)
-    name = name[part[:n]]
-    sizes = np.bincount(name)
-    first = np.full(len(sizes), n)
-    np.minimum.at(first, name, np.arange(n))
-    rank = np.empty(len(sizes), np.int32)
-    rank[np.lexsort((first, -sizes))] = np.arange(len(sizes))
-    return rank[name]
+    return ranked(name[part[:n]])
 
 
 def _none(

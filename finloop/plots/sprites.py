@@ -7,16 +7,16 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from finloop.base.cutout import Cutout
 from finloop.features.table import direction_deg, orientations_of
 from finloop.plots.parts import Picture, in_rows, on_grey, write
-from finloop.sprites.turn import Placed
 
 _INK = (150, 30, 30)
 
 
 def contact_sheet(
     sprites: pd.DataFrame,
-    pictures: Callable[[int, int], Placed],
+    pictures: Callable[[int, int], Cutout],
     columns: int = 12,
     size: int = 150,
 ) -> Picture:
@@ -52,13 +52,13 @@ def contact_sheet(
     return np.vstack([*bands, *in_rows(tiles, columns)])
 
 
-def _reach(one: Placed, row: Any) -> int:
+def _reach(one: Cutout, row: Any) -> int:
     h, w = one.pixels.shape[:2]
     x, y = row.x_px - one.x0_px, row.y_px - one.y0_px
     return int(np.ceil(max(x, y, w - x, h - y)))
 
 
-def _tile(one: Placed, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
+def _tile(one: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
     """A picture enlarged on grey, its mass centre in the middle of a tile."""
     scale = size / (2 * reach)
     matrix = np.array(

@@ -52,10 +52,8 @@ def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFr
     Stretches shorter than `slide_least_s` are among them only if there are no longer ones, and
     those whose tail moves more than `still` only if no tail is still.
     """
-    least, most = (
-        max(3, round(settings.slide_least_s * rate_hz)),
-        max(3, round(settings.slide_most_s * rate_hz)),
-    )
+    least = max(3, round(settings.slide_least_s * rate_hz))
+    most = max(3, round(settings.slide_most_s * rate_hz))
     typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
     for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
         parts = []

@@ -14,7 +14,7 @@ from finloop.sprites.choice import Choice
 from finloop.sprites.settings import Settings
 from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
 from finloop.sprites.swimmers import smooth
-from finloop.sprites.turn import Placed, turned
+from finloop.sprites.turn import turned
 
 SPRITES = Schema(
     (
@@ -39,11 +39,6 @@ SPRITES = Schema(
         Column("orientations", "int8", "1"),
     )
 )
-
-
-def placed(cutout: Cutout) -> Placed:
-    """A cut-out of the store, to be turned."""
-    return Placed(cutout.pixels, cutout.x0_px, cutout.y0_px)
 
 
 def sprite_table(
@@ -132,7 +127,5 @@ def drawn(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
         mirror = row.heading_deg if row.mirrored else None
         for orientation in range(1, row.orientations + 1):
             turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
-            one = turned(placed(cutout), row.x_px, row.y_px, turn, mirror_axis_deg=mirror)
-            yield Cutout(
-                row.track_id, row.frame, one.x0_px, one.y0_px, one.pixels, row.sprite, orientation
-            )
+            one = turned(cutout, row.x_px, row.y_px, turn, mirror)
+            yield one._replace(sprite=row.sprite, orientation=orientation)

@@ -25,7 +25,9 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -
     dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
     dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
     heading = of_track["heading_deg"].transform(lambda h: np.unwrap(h.to_numpy(float), period=360))
-    place = np.column_stack([_smooth_by_track(table, name) for name in ("x_px", "y_px")])
+    place = np.column_stack(
+        [of_track[side].transform(lambda x: smooth(x.to_numpy(float))) for side in ("x_px", "y_px")]
+    )
     travel = np.zeros_like(place)
     travel[:-1] = np.diff(place, axis=0)
     last = (of_track.cumcount(ascending=False) == 0).to_numpy()
@@ -60,14 +62,6 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -
         & (result["alone"] > settings.alone)
     )
     return result
-
-
-def _smooth_by_track(table: pd.DataFrame, name: str) -> Floats:
-    return (
-        table.groupby("track_id", sort=False)[name]
-        .transform(lambda x: smooth(x.to_numpy(float)))
-        .to_numpy()
-    )
 
 
 def smooth(values: Reals) -> Floats:

@@ -5,24 +5,14 @@ the colour under transparent pixels bleeds into the edge. Angles are degrees, an
 y is down. Pixel centres lie at integers.
 """
 
-from dataclasses import dataclass
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
+from finloop.base.cutout import Cutout
 
 _REACH = 4  # px that a Lanczos kernel of four lobes reaches beyond a pixel
-
-
-@dataclass(frozen=True)
-class Placed:
-    """A premultiplied picture (h, w, channels) uint8, its upper left pixel at film x0, y0."""
-
-    pixels: NDArray[np.uint8]
-    x0_px: int
-    y0_px: int
 
 
 def rotation(angle_deg: float) -> Floats:
@@ -39,13 +29,8 @@ def reflection(axis_deg: float) -> Floats:
 
 
 def turned(
-    source: Placed,
-    x_px: float,
-    y_px: float,
-    angle_deg: float,
-    *,
-    mirror_axis_deg: float | None = None,
-) -> Placed:
+    source: Cutout, x_px: float, y_px: float, angle_deg: float, mirror_axis_deg: float | None = None
+) -> Cutout:
     """`source` turned by `angle_deg` about (x_px, y_px), which stays where it is.
 
     With `mirror_axis_deg` it is first mirrored about the line of that direction through the same
@@ -61,7 +46,7 @@ def turned(
     return _mapped(source, np.array([x_px, y_px]), linear)
 
 
-def _mapped(source: Placed, pivot: Floats, linear: Floats) -> Placed:
+def _mapped(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
     """`source` under the rigid map p ↦ pivot + linear (p − pivot)."""
     h, w = source.pixels.shape[:2]
     origin = np.array([source.x0_px, source.y0_px])
@@ -77,9 +62,8 @@ def _mapped(source: Placed, pivot: Floats, linear: Floats) -> Placed:
         source.pixels.astype(np.float32), matrix, (width, height),
         flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP, borderMode=cv2.BORDER_CONSTANT,
     )  # fmt: skip
-    pixels = _limited(canvas)
-    left, top, pixels = trimmed(pixels)
-    return Placed(pixels, int(low[0]) + left, int(low[1]) + top)
+    left, top, pixels = trimmed(_limited(canvas))
+    return source._replace(pixels=pixels, x0_px=int(low[0]) + left, y0_px=int(low[1]) + top)
 
 
 def _limited(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:

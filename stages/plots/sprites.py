@@ -10,7 +10,7 @@ from finloop.io.picture import save_picture
 from finloop.io.table import load_table
 from finloop.plots.sprites import contact_sheet
 from finloop.reel import sprite_row
-from finloop.sprites.orient import SPRITES, placed
+from finloop.sprites.orient import SPRITES
 
 SPRITES_FOLDER = Path("data/sprites")
 
@@ -20,7 +20,7 @@ def main() -> None:
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
     with open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store:
         count = orientations_of(sprites)
-        sheet = contact_sheet(sprites, lambda s, o: placed(store[sprite_row(s, o, count)]))
+        sheet = contact_sheet(sprites, lambda s, o: store[sprite_row(s, o, count)])
     save_picture(Path("reports/sprites/contact_sheet.png"), sheet)
 
 
