@@ -14,6 +14,10 @@ from stages.settings import load
 
 CLIP = Path("data/clip")
 METRICS = Path("reports/clip/metrics.json")
+FACTS = (  # among the metrics
+    "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
+    "frames_missing",
+)  # fmt: skip
 
 
 def main() -> None:
@@ -28,16 +32,9 @@ def main() -> None:
         for note in source.loss.notes:
             print(f"finloop: WARNING: {note}", file=sys.stderr)
         coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
-        numbers = {
-            "frames": facts.frames,
-            "width_px": facts.width_px,
-            "height_px": facts.height_px,
-            "frame_rate_hz": facts.frame_rate_hz,
+        numbers = {name: getattr(facts, name) for name in FACTS} | {
             "duration_s": facts.frames / facts.frame_rate_hz,
             "segments": len(facts.segments),
-            "frames_repeated": facts.frames_repeated,
-            "frames_dropped": facts.frames_dropped,
-            "frames_missing": facts.frames_missing,
             "brightness_mean_level": tally.brightness_mean,
             "brightness_min_level": tally.darkest,
             "brightness_max_level": tally.brightest,

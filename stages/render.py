@@ -26,7 +26,6 @@ from stages.settings import load
 
 CLIP, GOALS = DATA / "clip", DATA / "animate/goals.json"
 OUT, REPORT = Path("data/render"), Path("reports/render")
-Output = tuple[Movie, Painter, int]  # the last: how many ticks it takes
 
 
 def films(
@@ -41,23 +40,19 @@ def films(
     rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
     clean, change = Painter(background), list[float]()
     steps = Steps(clean)
+    seen = Painter(background, colour=True) if p.marks else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
-
-        def writes(writer: Movie, painter: Painter, ticks: int) -> Output:
-            return stack.enter_context(writer), painter, ticks
-
-        def mp4(painter: Painter, name: str) -> Output:
-            path = folder / f"{name}.mp4"
-            return writes(Mp4Writer(path, painter.frame.shape, rate, p.crf), painter, len(edit))
-
-        outputs, seen = [mp4(clean, p.mode)], clean
+        mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
+        outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, len(edit))]  # the last: ticks
         if p.marks:
-            seen = Painter(background, colour=True)
             marks = Marks(seen, edit, goals)
-            outputs.append(mp4(seen, f"{p.mode}_marked"))
+            mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
+            outputs.append((mp4, seen, len(edit)))
         if webp_ticks := round(p.webp_seconds * rate):
             how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
-            outputs.append(writes(WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks))
+            outputs.append((WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks))
+        for writer, _, _ in outputs:
+            stack.enter_context(writer)
         for tick, one in enumerate(rows):
             change.append(steps.to(clean.show(one)))
             if p.marks:

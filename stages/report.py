@@ -46,13 +46,6 @@ TABLES = {  # by chapter
 }
 
 
-def tables(chapter: str) -> Iterator[Table]:
-    """The tables of a chapter whose files exist."""
-    for name, caption in TABLES.get(chapter, ()):
-        if (REPORTS / name).is_file():
-            yield of_frame(pd.read_csv(REPORTS / name), caption)
-
-
 def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """The chapters of which there are pictures, with their pictures and tables."""
     for chapter in CHAPTERS:
@@ -61,8 +54,13 @@ def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], 
             for figure in chapter.figures
             if (path := REPORTS / figure.path).is_file()
         ]
+        tables = [
+            of_frame(pd.read_csv(path), caption)
+            for name, caption in TABLES.get(chapter.id, ())
+            if (path := REPORTS / name).is_file()
+        ]
         if pictures:
-            yield chapter, pictures, list(tables(chapter.id))
+            yield chapter, pictures, tables
 
 
 def metrics(word: str) -> dict[str, float]:

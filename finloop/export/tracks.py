@@ -44,14 +44,12 @@ def poses(
     """Head, points of the backbone at equal distances, tail and mass centre of every track.
 
     How sure head, body and tail are is how sure it is which end is the head; the mass centre does
-    not ask for that. FinloopError if no track is long enough.
+    not depend on that. FinloopError if no track is long enough.
 
-    tracks: the columns `USED` of the table of tracks.
-    features: head_x_px, head_y_px, head_confidence of the feature table, whose rows are the same.
-    frames: of the clip; those without a fish count too.
-    body_points: between head and tail, at least 0.
-    least_frames, most: tracks that are shorter are left out; and of the others all but the longest
-        so many.
+    tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
+    head_confidence of the feature table, whose rows are the same; frames: of the clip, also those
+    without a fish; body_points: between head and tail, at least 0; least_frames, most: the shortest
+    track, and how many at the most, the longest first.
     """
     length = tracks.groupby("track_id").size()
     kept = length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]

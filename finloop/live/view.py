@@ -155,11 +155,11 @@ class View:
         row = fish.at(tick)
         if row is None:
             return None
-        goal: list[Any] | None = None
-        if tick == self.tank.tick and fish.goal is not None:  # the tick after will know of it
-            goal = [round(fish.goal.x_px, 1), round(fish.goal.y_px, 1), fish.reached]
-        elif tick < self.tank.tick and not math.isnan(row.goal_x_px):
-            goal = [round(row.goal_x_px, 1), round(row.goal_y_px, 1), row.reached]
+        x, y, reached = row.goal_x_px, row.goal_y_px, row.reached
+        if tick == self.tank.tick:  # the tick after will know of a new goal
+            x, y = (fish.goal.x_px, fish.goal.y_px) if fish.goal else (math.nan, math.nan)
+            reached = fish.reached
+        goal = None if math.isnan(x) else [round(x, 1), round(y, 1), reached]
         trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),

@@ -38,15 +38,12 @@ def figure7(features: pd.DataFrame) -> Figure:
             track["frame"], 0, track["motion_area_rel"], where=here, color=colour, alpha=0.4,
             label=word, linewidth=0, step=None,
         )  # fmt: skip
-    area.set(ylabel="motion area (relative)", ylim=(0, None), title=_title(track))
+    title = f"track {track['track_id'].iloc[0]}, the longest: {len(track)} frames"
+    area.set(ylabel="motion area (relative)", ylim=(0, None), title=title)
     area.legend(loc="upper right", ncols=3, frameon=False)
     kind.step(track["frame"], track["swimming_type"], where="mid", lw=0.9, color="0.25")
     kind.set(xlabel="frame", yticks=(-1, 0, 1), yticklabels=("right", "straight", "left"))
     return figure
-
-
-def _title(track: pd.DataFrame) -> str:
-    return f"track {track['track_id'].iloc[0]}, the longest: {len(track)} frames"
 
 
 def trajectories(features: pd.DataFrame, background: Picture) -> Figure:

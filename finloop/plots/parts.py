@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-Picture = NDArray[np.uint8]
+from finloop.base.arrays import Picture
+
 Colour = tuple[int, int, int]
 _GROUND = 205  # grey level that a cut-out lies on
 

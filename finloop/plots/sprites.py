@@ -30,25 +30,21 @@ def contact_sheet(
         for row in sprites.itertuples()
         for o in (1, 1 + count // 4)
     )
+
+    def tile(row: Any, o: int, above: str, below: str) -> Picture:
+        return _tile(pictures(row.sprite, o), row, reach, size, above, below)
+
     bands = []
     for word, rows in sprites.groupby("sequence", sort=False):
-        tiles = [
-            _tile(
-                pictures(row.sprite, 1), row, reach, size,
-                f"{word} {row.step} {row.phase}",
-                f"{row.track_id}:{row.frame} a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg",
-            )
-            for row in rows.itertuples()
-        ]  # fmt: skip
+        tiles = []
+        for row in rows.itertuples():
+            bent = f"a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg"
+            above, below = f"{word} {row.step} {row.phase}", f"{row.track_id}:{row.frame} {bent}"
+            tiles.append(tile(row, 1, above, below))
         bands += in_rows(tiles, columns)
     row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
-    tiles = [
-        _tile(
-            pictures(row.sprite, o), row, reach, size,
-            f"orientation {o}", f"{direction_deg(o, count):.0f} deg",
-        )
-        for o in range(1, count + 1)
-    ]  # fmt: skip
+    turns = {o: f"{direction_deg(o, count):.0f} deg" for o in range(1, count + 1)}
+    tiles = [tile(row, o, f"orientation {o}", angle) for o, angle in turns.items()]
     return np.vstack([*bands, *in_rows(tiles, columns)])
 
 

@@ -60,11 +60,7 @@ def shelves(
     """Open stores by kind, FRAME or SPRITE, with the mass centres of their pictures.
 
     tracks, table: x_px, y_px of every cut-out; the same and orientations of every sprite.
-
-    Raises
-    ------
-    FinloopError
-        If a table belongs to another store.
+    FinloopError if a table belongs to another store.
     """
     made = {FRAME: Shelf(stores[FRAME], tracks[PLACE].to_numpy())}
     if table is not None:
@@ -82,10 +78,7 @@ def shelves(
 def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
     """Row by row what an edit list (schema EDIT) wants drawn.
 
-    Raises
-    ------
-    FinloopError
-        At once, listing all that cannot be drawn.
+    FinloopError at once, listing all that cannot be drawn.
     """
     _refuse(edit, gallery.shelves)
 

@@ -6,7 +6,7 @@ Ito, told apart by colour-blind eyes too.
 """
 
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import cycle, pairwise
 
 import cv2
 import numpy as np
@@ -37,8 +37,7 @@ def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
     """What tells the ticks of an edit list apart, and its colours: the modes, else the states."""
     names = edit["mode"] if edit["mode"].nunique() > 1 else edit["state"]
     unknown = [name for name in names.unique() if name not in COLOURS]
-    others = {name: _OTHERS[i % len(_OTHERS)] for i, name in enumerate(unknown)}
-    colours = COLOURS | others
+    colours = COLOURS | dict(zip(unknown, cycle(_OTHERS), strict=False))
     return names, {name: colours[name] for name in colours if (names == name).any()}
 
 

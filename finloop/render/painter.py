@@ -102,13 +102,8 @@ class Placed(NamedTuple):
 class Painter:
     """A canvas to draw on, again and again; only what was drawn is wiped.
 
-    Attributes
-    ----------
-    floor
-        (H, W, 1 or 3) uint8, what the canvas is without fish. Whoever draws on it says where, by
-        `touch`.
-    canvas
-        The same, with fish.
+    floor: (H, W, 1 or 3) uint8, the canvas without fish; whoever draws on it says where, by
+    `touch`. canvas: the same, with fish.
     """
 
     def __init__(self, background: Image, colour: bool = False) -> None:

@@ -49,13 +49,10 @@ class Room(NamedTuple):
 
 
 def views(camera: str, room: Room, head: Floats, heading: Floats, rate_hz: float) -> Views:
-    """The camera at every tick.
+    """The camera, one of CAMERAS, at every tick of a fish.
 
-    camera: one of CAMERAS.
-    room: the tank.
-    head, heading: (ticks, 3) px and (ticks,) rad, where the fish is and where it looks, without
-        jumps of 2π.
-    rate_hz: ticks per second.
+    head, heading: (ticks, 3) px and (ticks,) rad, where it is and where it looks, without jumps of
+    2π; rate_hz: ticks per second.
     """
     ticks = len(head)
     if camera == TOP:

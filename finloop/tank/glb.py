@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-_KINDS = {"float32": 5126, "uint32": 5125, "uint16": 5123}
+_FLOAT, _SHORT = 5126, 5123
 _SHAPES = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 _ARRAY_BUFFER, _ELEMENT_BUFFER = 34962, 34963
 _LINEAR, _CLAMP = 9729, 33071
@@ -39,15 +39,15 @@ class Glb:
         self._document["scene"] = self.add("scenes", {"nodes": nodes})
 
     def add_array(self, array: NDArray, *, indices: bool = False, vertices: bool = False) -> int:
-        """An accessor of an array (n,) or (n, 2 … 4): float32, uint16 or uint32."""
-        array = np.ascontiguousarray(array)
+        """An accessor of an array (n,) or (n, 2 … 4): indices as uint16, all else as float32."""
+        array = np.ascontiguousarray(array, np.uint16 if indices else np.float32)
         if not np.isfinite(array).all():
             raise ValueError("numbers that are none cannot be written")
         width = 1 if array.ndim == 1 else array.shape[1]
         view = {"target": _ELEMENT_BUFFER} if indices else {"target": _ARRAY_BUFFER}
         accessor = {
             "bufferView": self._view(array.tobytes(), view if indices or vertices else {}),
-            "componentType": _KINDS[array.dtype.name],
+            "componentType": _SHORT if indices else _FLOAT,
             "count": len(array),
             "type": _SHAPES[width],
         }

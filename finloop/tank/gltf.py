@@ -96,10 +96,6 @@ def upright(place: Floats) -> list[float]:
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 
-def _single(array: Floats) -> NDArray[np.float32]:
-    return np.asarray(array, np.float32)
-
-
 def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
     grid = (1, RINGS, AROUND, 3)
     straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
@@ -107,8 +103,8 @@ def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
     for mode in shape.modes:
         bent = normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
         targets.append({
-            "POSITION": glb.add_array(_single(mode), vertices=True),
-            "NORMAL": glb.add_array(_single(bent - straight), vertices=True),
+            "POSITION": glb.add_array(mode, vertices=True),
+            "NORMAL": glb.add_array(bent - straight, vertices=True),
         })  # fmt: skip
     coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
     texture = {"index": glb.add_texture(coded, "image/png")}
@@ -120,11 +116,11 @@ def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
     })  # fmt: skip
     primitive = {
         "attributes": {
-            "POSITION": glb.add_array(_single(shape.mean), vertices=True),
-            "NORMAL": glb.add_array(_single(straight), vertices=True),
+            "POSITION": glb.add_array(shape.mean, vertices=True),
+            "NORMAL": glb.add_array(straight, vertices=True),
             "TEXCOORD_0": glb.add_array(texture_places(), vertices=True),
         },
-        "indices": glb.add_array(triangles().astype(np.uint16).ravel(), indices=True),
+        "indices": glb.add_array(triangles().ravel(), indices=True),
         "material": material,
     }
     return _moved(glb, "fish", primitive, targets)
@@ -142,12 +138,12 @@ def _moved(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
 def _shadow(glb: Glb, shape: Shapes, length_px: float) -> int:
     """What the body covers of the floor, one layer: a strip between its two sides."""
 
-    def strip(points: Floats) -> NDArray[np.float32]:
+    def strip(points: Floats) -> Floats:
         sides = points.reshape(RINGS, AROUND, 3)[:, [_SIDE, AROUND - 1 - _SIDE]]
-        return _single(sides.reshape(-1, 3) * (1, 1, 0))
+        return sides.reshape(-1, 3) * (1, 1, 0)
 
     corner = 2 * np.arange(RINGS - 1)[:, None]
-    faces = (corner + np.array([0, 2, 1, 1, 2, 3])).astype(np.uint16)
+    faces = corner + np.array([0, 2, 1, 1, 2, 3])
     primitive = {
         "attributes": {"POSITION": glb.add_array(strip(shape.mean), vertices=True)},
         "indices": glb.add_array(faces.ravel(), indices=True),
@@ -173,15 +169,15 @@ def _swim(
     glb: Glb, rate_hz: float, nodes: dict[int, Floats], heading: Floats, weights: Floats
 ) -> None:
     """The animation of nodes that follow these places."""
-    time = glb.add_array(_single(np.arange(len(heading)) / rate_hz))
+    time = glb.add_array(np.arange(len(heading)) / rate_hz)
     zero = np.zeros_like(heading)
     turn = np.stack([zero, zero, np.sin(heading / 2), np.cos(heading / 2)], -1)
-    rotation = glb.add_array(_single(turn))
-    mixed = glb.add_array(_single(weights).ravel()) if weights.shape[1] else None
+    rotation = glb.add_array(turn)
+    mixed = glb.add_array(weights.ravel()) if weights.shape[1] else None
     channels: list[dict] = []
     samplers: list[dict] = []
     for node, place in nodes.items():
-        tracks = {"translation": glb.add_array(_single(place)), "rotation": rotation}
+        tracks = {"translation": glb.add_array(place), "rotation": rotation}
         if mixed is not None:
             tracks["weights"] = mixed
         for path, output in tracks.items():
@@ -205,14 +201,14 @@ def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
     )
     edges = np.array([[i, (i + 1) % 4, i + 4, (i + 1) % 4 + 4, i, i + 4] for i in range(4)])
     square, sewn = np.array([0, 1, 2, 0, 2, 3]), np.array([[0, 1], [1, 1], [1, 0], [0, 0]])
-    sewn_on = {"TEXCOORD_0": glb.add_array(_single(sewn), vertices=True)}
+    sewn_on = {"TEXCOORD_0": glb.add_array(sewn, vertices=True)}
 
     def node(
         name: str, points: Floats, faces: NDArray, material: int, more: dict[str, int], mode: int
     ) -> int:
         primitive = {
-            "attributes": {"POSITION": glb.add_array(_single(points), vertices=True)} | more,
-            "indices": glb.add_array(faces.ravel().astype(np.uint16), indices=True),
+            "attributes": {"POSITION": glb.add_array(points, vertices=True)} | more,
+            "indices": glb.add_array(faces.ravel(), indices=True),
             "material": material,
             "mode": mode,
         }

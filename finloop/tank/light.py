@@ -46,9 +46,7 @@ def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, F
 class Floor:
     """The floor of the tank as it is lit at a tick: (H, W) or (H, W, 3) uint8, as the background.
 
-    background: (H, W) or (H, W, 3) uint8, the film without fish.
-    room: the tank.
-    most_px: a larger background is made as small as this.
+    background: the film without fish; a larger one is made as small as `most_px`.
     """
 
     def __init__(self, background: NDArray[np.uint8], room: Room, most_px: int = 960) -> None:

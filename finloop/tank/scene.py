@@ -33,15 +33,7 @@ _RIM = 1.08  # the glass stands out of the water
 class Scene:
     """A window off screen that draws picture after picture; `close` it, or use a `with` block.
 
-    Parameters
-    ----------
-    background
-        (H, W) or (H, W, 3) uint8, the floor.
-    room
-        The tank.
-    size
-        (width, height) of the pictures, px.
-
+    background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px.
     `tank.display.choose_window` comes before.
     """
 
