@@ -131,15 +131,9 @@ def main() -> None:
         )
     side_by_side = measures.table(numbers, film_numbers)
     save_csv(REPORT / "measures.csv", side_by_side, decimals=3)
-    save_metrics(
-        REPORT / "metrics.json",
-        {
-            f"{mode}_{name}": value
-            for mode, measured in numbers.items()
-            for name, value in measured.items()
-        }
-        | {f"film_{name}": value for name, value in film_numbers.items()},
-    )
+    every = numbers | {"film": film_numbers}
+    metrics = {f"{mode}_{name}": value for mode in every for name, value in every[mode].items()}
+    save_metrics(REPORT / "metrics.json", metrics)
 
 
 if __name__ == "__main__":

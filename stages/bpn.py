@@ -39,9 +39,9 @@ def main() -> None:
     metrics, *other = (
         assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
     )
-    for found in other:
-        kept = {name: found[name] for name in found if "held_out" in name or "skill" in name}
-        metrics |= {f"other_split_{name}": value for name, value in kept.items()}
+    for scores in other:
+        names = [name for name in scores if "held_out" in name or "skill" in name]
+        metrics |= {f"other_split_{name}": scores[name] for name in names}
     (model, curve), (_, held) = learnt[0], sides[0]
     save_json(OUT / "model.json", model.record(), indent=1)
     save_bytes(OUT / "model.onnx", onnx_bytes(model))

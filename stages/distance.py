@@ -55,16 +55,14 @@ def main() -> None:
         save_table(folder / "steps.parquet", steps, STEPS)
         save_record(folder / "facts.json", facts)
 
-    count = len(features) * (len(features) - 1) // 2
-    done = computed(todo)
-    skipped_pct = 100 * (1 - done / count)
+    count, done = len(features) * (len(features) - 1) // 2, computed(todo)
     save_metrics(
         REPORT / "metrics.json",
         {
             "frames": len(features),
             "pairs": count,
             "pairs_computed": done,
-            "pairs_skipped_pct": skipped_pct,
+            "pairs_skipped_pct": 100 * (1 - done / count),
             "pairs_kept": len(pairs),
             "pairs_kept_pct": 100 * len(pairs) / count,
             "step_median": facts.step_median,

@@ -15,7 +15,6 @@ from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
-TRACKS_NAME, SCENE_NAME = "tracks.parquet", "scene.json"
 TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
@@ -23,16 +22,14 @@ def main() -> None:
     """Make data/features/, reports/features/."""
     settings: Settings = load("features")
     facts = load_facts(CLIP / FACTS_NAME)
-    scene = load_record(EXTRACT / SCENE_NAME, SceneFacts, "extract")
-    tracks = load_table(EXTRACT / TRACKS_NAME, tracks_schema(scene.points), USED)
+    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
+    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
     table, backbones = features(tracks, facts.frame_rate_hz, settings)
     save_table(TABLE, table, FEATURES)
 
     metrics = summary(table)
-    truth = CLIP / TRUTH_NAME
-    if truth.exists():
-        true = load_table(truth, TRUTH)
-        metrics |= against_truth(table, backbones, true)
+    if (truth := CLIP / TRUTH_NAME).exists():
+        metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
     save_csv(REPORT / "table1.csv", table1(table), decimals=3)
     fig7 = longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)

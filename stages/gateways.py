@@ -25,10 +25,10 @@ SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
-def say(kept: pd.DataFrame, every: pd.DataFrame, step: float, least_s: float) -> None:
+def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least_s: float) -> None:
     """Tell on stderr where there is no way, and what would give one."""
     for direction, word in WORDS.items():
-        if (kept["direction"] == direction).any():
+        if (ways["direction"] == direction).any():
             continue
         near = every.loc[every["direction"] == direction, "distance"]
         if near.empty:
@@ -54,13 +54,13 @@ def main() -> None:
     ):
         reel = Reel(features, film, sprites, store)
         near = nearness(reel, facts.size, facts.pose, advance)
-        kept = gateways(near, sprites, features, rate_hz, step, settings)
+        ways = gateways(near, sprites, features, rate_hz, step, settings)
         every = nearest(near, sprites, features, rate_hz, settings)
-    say(kept, every, step, settings.least_s)
+    say(ways, every, step, settings.least_s)
     with whole_folder(Path("data/gateways")) as folder:
-        save_table(folder / "gateways.parquet", kept, GATEWAYS)
+        save_table(folder / "gateways.parquet", ways, GATEWAYS)
         save_table(folder / "nearest.parquet", every, GATEWAYS)
-    save_metrics(REPORT / "metrics.json", numbers(kept, every, near, features, rate_hz, step))
+    save_metrics(REPORT / "metrics.json", numbers(ways, every, near, features, rate_hz, step))
 
 
 if __name__ == "__main__":

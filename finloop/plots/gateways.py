@@ -68,19 +68,18 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]
         )
 
 
-def contact_sheet(shown: Mapping[str, Sequence[Pair]], columns: int = 3) -> Picture:
+def contact_sheet(pairs: Mapping[str, Sequence[Pair]], columns: int = 3) -> Picture:
     """The pairs of each direction, under a line that says what is shown."""
     bands = []
-    for direction, of in shown.items():
-        bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, of)], columns)]
+    for direction, some in pairs.items():
+        bands += [_strip(_HEADLINES[direction], columns), *in_rows([*map(_tiles, some)], columns)]
     return np.vstack(bands)
 
 
 def _tiles(pair: Pair) -> Picture:
     half = ((pair.natural + pair.instead) / 2).astype(np.float32)
     stacks = (pair.before, pair.natural, pair.instead, half)
-    shown = [on_grey(255 * one[..., :-1], one[..., -1:]) for one in stacks]
-    whole = np.hstack(shown)
+    whole = np.hstack([on_grey(255 * one[..., :-1], one[..., -1:]) for one in stacks])
     for text, y in ((pair.above, 12), (pair.below, TILE - 5)):
         write(whole, text, (4, y), _INK, 0.36)
     cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)

@@ -24,7 +24,7 @@ def main() -> None:
     facts = load_record(DATA / "distance/facts.json", MapFacts, "distance")
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    kept, nearest = (
+    ways, nearest = (
         load_table(DATA / f"gateways/{name}.parquet", GATEWAYS) for name in ("gateways", "nearest")
     )
     with (
@@ -33,8 +33,8 @@ def main() -> None:
     ):
         reel, sheet = Reel(features, film, sprites, store), {}
         for direction in (IN, OUT):
-            of = kept if direction in set(kept["direction"]) else nearest
-            some = spread(of[of["direction"] == direction], PAIRS)
+            table = ways if direction in set(ways["direction"]) else nearest
+            some = spread(table[table["direction"] == direction], PAIRS)
             sheet[direction] = list(pairs(some, reel, facts))
     save_picture(Path("reports/gateways/contact_sheet.png"), contact_sheet(sheet))
 

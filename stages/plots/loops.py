@@ -41,8 +41,8 @@ def main() -> None:
     ends = shown_ends(graph.ends, track)
     save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, rate_hz))
     save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
-    table = draw.table_picture(position_table(ends, features), ends, features)
-    save_figure(REPORT / "fig11.png", table)
+    fig11 = draw.table_picture(position_table(ends, features), ends, features)
+    save_figure(REPORT / "fig11.png", fig11)
     gap = round(p.least_s * rate_hz)
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         best, worst = (
