@@ -28,10 +28,11 @@ from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
 from finloop.extract.film import (
     Detector,
+    Film,
     Settings,
     batches,
     cutouts,
-    detect,
+    detections,
     rows,
     sample_frames,
     survey,
@@ -98,7 +99,8 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     scene, typical = survey(frames, arena, how)
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
-    found = detect(read, facts.frames, scene, detector, THREADS, KEY_FRAME_EVERY)
+    whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
+    found = detections(whole, scene, detector, THREADS)
     linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):

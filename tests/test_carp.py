@@ -19,7 +19,6 @@ from finloop.drawn.carp.film import (
     looks,
     midline_px,
     motion,
-    still,
 )
 from finloop.drawn.carp.midline import POINTS, midline
 from finloop.drawn.carp.skin import Look, half_width, look
@@ -451,9 +450,3 @@ def test_the_fish_stands_out_from_the_floor_and_its_shadow_less():
             assert truth[number][0]["mask_area_px"] == pytest.approx(cut.area_px())
             shade = darker[blurred(cut)[1] < 1e-3]
             assert 8 < shade.max() < 40
-
-
-def test_a_still_is_a_strip_of_cut_outs():
-    strip = still(SMALL, [0, 5, 9], 100)
-    assert strip.shape == (100, 300, 3)
-    assert np.array_equal(strip, still(SMALL, [0, 5, 9], 100))

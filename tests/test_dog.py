@@ -6,15 +6,15 @@ from fractions import Fraction
 import av
 import numpy as np
 import pytest
+from toy_dog import feet_px, fill, true_masks
 
 from finloop.curve.contour import Curve, area
-from finloop.drawn.dog.draw import fill, film, limb_masks, true_masks
+from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, pose
 from finloop.drawn.dog.walk import (
     NAMES,
     DogFilm,
     course_px,
-    feet_px,
     foot,
     gammas,
     limb,

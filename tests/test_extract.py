@@ -41,9 +41,10 @@ from finloop.extract.background import (
 )
 from finloop.extract.film import (
     Detector,
+    Film,
     Settings,
     Typical,
-    detect,
+    detections,
     follow,
     judge,
     rows,
@@ -684,7 +685,8 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
     def peak(length):
         gc.collect()
         tracemalloc.start()
-        seen = detect(partial(read, []), length, scene, detector, 1)
+        film = Film(partial(read, []), length, 25.0)
+        seen = detections(film, scene, detector, 1)
         count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()

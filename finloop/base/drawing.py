@@ -88,3 +88,7 @@ class Morph:
     width: float
     height: float
     decimals: int  # digits after the point that coordinates have
+
+    def folded(self) -> dict[str, int]:
+        """In how many frames a contour meets itself, by id; 0 is left out."""
+        return {name: int((count > 0).sum()) for name, count in self.folds.items() if any(count)}

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
@@ -24,6 +24,13 @@ def run_tool(output: Path, work: Callable[[], str]) -> int:
         return 1
     print(f"{output}: {summary}")
     return 0
+
+
+def in_frames(counts: Mapping[str, int], frames: int) -> str:
+    """Counts of frames by id, in words."""
+    return (
+        ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
+    )
 
 
 def frame_rate(text: str) -> Fraction:

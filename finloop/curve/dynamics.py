@@ -17,7 +17,6 @@ from finloop.base.arrays import Floats
 from finloop.curve.integrate import METHOD
 from finloop.curve.oscillator import Numbers, Oscillators, forced_motion, motion
 from finloop.curve.problem import (
-    Material,
     Motion,
     Options,
     Problem,
@@ -47,13 +46,6 @@ def solve(problem: Problem, method: str = "modal", options: Options | None = Non
     size = np.abs(exact.displacement).max()
     error = float(off / size) if size else float(off)
     return Motion(problem.times, solution.displacement, solution.velocity, error, solution.facts)
-
-
-def oscillators(material: Material, k: Floats) -> Oscillators:
-    """The material's ρ and C = s₁M + s₂K for stiffnesses k (m,)."""
-    mass = material.density or 1.0  # of C, see Material
-    damping = material.mass_damping * mass + material.stiffness_damping * k
-    return Oscillators(material.density, damping, k)
 
 
 # --- in a basis in which K is, or is taken to be, diagonal
@@ -94,7 +86,10 @@ def decoupled(problem: Problem, options: Options) -> Solution:
 
 
 def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
-    of = oscillators(problem.material, basis.k)
+    material = problem.material
+    mass = material.density or 1.0  # of C, see Material
+    damping = material.mass_damping * mass + material.stiffness_damping * basis.k
+    modes = Oscillators(material.density, damping, basis.k)
     u, v = basis.to(problem.displacement), basis.to(velocity_at_start(problem))
     estimate = 0.0
     if callable(problem.force):
@@ -102,12 +97,14 @@ def _in(basis: Basis, problem: Problem, options: Options) -> Solution:
         def push(time: float, places: Numbers) -> Numbers:
             return basis.to(force_at(problem, time, basis.points(places)))
 
-        places, speeds, estimate = forced_motion(of, u, v, problem.times, push, options.tolerance)
+        places, speeds, estimate = forced_motion(
+            modes, u, v, problem.times, push, options.tolerance
+        )
     else:
         none = problem.force is None
         q = None if none else basis.to(force_at(problem, 0.0, problem.displacement))
-        places, speeds = motion(of, u, v, problem.times - problem.times[0], q)
-    facts = {f"{name}_roots": float(count) for name, count in of.cases().items()}
+        places, speeds = motion(modes, u, v, problem.times - problem.times[0], q)
+    facts = {f"{name}_roots": float(count) for name, count in modes.cases().items()}
     return Solution(basis.points(places), basis.points(speeds), {**facts, "estimate": estimate})
 
 

@@ -13,8 +13,7 @@ CUBIC = "cubic"
 """The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets does not have: its bior3.*
 are built on the quadratic spline, its bior4.4 on none."""
 
-LOSSLESS = 1e-13
-"""How exactly filters must reconstruct a curve."""
+LOSSLESS = 1e-13  # how exactly filters must reconstruct a curve
 
 _FREE = 1e-9  # singular values below, of the largest: moving that way mends nothing (coif10 and on)
 _ROUNDED = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more

@@ -5,6 +5,7 @@ Schulz iteration or by sparse factors. `curve.dynamics.solve` calls them.
 """
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -159,6 +160,12 @@ def _marched(
 
 
 def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
+    """Euler's steps on C q̇ + K q = Q (§3.3).
+
+    Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for it to stay finite.
+    Implicit, q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q), Q of the time t: stable at any Δt.
+    FinloopError if the times are not even.
+    """
     step = _even_step(problem, options)
     c, k = matrices(problem, options)
     if not implicit:
@@ -193,24 +200,8 @@ def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
     return Solution(u, v, {"steps": float(steps), **facts})
 
 
-def explicit_euler(problem: Problem, options: Options) -> Solution:
-    """§3.3: q(t + Δt) = q + Δt C⁻¹(Q − K q); ρ = 0.
-
-    FinloopError if Δt is too long for it to stay finite, or the times are not even.
-    """
-    return _euler(problem, options, implicit=False)
-
-
-def implicit_euler(problem: Problem, options: Options) -> Solution:
-    """q(t + Δt) = (C + Δt K)⁻¹ (C q + Δt Q); ρ = 0. Stable at any Δt; Q is that of t.
-
-    FinloopError if the times are not even.
-    """
-    return _euler(problem, options, implicit=True)
-
-
 METHOD: dict[str, Callable[[Problem, Options], Solution]] = {
     "runge-kutta": runge_kutta,
-    "explicit-euler": explicit_euler,
-    "implicit-euler": implicit_euler,
+    "explicit-euler": partial(_euler, implicit=False),
+    "implicit-euler": partial(_euler, implicit=True),
 }

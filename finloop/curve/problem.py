@@ -15,8 +15,7 @@ from finloop.errors import FinloopError
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 
-Field = Callable[[float, Floats], Floats]
-"""Q (n, d) from time and places (n, d) of the points."""
+Field = Callable[[float, Floats], Floats]  # Q (n, d) from time and places (n, d) of the points
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,7 @@ at the tail, both + for a bend to the left; `mask_area_px` the drawn coverage, b
 
 from finloop.base.schema import Column, Schema, columns
 
-POINTS = 65
-"""Points of a true midline."""
+POINTS = 65  # points of a true midline
 
 TRUTH = Schema(
     (

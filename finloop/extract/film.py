@@ -1,9 +1,9 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
 Three steps: `survey` measures tank, noise and a typical fish on frames spread over the clip;
-`detect` streams the film once and detects the fish of each frame, on every core; `tracks` links
-them. Memory holds some stretches of detections and the fish of `least_frames` frames, however long
-the clip is.
+`detections` streams the film once and detects the fish of each frame, on every core; `tracks`
+links them. Memory holds some stretches of detections and the fish of `least_frames` frames, however
+long the clip is.
 """
 
 from collections import Counter
@@ -201,25 +201,19 @@ class Film(NamedTuple):
 
 
 def detections(film: Film, scene: Scene, detector: Detector, workers: int) -> Iterator[Detections]:
-    """Detections of every frame in order, against the background that the settings name."""
-    if detector.settings.background == "mog2":  # a background depends on all frames before
-        frames = film.read(start=0, stop=film.frames)
-        return (detector(*seen) for seen in follow(frames, scene, film.rate_hz))
-    return detect(film.read, film.frames, scene, detector, workers, film.stride)
-
-
-def detect(
-    read: Reader, frames: int, scene: Scene, detector: Detector, workers: int, stride: int = 1
-) -> Iterator[Detections]:
     """Detections of every frame in order, computed in `workers` processes.
 
-    Each process reads its own stretches of the clip. They begin at multiples of `stride`, the
-    distance of key frames, so that no frame is decoded in vain.
+    Each process reads its own stretches of the clip. They begin at key frames, so that no frame is
+    decoded in vain. A background by MOG2 depends on all frames before: then one process reads all.
     """
-    length = min(_STRETCH, max(1, frames // (4 * workers)))
-    length = max(1, length // stride) * stride
-    spans = [(start, min(start + length, frames)) for start in range(0, frames, length)]
-    work = partial(_stretch, read, scene, detector)
+    if detector.settings.background == "mog2":
+        frames = film.read(start=0, stop=film.frames)
+        return (detector(*seen) for seen in follow(frames, scene, film.rate_hz))
+    length = min(_STRETCH, max(1, film.frames // (4 * workers)))
+    length = max(1, length // film.stride) * film.stride
+    starts = range(0, film.frames, length)
+    spans = [(start, min(start + length, film.frames)) for start in starts]
+    work = partial(_stretch, film.read, scene, detector)
     return (frame for stretch in ordered_map(work, spans, workers) for frame in stretch)
 
 

@@ -18,8 +18,7 @@ CONTROL_ARCS = np.array([0, 1 / 6, 1 / 3, 1 / 2, 5 / 6, 1])
 """Where the control points lie on the backbone, as shares of its length (§2.2)."""
 
 
-_G = np.array([245, 56, 1]) / 360
-"""gₖ for k = 1, 2, 3."""
+_G = np.array([245, 56, 1]) / 360  # gₖ for k = 1, 2, 3
 
 
 def control_points(backbone: Reals) -> Floats:

@@ -22,8 +22,7 @@ from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of
 CLOCKS = ("linear", "gamma", "gamma_scale", "free")
 LEAST_GAIN = 0.02
 """Share of a scale's squared error, on held-out frames, that its γ must take away to count."""
-LEAST_ERROR = 1e-4
-"""Body lengths: a scale whose held-out error is smaller (RMS) is not visible."""
+LEAST_ERROR = 1e-4  # body lengths: a scale whose held-out error is smaller (RMS) is not visible
 
 _KEYS = ["contour", "subcycle", "scale"]
 _WHOLE = -1  # in the column scale: all scales together

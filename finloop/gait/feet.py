@@ -13,8 +13,7 @@ import scipy
 from finloop.base.arrays import Floats
 from finloop.gait.model import subcycle
 
-FOOT = 16
-"""The lowest 1/FOOT of a limb's contour is its foot."""
+FOOT = 16  # the lowest 1/FOOT of a limb's contour is its foot
 REACH = 0.06  # cycles that key 1 is looked for to either side
 STEPS = 61
 

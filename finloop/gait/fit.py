@@ -17,13 +17,11 @@ from finloop.gait.film import Film, Keys, Samples, check, keys_of, samples_of
 from finloop.gait.model import POOLED, Gait, Layout, cycle, subcycle
 
 Gammas = dict[str, dict[str, tuple[float, ...]]]
-LEAST = 2
-"""Frames that a subcycle needs between its keys."""
+LEAST = 2  # frames that a subcycle needs between its keys
 ROUNDS = 3
 """Rounds of `corrected_keys`. γ of the drawn dog is then within 6 % at any frame rate, uncorrected
 within 44 %. In more rounds the cubics follow the noise of few frames."""
-LEAST_MOTION = 1e-9
-"""Body lengths: a scale that moves less between the keys gets γ = 0."""
+LEAST_MOTION = 1e-9  # body lengths: a scale that moves less between the keys gets γ = 0
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ HIDDEN = 0.75  # of its median area: a smaller region is probably hidden in part
 ROUNDS = 4  # mean shape and starts, in turn
 
 MISSING, EMPTY, BORDER = "not there", "empty", "touches the border of the picture"
-Region = Curve | str
-"""A contour, or why a frame has none: MISSING, EMPTY or BORDER."""
+Region = Curve | str  # a contour, or why a frame has none: MISSING, EMPTY or BORDER
 
 
 @dataclass(frozen=True)

@@ -17,8 +17,7 @@ from finloop.errors import FinloopError
 from finloop.gait.model import Symmetry, partner, reversal
 
 UPRIGHT = 0.02
-FINE = 8
-"""Start points tried between two points of a contour."""
+FINE = 8  # start points tried between two points of a contour
 
 
 def corresponding(

@@ -23,8 +23,7 @@ from finloop.gait.descriptor import between, few_control
 Symmetry = Literal["swap", "mirror"]
 SYMMETRIES: tuple[Symmetry, ...] = ("swap", "mirror")
 SUBCYCLES = ("A", "B", "C", "D")
-POOLED = "*"
-"""The id whose γ holds for contours that a gait does not name."""
+POOLED = "*"  # the id whose γ holds for contours that a gait does not name
 
 
 def _power_of_two(count: int) -> int:

@@ -18,8 +18,7 @@ from finloop.base.arrays import Floats, Mask
 from finloop.errors import FinloopError
 from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
 
-CONFIDENT = 0.5
-"""From this confidence on a motion counts as periodic."""
+CONFIDENT = 0.5  # from this confidence on a motion counts as periodic
 
 _MODES = 6  # principal modes looked at, at most
 _VARIANCE = 0.98  # of the motion, that they hold together

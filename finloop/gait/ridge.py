@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Complex, Floats
 
-LEAST_FRAMES = 8
-"""In a window: four numbers are fitted to it."""
+LEAST_FRAMES = 8  # in a window: four numbers are fitted to it
 
 _STEP = 1.04  # from one frequency to the next
 _CYCLES = 2.0  # in a window

@@ -5,12 +5,11 @@ the same id form a pair. The ending says the format: .svg, .webp, .mp4, .json, .
 """
 
 import argparse
-from collections.abc import Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from finloop.base.tool import frame_rate, run_tool
+from finloop.base.tool import frame_rate, in_frames, run_tool
 from finloop.errors import FinloopError
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
@@ -95,7 +94,7 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
     if result.before is not None and result.after is not None:
         way = abs(result.after.speed) * frames
-        before, after = (100 * max(of.slide.values()) for of in (result.before, result.after))
+        before, after = (100 * max(one.slide.values()) for one in (result.before, result.after))
         lines[0] += (
             f"; the ground passes by at {way:.3g} widths of the drawing a cycle, feet slide"
             f" {after:.2g} % of one ({before:.2g} % between the keys as drawn)"
@@ -108,31 +107,17 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
             f"in key 2 {', '.join(result.lifted)} should stand, but their partners do:"
             " are left and right, or the keys, exchanged?"
         )
-    if folded := {
-        name: int((count > 0).sum()) for name, count in morph.folds.items() if any(count)
-    }:
-        lines.append("folds: " + _counted(folded, frames))
+    if folded := morph.folded():
+        lines.append("folds: " + in_frames(folded, frames))
     if result.outside:
-        lines.append("leaves the picture: " + _counted(result.outside, frames))
+        lines.append("leaves the picture: " + in_frames(result.outside, frames))
     return "\n  ".join(lines)
-
-
-def _counted(counts: dict[str, int], frames: int) -> str:
-    return (
-        ", ".join(f"{name} in {count}" for name, count in counts.items()) + f" of {frames} frames"
-    )
 
 
 class _List(argparse.Action):
     """Prints the shipped gaits and ends, as --help does."""
 
-    def __call__(
-        self,
-        parser: argparse.ArgumentParser,
-        namespace: argparse.Namespace,
-        values: str | Sequence[Any] | None,
-        option_string: str | None = None,
-    ) -> None:
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any, **__: Any) -> None:
         for name, path in gaits(SHIPPED).items():
             gait = load_gait(path)
             kind = {"swap": "left and right exchange", "mirror": "left mirrors right"}

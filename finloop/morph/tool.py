@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from finloop.base.drawing import Morph
-from finloop.base.tool import frame_rate, run_tool
+from finloop.base.tool import frame_rate, in_frames, run_tool
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
 from finloop.morph.layers import METHODS, Physics, morph, there_and_back
@@ -38,11 +38,8 @@ def summary(result: Morph) -> str:
     """What a morph consists of and whether it folds, in a line or two."""
     frames = len(result.tau)
     text = f"{len(result.layers)} contours, {frames} frames, "
-    if folded := {
-        name: int((count > 0).sum()) for name, count in result.folds.items() if any(count)
-    }:
-        each = ", ".join(f"{name} in {count}" for name, count in folded.items())
-        return text + f"folds: {each} of {frames} frames"
+    if folded := result.folded():
+        return text + f"folds: {in_frames(folded, frames)}"
     if all(result.continuous.values()):
         return text + "no folds, neither in a frame nor between frames"
     unproved = ", ".join(name for name, proved in result.continuous.items() if not proved)

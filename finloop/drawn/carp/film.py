@@ -174,18 +174,3 @@ def film(params: CarpFilm) -> Iterator[tuple[Picture, list[Row]]]:
             work[window] = empty[window]
         rows = [_row(i, frame, lines[i], drawings[i], poses) for i in range(params.fish)]
         yield np.asarray(picture), rows
-
-
-def still(params: CarpFilm, frames: list[int], size_px: int) -> Picture:
-    """A strip of pictures: the first fish in some frames, side by side."""
-    parts = []
-    for number, (picture, rows) in enumerate(film(params)):
-        if number in frames:
-            x, y = round(rows[0]["x_px"]), round(rows[0]["y_px"])
-            half = size_px // 2
-            top = min(max(y - half, 0), picture.shape[0] - size_px)
-            left = min(max(x - half, 0), picture.shape[1] - size_px)
-            parts.append(picture[top : top + size_px, left : left + size_px])
-        if number >= max(frames):
-            break
-    return np.concatenate(parts, axis=1)

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-import skimage
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
@@ -23,7 +22,6 @@ NEAR, FAR, COAT, DARK = (246, 232, 204), (118, 84, 62), (168, 108, 58), (98, 58,
 COLLAR, INK, SHADE = (186, 44, 52), (36, 26, 24), (98, 142, 76)
 SKY, HILL, MEADOW, TUFT = (164, 204, 232), (128, 176, 136), (118, 164, 88), (84, 132, 66)
 PALETTE = (NEAR, FAR, COAT, DARK, COLLAR, INK, SHADE, SKY, HILL, MEADOW, TUFT)
-BODY_ID = "body"
 
 
 @dataclass(frozen=True)
@@ -115,29 +113,6 @@ def _collar(dog: DogFilm, phase: float) -> Floats:
 def _fill(picture: Picture, points: Floats, colour: tuple[int, int, int]) -> None:
     nodes = np.rint(points * (1 << SUBPIXEL)).astype(np.int32)
     cv2.fillPoly(picture, [nodes], colour, cv2.LINE_AA, SUBPIXEL)
-
-
-def fill(contour: Floats, height: int, width: int) -> Mask:
-    """Pixels (height, width) whose centres lie within a contour (n, 2) of x and y."""
-    out = np.zeros((height, width), bool)
-    out[skimage.draw.polygon(contour[:, 1], contour[:, 0], out.shape)] = True
-    return out
-
-
-def true_masks(dog: DogFilm, frame: int) -> dict[str, Mask]:
-    """Masks of all limbs and of the trunk, whole, also where other parts hide them.
-
-    So a person would trace them.
-    """
-    phase, origin = float(phases(dog)[frame]), course_px(dog)[frame]
-    parts: dict[str, str | tuple[tuple[float, float], ...]] = {
-        name: name for name in ("fore_left", "fore_right", "hind_left", "hind_right")
-    }
-    parts[BODY_ID] = BODY
-    return {
-        name: fill(origin + _part(dog, phase, part), dog.height_px, dog.width_px)
-        for name, part in parts.items()
-    }
 
 
 def limb_masks(picture: Picture) -> dict[str, Mask]:

@@ -148,13 +148,6 @@ def limb(dog: DogFilm, name: str, phase: Floats, n: int) -> Floats:
     return dog.trunk_px * (pose(shape, foot(dog, name, phase), bob(dog, phase), n) + far)
 
 
-def feet_px(dog: DogFilm, name: str, phase: Floats) -> Floats:
-    """Point of the sole (…, 2) below the foot's joint, in the body frame, px; at rest y is 0."""
-    far = np.array(FAR_OFFSET if name.endswith("left") else (0.0, 0.0))
-    sole = np.array([LIMBS[name[:4]].joints[3][0], 0.0])
-    return dog.trunk_px * (foot(dog, name, phase) + sole + far)
-
-
 def trunk(dog: DogFilm, phase: float, nodes: tuple[tuple[float, float], ...], n: int) -> Floats:
     """Contour (n, 2) of body, head, ear or tail in the body frame, px; head and tail move."""
     return dog.trunk_px * (_carried(nodes, smooth(nodes, n), phase) + bob(dog, np.array(phase)))
