@@ -97,8 +97,8 @@ def _loss(bank: Floats) -> float:
     for phase in (0, 1):  # of the sample
         total = np.zeros(2 * taps)
         for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
-            kept = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
-            total[:-1] += np.convolve(kept, analysis)
+            every_other = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
+            total[:-1] += np.convolve(every_other, analysis)
         total[taps - 1] -= 1
         parts.append(np.abs(total).sum())
     return max(parts)

@@ -64,7 +64,7 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
         )
 
     scale = float(np.abs(start).max()) or 1.0
-    state, kept, evaluations, step = start.ravel(), [start.ravel()], 0, None
+    state, states, evaluations, step = start.ravel(), [start.ravel()], 0, None
     # One call an interval: scipy interpolates between its steps less exactly than it steps.
     for begin, end in pairwise(problem.times):
         result = scipy.integrate.solve_ivp(
@@ -84,9 +84,9 @@ def runge_kutta(problem: Problem, options: Options) -> Solution:
             )
         state, step = result.y[:, -1], float(np.diff(result.t).max())
         evaluations += result.nfev
-        kept.append(state)
-    states = np.stack(kept).reshape(-1, 2, *shape)
-    q, rate = (back(states[:, i], problem.wavelet, options.levels) for i in (0, 1))
+        states.append(state)
+    both = np.stack(states).reshape(-1, 2, *shape)
+    q, rate = (back(both[:, i], problem.wavelet, options.levels) for i in (0, 1))
     return Solution(q, rate, {"evaluations": float(evaluations)})
 
 
@@ -150,13 +150,13 @@ def _marched(
     """Coefficients (t, n, d) from `advance` of time, q and Q."""
     push = _push(problem, options)
     q = forward(problem.displacement, problem.wavelet, options.levels)
-    kept = [q]
+    course = [q]
     for index in range(1, len(problem.times)):
         for number in range(options.substeps):
             time = problem.times[index - 1] + number * step
             q = advance(time, q, push(time, q))
-        kept.append(q)
-    return np.stack(kept)
+        course.append(q)
+    return np.stack(course)
 
 
 def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:

@@ -91,11 +91,11 @@ def smoothness(alpha: Floats) -> float:
     size = len(alpha) + 1  # room for four moments of the shortest
     index = np.arange(1 - size, size) / size
     moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
-    kept = moments[:, 4:]
-    moved = _transfer(alpha, size) @ kept
+    vanishing = moments[:, 4:]  # sequences without moments 0 … 3
+    moved = _transfer(alpha, size) @ vanishing
     if np.abs(moments[:, :4].T @ moved).max() > _ALMOST:
         return 0.5
-    rate = float(np.abs(np.linalg.eigvals(kept.T @ moved)).max())
+    rate = float(np.abs(np.linalg.eigvals(vanishing.T @ moved)).max())
     exponent = min(-np.log2(rate) / 2, 2.0)
     return exponent if abs(exponent - 1) > _ALMOST else 1.0
 

@@ -171,8 +171,8 @@ def control(points: Floats, wavelet: str, level: int) -> Floats:
     In the unit of the points: a coefficient of Eq. 2.11 divided by √2 a level, what the filters
     make of a constant.
     """
-    kept = points.shape[-2] >> level
-    return forward(points, wavelet, level)[..., :kept, :] / 2 ** (level / 2)
+    coarse = points.shape[-2] >> level
+    return forward(points, wavelet, level)[..., :coarse, :] / 2 ** (level / 2)
 
 
 def from_control(points: Floats, wavelet: str, level: int) -> Floats:

@@ -173,8 +173,8 @@ def subcycle(phase: Points, split: float) -> tuple[Ints, Points]:
 
 def gamma_of(gait: Gait, name: str, which: int) -> tuple[float, ...]:
     """γ of an id in subcycle A (0) or B (1); an id that the gait does not name goes by POOLED."""
-    of = gait.gamma.get(name, gait.gamma.get(POOLED))
-    return (0.0,) if of is None else of[SUBCYCLES[which]]
+    gammas = gait.gamma.get(name, gait.gamma.get(POOLED))
+    return (0.0,) if gammas is None else gammas[SUBCYCLES[which]]
 
 
 def cycle(

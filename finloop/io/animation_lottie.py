@@ -51,15 +51,15 @@ def _animated_path(morph: Morph, name: str, closed: bool) -> Json:
 
 def _paints(paint: Paint) -> list[Json]:
     """Stroke before fill: what comes first lies on top."""
-    found: list[Json] = []
+    paints: list[Json] = []
     if paint.stroke is not None:
         opacity, width = _constant(100 * paint.stroke_opacity), _constant(paint.width)
         stroke = {"ty": "st", "c": _colour(paint.stroke), "o": opacity, "w": width}
-        found.append(stroke | {"lc": 2, "lj": 2})
+        paints.append(stroke | {"lc": 2, "lj": 2})
     if paint.fill is not None:
         opacity = _constant(100 * paint.fill_opacity)
-        found.append({"ty": "fl", "c": _colour(paint.fill), "o": opacity, "r": 2})
-    return found
+        paints.append({"ty": "fl", "c": _colour(paint.fill), "o": opacity, "r": 2})
+    return paints
 
 
 def _still() -> Json:

@@ -60,11 +60,11 @@ def load_regions(
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")
-    shown = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
-    traces = [path for path in shown if path.suffix.lower() == ".svg"]
+    inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
+    traces = [path for path in inside if path.suffix.lower() == ".svg"]
     masks = {
         path.name: [one for one in sorted(path.iterdir()) if one.suffix.lower() == ".png"]
-        for path in shown
+        for path in inside
         if path.is_dir()
     }
     masks = {name: paths for name, paths in masks.items() if paths}
@@ -78,18 +78,17 @@ def load_regions(
 
 
 def _load_masks(paths: Mapping[str, list[Path]], of_mask: Callable[[Mask], T]) -> Regions[T]:
-    numbered = {name: _numbered(of) for name, of in paths.items()}
-    first = min(min(of) for of in numbered.values())
-    last = max(max(of) for of in numbered.values())
+    numbered = {name: _numbered(files) for name, files in paths.items()}
+    numbers = [number for files in numbered.values() for number in files]
+    first, last = min(numbers), max(numbers)
     frames: list[dict[str, T | None]] = [dict.fromkeys(paths) for _ in range(first, last + 1)]
     sizes = dict[tuple[int, ...], Path]()
-    for name, of in numbered.items():
+    for name, files in numbered.items():
         brightest = 0
-        for k, path in of.items():
+        for k, path in files.items():
             mask = load_picture(path)
             mask = mask if mask.ndim == 2 else mask[..., :3].max(axis=2)
-            sizes.setdefault(mask.shape, path)
-            _check_sizes(sizes)
+            _note_size(sizes, mask.shape, path)
             brightest = max(brightest, int(mask.max()))
             frames[k - first][name] = of_mask(mask >= BRIGHT)
         if 0 < brightest < BRIGHT:
@@ -108,8 +107,7 @@ def _load_traces(paths: list[Path], of_trace: Callable[[Curve, float, float], T]
     sizes = dict[tuple[int, ...], Path]()
     for k, path in numbered.items():
         drawing = load_svg(path)
-        sizes.setdefault((round(drawing.height), round(drawing.width)), path)
-        _check_sizes(sizes)
+        _note_size(sizes, (round(drawing.height), round(drawing.width)), path)
         for name, curve in drawing.curves.items():
             if not curve.closed:
                 raise FinloopError(
@@ -127,18 +125,20 @@ def _numbered(paths: list[Path]) -> dict[int, Path]:
     """Paths by the last number in their names."""
     out = dict[int, Path]()
     for path in paths:
-        found = re.findall(r"\d+", path.stem)
-        if not found or int(found[-1]) in out:
+        numbers = re.findall(r"\d+", path.stem)
+        if not numbers or int(numbers[-1]) in out:
             raise FinloopError(
-                f"{path} has {'a number that another has' if found else 'no number in its name'}",
+                f"{path} has {'a number that another has' if numbers else 'no number in its name'}",
                 "the number of its frame, such as 0007",
                 "number the files as the frames",
             )
-        out[int(found[-1])] = path
+        out[int(numbers[-1])] = path
     return out
 
 
-def _check_sizes(sizes: Mapping[tuple[int, ...], Path]) -> None:
+def _note_size(sizes: dict[tuple[int, ...], Path], size: tuple[int, ...], path: Path) -> None:
+    """Add a picture's size, with the first path that has it; refuse a second size."""
+    sizes.setdefault(size, path)
     if len(sizes) > 1:
         came = ", ".join(f"{path} {shape[1]}×{shape[0]}" for shape, path in sizes.items())
         raise FinloopError(

@@ -33,7 +33,7 @@ def matched(a: Curve, b: Curve, n: int) -> tuple[Floats, Floats]:
 
 
 def best_start(first: Floats, second: Floats) -> Floats:
-    """The closed polygon `other` (n, 2), or its reverse, from its best start point on."""
+    """The closed polygon `second` (n, 2), or its reverse, from its best start point on."""
     fits = [(misfit(first, points), points) for points in _directions(first, second)]
     far, points = min(fits, key=lambda fit: fit[0].min())
     return np.roll(points, -int(far.argmin()), axis=0)
