@@ -27,7 +27,6 @@ from finloop.bpn.held_out import (
     confusion,
     errors,
     linear,
-    persistence,
 )
 from finloop.bpn.model import (
     INPUTS,
@@ -128,7 +127,7 @@ def table(lengths, starts=None, delta=DELTA, seed=0):
 def test_a_row_is_the_state_and_control_now_and_the_state_delta_later():
     features = table([12, 9], starts=[3, 40])
     rows = motion_rows(features, DELTA)
-    assert len(rows) == (12 - DELTA) + (9 - DELTA)
+    assert len(rows.frame) == (12 - DELTA) + (9 - DELTA)
     at = features.set_index(["track_id", "frame"])
     for track, frame, given, wanted in zip(
         rows.track_id, rows.frame, rows.inputs, rows.outputs, strict=True
@@ -154,8 +153,10 @@ def test_a_row_needs_everything_on_both_ends():
     features.loc[11, "included_angle_deg"] = np.nan
     rows = motion_rows(features.drop(index=20), DELTA)  # no frame 20: neither now nor later
     assert sorted(rows.frame) == sorted(set(range(25)) - {4, 11, 20, 15})
-    assert len(motion_rows(table([DELTA, 3]), DELTA)) == 0
-    assert len(motion_rows(table([40], delta=8), DELTA)) == 32  # Δ of the table, if that is longer
+    assert len(motion_rows(table([DELTA, 3]), DELTA).frame) == 0
+    assert (
+        len(motion_rows(table([40], delta=8), DELTA).frame) == 32
+    )  # Δ of the table, if that is longer
 
 
 # -- splits -----------------------------------------------------------------------------------------
@@ -333,7 +334,7 @@ def test_the_model_is_the_network_that_was_learnt(hidden):
     model, curve = train(
         inputs, step_law(inputs), (held, step_law(held)), how, 0.2, rng()
     )  # fmt: skip
-    assert model.hidden == hidden
+    assert len(model.hidden_bias) == hidden
     assert model.delta_s == 0.2
     for side, given in (("train", inputs), ("held_out", held)):
         found = errors(model.predict(given), step_law(given))
@@ -456,7 +457,6 @@ def test_a_type_that_does_not_occur_has_no_recall():
 
 def test_the_baselines():
     inputs = random_inputs(80)
-    assert np.array_equal(persistence(inputs), inputs[:, :2])
     slopes = np.array([[0.3, 0], [0, 0.5], [0.1, 0.1], [0.001, 0.002]])
     later = inputs @ slopes + [0.2, -0.1]
     unseen = random_inputs(20, 1)
@@ -644,7 +644,7 @@ def test_the_stage_makes_the_model_and_its_reports(here):
     assert set(content(here / "data/bpn")) == {"held_out.parquet", "model.json", "model.onnx"}
     model = load_record(here / "data/bpn/model.json", motion_model, "bpn")
     assert model.delta_s == pytest.approx(DELTA / 25)
-    assert model.hidden == 20
+    assert len(model.hidden_bias) == 20
     curve = pd.read_csv(here / "reports/bpn/curve.csv")
     assert curve["epoch"].tolist() == list(range(5))
     found = metrics(here)

@@ -398,7 +398,7 @@ def test_frames_and_rows_have_the_promised_form():
         assert picture.shape == (240, 320, 3) and picture.dtype == np.uint8
         assert [row["fish_id"] for row in rows] == [0, 1]
         for row in rows:
-            assert list(row) == [column.name for column in TRUTH.columns]
+            assert list(row) == TRUTH.names
             assert row["frame"] == number
             for column in TRUTH.columns:
                 value = np.asarray(row[column.name])

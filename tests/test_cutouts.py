@@ -43,11 +43,9 @@ def same(one, other):
 # -- a film's rows ------------------------------------------------------------------------------
 
 ROWS = Schema(
-    (
-        Column("track_id", "int32", "1"),
-        Column("frame", "int32", "1"),
-        Column("line", "float32", "px", length=3),
-    )
+    Column("track_id", "int32", "1"),
+    Column("frame", "int32", "1"),
+    Column("line", "float32", "px", length=3),
 )
 
 

@@ -165,7 +165,7 @@ def edit_list(n, **columns):
         "mode": "nn", "state": "straight", "goal": "A",
     }  # fmt: skip
     edit = pd.DataFrame(empty | numbers | given | columns, index=range(n))
-    return edit[[column.name for column in EDIT.columns]]
+    return edit[EDIT.names]
 
 
 def test_an_edit_list_says_what_it_shows():
@@ -182,7 +182,7 @@ def test_an_edit_list_says_what_it_shows():
     assert found["partner_track_id"].fillna(-1).tolist() == [-1, 7, 5]
     assert found["partner_frame"].fillna(-1).tolist() == [-1, 4, 71]
     assert found["partner_atlas"].tolist() == [None, None, "straight/01/01"]
-    assert list(found) == [column.name for column in READABLE.columns]
+    assert list(found) == READABLE.names
 
 
 # --- films with alpha ----------------------------------------------------------------------------

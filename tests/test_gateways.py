@@ -92,7 +92,7 @@ def feature_table():
     table["orientation"] = orientation(table["heading_deg"].to_numpy(), ORIENTATIONS)
     table["orientations"] = ORIENTATIONS
     table["body_length_px"] = LENGTH
-    table = table.reindex(columns=[column.name for column in FEATURES.columns], fill_value=0)
+    table = table.reindex(columns=FEATURES.names, fill_value=0)
     return table.astype({column.name: column.dtype for column in FEATURES.columns}), cutouts
 
 
@@ -118,7 +118,7 @@ def whole(*parts):
     table = pd.concat(parts, ignore_index=True)
     table.insert(0, "sprite", np.arange(len(table)))
     kinds = {c.name: c.dtype for c in SPRITES.columns if c.dtype != "string"}
-    return table[[column.name for column in SPRITES.columns]].astype(kinds)
+    return table[SPRITES.names].astype(kinds)
 
 
 class World:

@@ -11,15 +11,13 @@ from finloop.errors import FinloopError
 from finloop.io.table import load_table, save_csv, save_table
 
 SCHEMA = Schema(
-    (
-        Column("frame", "int32", "1"),
-        Column("x_px", "float64", "px"),
-        Column("speed", "float32", "px/s", nullable=True),
-        Column("type", "int8", "1", nullable=True),
-        Column("name", "string", "1"),
-        Column("seen", "bool", "1"),
-        Column("line_px", "float32", "px", length=3),
-    )
+    Column("frame", "int32", "1"),
+    Column("x_px", "float64", "px"),
+    Column("speed", "float32", "px/s", nullable=True),
+    Column("type", "int8", "1", nullable=True),
+    Column("name", "string", "1"),
+    Column("seen", "bool", "1"),
+    Column("line_px", "float32", "px", length=3),
 )
 
 
@@ -40,7 +38,7 @@ def test_round_trip(tmp_path):
     path = tmp_path / "a.parquet"
     save_table(path, table(), SCHEMA)
     back = load_table(path, SCHEMA)
-    assert list(back.columns) == [column.name for column in SCHEMA.columns]
+    assert list(back.columns) == SCHEMA.names
     kinds = {name: str(kind) for name, kind in back.dtypes.items()}
     assert kinds["frame"] == "int32"
     assert kinds["x_px"] == "float64"
@@ -68,14 +66,14 @@ def test_empty_table(tmp_path):
     save_table(path, table().iloc[:0], SCHEMA)
     back = load_table(path, SCHEMA)
     assert len(back) == 0
-    assert list(back.columns) == [column.name for column in SCHEMA.columns]
+    assert list(back.columns) == SCHEMA.names
     assert lists_to_array(back["line_px"]).shape[0] == 0
 
 
 def test_columns_are_put_in_order(tmp_path):
     path = tmp_path / "a.parquet"
     save_table(path, table()[["x_px", *table().columns.drop("x_px")]], SCHEMA)
-    assert pq.read_schema(path).names == [column.name for column in SCHEMA.columns]
+    assert pq.read_schema(path).names == SCHEMA.names
 
 
 @pytest.mark.parametrize(

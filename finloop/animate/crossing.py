@@ -29,15 +29,12 @@ class Crossing:
         self.sprites, self.film, self.waters = sprites, film, film.waters
         rows = film.waters.film
         table = gateways.assign(seam=gateways["distance"] / median_step)
+        table = table.astype({"row": np.int64, "seam": float})
         enters = table[table["direction"] == "in"]
         row = enters["row"].to_numpy()
         playable = rows.more[row] & rows.endless[np.minimum(row + 1, len(rows.more) - 1)]
         self._enter = {
-            key: (
-                part["row"].to_numpy(np.int64),
-                part["seam"].to_numpy(float),
-                part["turn_deg"].to_numpy(),
-            )
+            key: tuple(part[name].to_numpy() for name in ("row", "seam", "turn_deg"))
             for key, part in enters[playable].groupby(["sprite", "orientation"])
         }
         leaves = table[table["direction"] == "out"].sort_values(["row", "rank"])

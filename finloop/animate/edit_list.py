@@ -8,7 +8,7 @@ cross-fade a second picture, the partner, is drawn at the same place, and `weigh
 
 from typing import NamedTuple
 
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 
 SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a sprite in an orientation, or a row of the film."""
@@ -17,44 +17,33 @@ NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
 """The modes: sprites moved by what the network learnt; the film, jumping at loops; both in turn."""
 
 EDIT = Schema(
-    (
-        Column("tick", "int32", "1"),
-        Column("time_s", "float64", "s"),
-        Column("kind", "string", "1"),
-        Column("source", "int32", "1"),
-        Column("orientation", "int8", "1", nullable=True),
-        Column("rotation_deg", "float32", "deg"),
-        Column("scale", "float32", "1"),
-        Column("x_px", "float64", "px"),
-        Column("y_px", "float64", "px"),
-        Column("partner_kind", "string", "1", nullable=True),
-        Column("partner", "int32", "1", nullable=True),
-        Column("partner_orientation", "int8", "1", nullable=True),
-        Column("partner_rotation_deg", "float32", "deg", nullable=True),
-        Column("partner_scale", "float32", "1", nullable=True),
-        Column("weight", "float32", "1"),
-        Column("heading_deg", "float32", "deg"),
-        Column("speed", "float32", "body length/s"),
-        Column("motion_area", "float32", "1", nullable=True),
-        Column("mode", "string", "1"),
-        Column("state", "string", "1"),
-        Column("goal", "string", "1"),
-        Column("aim_x_px", "float64", "px"),
-        Column("aim_y_px", "float64", "px"),
-        Column("reason", "string", "1", nullable=True),
-        Column("exit", "string", "1", nullable=True),
-        Column("seam", "float32", "median step of the film", nullable=True),
-        Column("value_s", "float32", "s", nullable=True),
-        Column("quadrant", "int8", "1", nullable=True),
-        Column("ways", "int16", "1", nullable=True),
-        Column("ways_tank", "int16", "1", nullable=True),
-        Column("ways_quadrant", "int16", "1", nullable=True),
-        Column("ways_heading", "int16", "1", nullable=True),
-        Column("turn_deg", "float32", "deg", nullable=True),
-        Column("sprite_area", "float32", "1", nullable=True),
-        Column("room", "float32", "1", nullable=True),
-        Column("film_speed", "float32", "body length/s", nullable=True),
-    )
+    Column("tick", "int32", "1"),
+    Column("time_s", "float64", "s"),
+    Column("kind", "string", "1"),
+    Column("source", "int32", "1"),
+    Column("orientation", "int8", "1", nullable=True),
+    Column("rotation_deg", "float32", "deg"),
+    Column("scale", "float32", "1"),
+    *columns("float64", "px", "x_px", "y_px"),
+    Column("partner_kind", "string", "1", nullable=True),
+    Column("partner", "int32", "1", nullable=True),
+    Column("partner_orientation", "int8", "1", nullable=True),
+    Column("partner_rotation_deg", "float32", "deg", nullable=True),
+    Column("partner_scale", "float32", "1", nullable=True),
+    Column("weight", "float32", "1"),
+    Column("heading_deg", "float32", "deg"),
+    Column("speed", "float32", "body length/s"),
+    Column("motion_area", "float32", "1", nullable=True),
+    *columns("string", "1", "mode", "state", "goal"),
+    *columns("float64", "px", "aim_x_px", "aim_y_px"),
+    *columns("string", "1", "reason", "exit", nullable=True),
+    Column("seam", "float32", "median step of the film", nullable=True),
+    Column("value_s", "float32", "s", nullable=True),
+    Column("quadrant", "int8", "1", nullable=True),
+    *columns("int16", "1", "ways", "ways_tank", "ways_quadrant", "ways_heading", nullable=True),
+    Column("turn_deg", "float32", "deg", nullable=True),
+    *columns("float32", "1", "sprite_area", "room", nullable=True),
+    Column("film_speed", "float32", "body length/s", nullable=True),
 )
 """`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
 model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
@@ -81,14 +70,11 @@ VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 """Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better."""
 
 CONSIDERED = Schema(
-    (
-        Column("tick", "int32", "1"),
-        Column("row", "int32", "1"),
-        Column("seam", "float32", "median step of the film"),
-        Column("value_s", "float32", "s", nullable=True),
-        Column("fails", "string", "1"),
-        Column("taken", "bool", "1"),
-    )
+    *columns("int32", "1", "tick", "row"),
+    Column("seam", "float32", "median step of the film"),
+    Column("value_s", "float32", "s", nullable=True),
+    Column("fails", "string", "1"),
+    Column("taken", "bool", "1"),
 )
 """What was weighed at a tick: rows of the feature table that could have been shown, what the best
 way from there costs (empty: there is none, or it was passed over for better ones), and its verdict

@@ -23,11 +23,9 @@ from finloop.features.table import wrap_deg
 
 FILM_MOTION = "film"
 KINEMATICS = Schema(
-    (
-        Column("mode", "string", "1"),
-        Column("speed", "float64", "body lengths/s"),
-        Column("turn_rate", "float64", "deg/s"),
-    )
+    Column("mode", "string", "1"),
+    Column("speed", "float64", "body lengths/s"),
+    Column("turn_rate", "float64", "deg/s"),
 )
 """How the film (mode FILM_MOTION) and each mode's fish move, a row a tick; both over Δ."""
 

@@ -19,8 +19,6 @@ from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
 from finloop.base.arrays import Floats, Ints, Mask
 
-NOTHING = np.zeros((0, 3), np.int64)
-
 
 @dataclass(frozen=True)
 class Waters:
@@ -78,7 +76,7 @@ class Fish:
     rot: float = 0.0
     since: int = 0
     waits: int = 0
-    recent: Ints = field(default_factory=lambda: NOTHING)
+    recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
 
     @property
     def bent(self) -> bool:

@@ -119,7 +119,7 @@ class Swim:
                 zip(o.rows, o.seams, o.value, o.verdict, strict=True)
             )
         ]
-        table = pd.DataFrame(rows, columns=[column.name for column in CONSIDERED.columns])
+        table = pd.DataFrame(rows, columns=CONSIDERED.names)
         return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
 
 
@@ -180,7 +180,7 @@ def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
     for of in ("", "partner_"):
         table.loc[table[f"{of}kind"] != SPRITE, f"{of}orientation"] = pd.NA
     table = table.assign(**decision_columns(swum.stretches, ticks))
-    return table[[column.name for column in EDIT.columns]]
+    return table[EDIT.names]
 
 
 def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:

@@ -21,16 +21,18 @@ class Column:
     length: int = 0
 
 
-@dataclass(frozen=True)
 class Schema:
-    """The columns of a table, in order."""
+    """The columns of a table, in order, and their names."""
 
-    columns: tuple[Column, ...]
+    def __init__(self, *columns: Column) -> None:
+        self.columns, self.names = columns, [column.name for column in columns]
 
 
-def columns(dtype: str, unit: str, *names: str, length: int = 0) -> list[Column]:
-    """Columns of one kind, none of them nullable."""
-    return [Column(name, dtype, unit, length=length) for name in names]
+def columns(
+    dtype: str, unit: str, *names: str, nullable: bool = False, length: int = 0
+) -> list[Column]:
+    """Columns of one kind."""
+    return [Column(name, dtype, unit, nullable, length) for name in names]
 
 
 def lists_to_array(column: pd.Series) -> np.ndarray:

@@ -118,14 +118,10 @@ def train(
     rng: np.random.Generator,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """Learn from inputs (n, 4) and outputs (n, 2); the same `rng` gives the same bits again.
+    """Learn from inputs (n, 4) and outputs (n, 2), which are `delta_s` later.
 
-    inputs, outputs: in the units of INPUTS, OUTPUTS.
-    held_out: inputs and outputs that are only looked at, for the curve.
-    settings: how to learn.
-    delta_s: the time from inputs to outputs.
-    rng: for the first weights and the order of rows.
-    advance: called after each epoch.
+    held_out: inputs and outputs that are only looked at, for the curve; rng: for the first weights
+    and the order of rows, the same gives the same bits again; advance: called after each epoch.
 
     Returns the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
     """

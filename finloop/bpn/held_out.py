@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Schema, columns
 from finloop.bpn.model import (
     OUTPUT_HIGH,
     OUTPUT_LOW,
@@ -22,7 +22,7 @@ from finloop.features.swimming_type import WORDS
 
 SIDES = ("predicted", "true")
 HELD_OUT = Schema(
-    tuple(Column(f"{side}_{name}", "float64", "1") for side in SIDES for name in OUTPUTS)
+    *columns("float64", "1", *(f"{side}_{name}" for side in SIDES for name in OUTPUTS))
 )
 """States Δ later of the rows held out, as predicted and as they are."""
 
@@ -32,12 +32,7 @@ _COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
     """The table of `HELD_OUT`."""
     states = np.hstack([model.predict(rows.inputs[held_out]), rows.outputs[held_out]])
-    return pd.DataFrame(states, columns=[column.name for column in HELD_OUT.columns])
-
-
-def persistence(inputs: Floats) -> Floats:
-    """Nothing changes: (n, 4) → (n, 2)."""
-    return inputs[:, :2]
+    return pd.DataFrame(states, columns=HELD_OUT.names)
 
 
 def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
@@ -83,7 +78,7 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     learnt = errors(model.predict(known[0]), known[1])
     found = {
         "held_out": errors(model.predict(inputs), outputs),
-        "persistence": errors(persistence(inputs), outputs),
+        "persistence": errors(inputs[:, :2], outputs),
         "linear": errors(linear(*known, inputs), outputs),
     }
     skills = {

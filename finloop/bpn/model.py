@@ -57,11 +57,6 @@ class MotionModel:
             **{name: getattr(self, name).tolist() for name in (*_RANGES, *_WEIGHTS)},
         }
 
-    @property
-    def hidden(self) -> int:
-        """The number of hidden units."""
-        return len(self.hidden_bias)
-
     def predict(self, inputs: Reals) -> Floats:
         """Eq. 4: (n, 4) states and controls, see INPUTS → (n, 2) states Δ later, see OUTPUTS.
 
@@ -138,10 +133,6 @@ class Rows:
     track_id: Ints
     frame: Ints  # of the inputs; the outputs are delta_frames later
     delta_frames: int
-
-    def __len__(self) -> int:
-        """The number of rows."""
-        return len(self.frame)
 
 
 def motion_rows(features: pd.DataFrame, delta_frames: int) -> Rows:

@@ -35,15 +35,13 @@ Ints = NDArray[np.intp]
 Picture = NDArray[np.float32]
 
 PAIRS = Schema(
-    (Column("i", "int32", "1"), Column("j", "int32", "1"), Column("distance", "float32", "1"))
+    Column("i", "int32", "1"), Column("j", "int32", "1"), Column("distance", "float32", "1")
 )
 STEPS = Schema(
-    (
-        Column("track_id", "int32", "1"),
-        Column("frame", "int32", "1"),
-        Column("step", "float32", "1", nullable=True),
-        Column("as_filmed", "float32", "1", nullable=True),
-    )
+    Column("track_id", "int32", "1"),
+    Column("frame", "int32", "1"),
+    Column("step", "float32", "1", nullable=True),
+    Column("as_filmed", "float32", "1", nullable=True),
 )
 """Natural steps: Eq. 5 from every row to its track's next frame, null where there is none.
 

@@ -27,9 +27,9 @@ _SHOWN = (
     Column("atlas", "string", "1", nullable=True),
 )
 READABLE = Schema(
-    EDIT.columns
-    + _SHOWN
-    + tuple(Column(f"partner_{one.name}", one.dtype, one.unit, nullable=True) for one in _SHOWN)
+    *EDIT.columns,
+    *_SHOWN,
+    *(Column(f"partner_{one.name}", one.dtype, one.unit, nullable=True) for one in _SHOWN),
 )
 """An edit list that says what it shows: the film's track and frame (a sprite's, too, is one), and
 the name that a sprite has in the atlas."""

@@ -26,14 +26,12 @@ class SceneFacts:
 def tracks_schema(points: int) -> Schema:
     """The table of tracks: a row per fish per frame, beside the cut-out of the same number."""
     return Schema(
-        (
-            *columns("int32", "1", "track_id", "frame"),
-            *columns("float64", "px", "x_px", "y_px"),
-            Column("area_px", "float32", "px²"),
-            Column("contrast", "float32", "grey level"),
-            Column("length_px", "float32", "px"),
-            *columns("float32", "px", "backbone_x_px", "backbone_y_px", length=points),
-            *columns("float32", "px", "half_width_px", length=points),
-            *columns("float32", "px", "outline_x_px", "outline_y_px", length=OUTLINE_POINTS),
-        )
+        *columns("int32", "1", "track_id", "frame"),
+        *columns("float64", "px", "x_px", "y_px"),
+        Column("area_px", "float32", "px²"),
+        Column("contrast", "float32", "grey level"),
+        Column("length_px", "float32", "px"),
+        *columns("float32", "px", "backbone_x_px", "backbone_y_px", length=points),
+        *columns("float32", "px", "half_width_px", length=points),
+        *columns("float32", "px", "outline_x_px", "outline_y_px", length=OUTLINE_POINTS),
     )

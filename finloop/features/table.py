@@ -27,22 +27,20 @@ USED = (
 """The columns of a table of tracks that features are made of."""
 
 FEATURES = Schema(
-    (
-        *columns("int32", "1", "track_id", "frame"),
-        Column("time_s", "float64", "s"),
-        *columns("float64", "px", "x_px", "y_px"),
-        *columns("float32", "px", "head_x_px", "head_y_px", "tail_x_px", "tail_y_px"),
-        Column("heading_deg", "float32", "deg"),
-        *columns("int8", "1", "orientation", "orientations"),
-        Column("body_length_px", "float32", "px"),
-        Column("motion_area", "float32", "body length²"),
-        Column("motion_area_rel", "float32", "1"),
-        Column("bend", "float32", "body length²"),
-        Column("displacement", "float32", "body length", nullable=True),
-        Column("included_angle_deg", "float32", "deg", nullable=True),
-        Column("swimming_type", "int8", "1"),
-        Column("head_confidence", "float32", "1"),
-    )
+    *columns("int32", "1", "track_id", "frame"),
+    Column("time_s", "float64", "s"),
+    *columns("float64", "px", "x_px", "y_px"),
+    *columns("float32", "px", "head_x_px", "head_y_px", "tail_x_px", "tail_y_px"),
+    Column("heading_deg", "float32", "deg"),
+    *columns("int8", "1", "orientation", "orientations"),
+    Column("body_length_px", "float32", "px"),
+    Column("motion_area", "float32", "body length²"),
+    Column("motion_area_rel", "float32", "1"),
+    Column("bend", "float32", "body length²"),
+    Column("displacement", "float32", "body length", nullable=True),
+    Column("included_angle_deg", "float32", "deg", nullable=True),
+    Column("swimming_type", "int8", "1"),
+    Column("head_confidence", "float32", "1"),
 )
 
 
@@ -114,7 +112,7 @@ def features(
     table["motion_area"] = table["bend"].abs()
     largest = table["motion_area"].max()
     table["motion_area_rel"] = table["motion_area"] / (largest if largest > 0 else 1.0)
-    return table[[column.name for column in FEATURES.columns]], np.concatenate(lines)
+    return table[FEATURES.names], np.concatenate(lines)
 
 
 def oriented(tracks: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:

@@ -30,15 +30,13 @@ _DIGITS = 5  # of a distance
 _CYCLES = ("straight", "slide")
 
 GATEWAYS = Schema(
-    (
-        Column("sprite", "int16", "1"),
-        Column("orientation", "int8", "1"),
-        Column("direction", "string", "1"),
-        Column("row", "int32", "1"),
-        Column("rank", "int8", "1"),
-        Column("distance", "float32", "1"),
-        Column("turn_deg", "float32", "deg"),
-    )
+    Column("sprite", "int16", "1"),
+    Column("orientation", "int8", "1"),
+    Column("direction", "string", "1"),
+    Column("row", "int32", "1"),
+    Column("rank", "int8", "1"),
+    Column("distance", "float32", "1"),
+    Column("turn_deg", "float32", "deg"),
 )
 """sprite: row of the table of sprites. rank: 1 = best. orientation: 0 = any (pose BODY), or from 1,
 that in which what comes next is drawn.
@@ -160,7 +158,7 @@ def gateways(
     table["orientation"] = near.orientation[compared]
     fits = np.where(leads_in, near.ahead_deg[sprite], near.own_deg[sprite])
     table["turn_deg"] = wrap_deg(fits - near.pose_deg[compared])
-    return table[[column.name for column in GATEWAYS.columns]]
+    return table[GATEWAYS.names]
 
 
 def _ways_in(

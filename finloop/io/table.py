@@ -83,7 +83,7 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     """
     do = "run the stage that makes it again: `dvc repro`"
     if columns is not None:
-        schema = Schema(tuple(column for column in schema.columns if column.name in columns))
+        schema = Schema(*(column for column in schema.columns if column.name in columns))
     try:
         table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
@@ -127,7 +127,7 @@ def _wish(column: Column) -> str:
 
 
 def _names_off(names: list[str], schema: Schema) -> Iterator[str]:
-    wanted = [column.name for column in schema.columns]
+    wanted = schema.names
     yield from (f"{column.name}: missing" for column in schema.columns if column.name not in names)
     yield from (f"{name}: not in the schema" for name in names if name not in wanted)
 

@@ -20,7 +20,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 from finloop.distance.picture import typical_length
 from finloop.errors import FinloopError
 from finloop.features.table import delta_of, wrap_deg
@@ -33,15 +33,11 @@ class NoLoops(FinloopError):
 
 
 LOOPS = Schema(
-    (
-        Column("loop", "int32", "1"),
-        Column("a", "int32", "row"),
-        Column("b", "int32", "row"),
-        Column("distance", "float32", "1"),
-        Column("filtered", "float32", "1"),
-        Column("length_s", "float64", "s", nullable=True),
-        Column("group", "int32", "1"),
-    )
+    Column("loop", "int32", "1"),
+    *columns("int32", "row", "a", "b"),
+    *columns("float32", "1", "distance", "filtered"),
+    Column("length_s", "float64", "s", nullable=True),
+    Column("group", "int32", "1"),
 )
 MOVED = 0.05  # body lengths from which a fish has a direction of travel
 RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
@@ -96,7 +92,7 @@ def find(
     loops["loop"] = np.arange(len(loops))
     loops["length_s"] = np.where(track[a] == track[b], (b - a) / rate_hz, np.nan)
     loops["group"] = groups(a, b, track)
-    return loops[[column.name for column in LOOPS.columns]], counts
+    return loops[LOOPS.names], counts
 
 
 def _candidates(

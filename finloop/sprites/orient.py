@@ -8,7 +8,7 @@ import scipy
 
 from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutout, Cutouts
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.sprites.choice import Choice
 from finloop.sprites.settings import Settings
@@ -17,27 +17,19 @@ from finloop.sprites.swimmers import smooth
 from finloop.sprites.turn import turned
 
 SPRITES = Schema(
-    (
-        Column("sprite", "int16", "1"),
-        Column("sequence", "string", "1"),
-        Column("step", "int16", "1"),
-        Column("phase", "string", "1"),
-        Column("row", "int32", "1"),
-        Column("track_id", "int32", "1"),
-        Column("frame", "int32", "1"),
-        Column("mirrored", "bool", "1"),
-        Column("x_px", "float64", "px"),
-        Column("y_px", "float64", "px"),
-        Column("heading_deg", "float32", "deg"),
-        Column("head_offset_deg", "float32", "deg"),
-        Column("scale", "float32", "1"),
-        Column("motion_area_rel", "float32", "1"),
-        Column("bend", "float32", "body length²"),
-        Column("forward", "float32", "body length"),
-        Column("sideways", "float32", "body length"),
-        Column("turn_deg", "float32", "deg"),
-        Column("orientations", "int8", "1"),
-    )
+    Column("sprite", "int16", "1"),
+    Column("sequence", "string", "1"),
+    Column("step", "int16", "1"),
+    Column("phase", "string", "1"),
+    *columns("int32", "1", "row", "track_id", "frame"),
+    Column("mirrored", "bool", "1"),
+    *columns("float64", "px", "x_px", "y_px"),
+    *columns("float32", "deg", "heading_deg", "head_offset_deg"),
+    *columns("float32", "1", "scale", "motion_area_rel"),
+    Column("bend", "float32", "body length²"),
+    *columns("float32", "body length", "forward", "sideways"),
+    Column("turn_deg", "float32", "deg"),
+    Column("orientations", "int8", "1"),
 )
 
 
@@ -47,7 +39,7 @@ def sprite_table(
     """The rows of `SPRITES`: every frame of the choice, its heading and its motion."""
     rows = pd.concat([_sequence(table, word, one, settings) for word, one in chosen.items()])
     rows.insert(0, "sprite", np.arange(len(rows)))
-    return rows.reset_index(drop=True)[[column.name for column in SPRITES.columns]]
+    return rows.reset_index(drop=True)[SPRITES.names]
 
 
 def _sequence(table: pd.DataFrame, word: str, choice: Choice, settings: Settings) -> pd.DataFrame:
