@@ -71,10 +71,10 @@ def film(
     end = np.full(n, -1, np.int32)
     end[graph.ends] = np.arange(len(graph.ends))
     to = graph.ends[graph.to]
-    kept = ~barred[to]
+    allowed = ~barred[to]
     source = np.repeat(np.arange(len(graph.ends)), np.diff(graph.start))
-    start = np.searchsorted(source[kept], np.arange(len(graph.ends) + 1)).astype(np.int32)
-    to = to[kept].astype(np.int32)
+    start = np.searchsorted(source[allowed], np.arange(len(graph.ends) + 1)).astype(np.int32)
+    to = to[allowed].astype(np.int32)
     rows = np.zeros(n, ROW)
     rows["x"], rows["y"] = place.T
     rows["dx"], rows["dy"] = moved.T
@@ -82,7 +82,7 @@ def film(
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
     rows["scale"], rows["end"], rows["more"] = scale, end, more
     rows["endless"] = endless_rows(more, end, start, to)
-    return Film(rows, start, to, graph.distance[kept].astype(float) / step, pose == BODY)
+    return Film(rows, start, to, graph.distance[allowed].astype(float) / step, pose == BODY)
 
 
 def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:

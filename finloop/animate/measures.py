@@ -51,7 +51,7 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     head_x, head_y = x + head_px * np.cos(angle), y - head_px * np.sin(angle)
-    found = np.full(len(goals), np.nan)
+    ticks = np.full(len(goals), np.nan)
     since = 0
     for i, goal in enumerate(goals):
         apart = np.minimum(
@@ -62,8 +62,8 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
         if there.size == 0:
             break
         since += int(there[0])
-        found[i] = since
-    return found
+        ticks[i] = since
+    return ticks
 
 
 def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: Waters) -> dict[str, float]:

@@ -100,7 +100,7 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
     What the film shows after the picture on screen, turned as that is, against what is drawn.
     """
     next_sprite = film_next(pictures.reel.sprites)
-    found, ticks = [], []
+    distances, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
@@ -119,9 +119,9 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
             drawn = _own(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
         else:
             drawn = pictures.headed[now.source]
-        found.append(float(apart(drawn, expected)))
+        distances.append(float(apart(drawn, expected)))
         ticks.append(tick)
-    return np.array(found), np.array(ticks, np.intp)
+    return np.array(distances), np.array(ticks, np.intp)
 
 
 def film_next(sprites: pd.DataFrame) -> Ints:

@@ -221,5 +221,5 @@ def _remembered(fish: Fish, stretch: Stretch, waters: Waters) -> Ints:
         first, tick = recent[-1, 0], recent[-1, 2]
         recent = recent[:-1]
     since = fish.tick - waters.settings.memory_s * waters.motion.rate_hz
-    kept = recent[recent[:, 2] + recent[:, 1] - recent[:, 0] > since]
-    return np.vstack([kept, [[first, last, tick]]])
+    recalled = recent[recent[:, 2] + recent[:, 1] - recent[:, 0] > since]
+    return np.vstack([recalled, [[first, last, tick]]])

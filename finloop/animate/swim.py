@@ -177,8 +177,8 @@ def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
     table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
-    for of in ("", "partner_"):
-        table.loc[table[f"{of}kind"] != SPRITE, f"{of}orientation"] = pd.NA
+    for side in ("", "partner_"):
+        table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
     table = table.assign(**decision_columns(swum.stretches, ticks))
     return table[EDIT.names]
 
@@ -210,11 +210,11 @@ def edit_columns(
     """What is drawn, (ticks,) each; of the partner only where `weight` > 0."""
     motion = player.waters.motion
     lengths = np.array([len(s.way) for s in stretches])
-    of = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
+    owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
     rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
     shown = Shown(
-        np.array([s.kind == FRAME for s in stretches])[of],
+        np.array([s.kind == FRAME for s in stretches])[owner],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
     )
@@ -238,12 +238,12 @@ def edit_columns(
         "weight": weight,
         "heading_deg": heading,
         "speed": speed,
-        "motion_area": np.array([s.area for s in stretches])[of],
+        "motion_area": np.array([s.area for s in stretches])[owner],
         "mode": np.where(shown.frame, LOOPS, NETWORK),
-        "state": np.array(STATES)[np.array([s.state for s in stretches])][of],
-        "goal": np.array(names)[of],
-        "aim_x_px": aims[of, 0],
-        "aim_y_px": aims[of, 1],
+        "state": np.array(STATES)[np.array([s.state for s in stretches])][owner],
+        "goal": np.array(names)[owner],
+        "aim_x_px": aims[owner, 0],
+        "aim_y_px": aims[owner, 1],
     }
 
 

@@ -39,8 +39,8 @@ def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Float
     """Linear least squares with an intercept: (n, 4) → (n, 2)."""
     known = np.column_stack([train_inputs, np.ones(len(train_inputs))])
     solution = np.linalg.lstsq(known, train_outputs, rcond=None)[0]
-    found = np.column_stack([inputs, np.ones(len(inputs))]) @ solution
-    return np.clip(found, OUTPUT_LOW, OUTPUT_HIGH)
+    predicted = np.column_stack([inputs, np.ones(len(inputs))]) @ solution
+    return np.clip(predicted, OUTPUT_LOW, OUTPUT_HIGH)
 
 
 def errors(predicted: Floats, true: Floats) -> dict[str, float]:
@@ -76,15 +76,15 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     known = rows.inputs[train], rows.outputs[train]
     learnt = errors(model.predict(known[0]), known[1])
-    found = {
+    measured = {
         "held_out": errors(model.predict(inputs), outputs),
         "persistence": errors(inputs[:, :2], outputs),
         "linear": errors(linear(*known, inputs), outputs),
     }
     skills = {
         f"{name.removesuffix('_pct')}_skill_against_{baseline}": (
-            1 - found["held_out"][name] / found[baseline][name]
-            if found[baseline][name] > 0
+            1 - measured["held_out"][name] / measured[baseline][name]
+            if measured[baseline][name] > 0
             else float("nan")
         )
         for baseline in ("persistence", "linear")
@@ -95,8 +95,8 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
         "held_out_rows": int(held_out.sum()),
         **{
             f"{side}_{name}": value
-            for side, of_side in ({"train": learnt} | found).items()
-            for name, value in of_side.items()
+            for side, numbers in ({"train": learnt} | measured).items()
+            for name, value in numbers.items()
             if name != "type_error_pct"  # the accuracy says it
         },
         **skills,

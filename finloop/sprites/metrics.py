@@ -43,7 +43,7 @@ def numbers(
     sprites: pd.DataFrame, table: pd.DataFrame, features: pd.DataFrame, frames: int, rate_hz: float
 ) -> dict[str, float]:
     """Flat numbers about the picks, for metrics.json; `table` is that of swimmers."""
-    of = dict(iter(sprites.groupby("sequence", sort=False)))
+    sequences = dict(iter(sprites.groupby("sequence", sort=False)))
     picked = sprites[["track_id", "frame"]].drop_duplicates()
     result: dict[str, float] = {
         "sprites": len(sprites),
@@ -53,12 +53,12 @@ def numbers(
         "tracks_used": sprites["track_id"].nunique(),
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
-        "mirrored_turns": sum(of[word]["mirrored"].any() for word in SIDES),
+        "mirrored_turns": sum(sequences[word]["mirrored"].any() for word in SIDES),
         "orientations_with_all_types_before": complete(table1(features)),
         "orientations_with_all_types_after": complete(table1_after(sprites, features)),
-        "tail_beat_hz": rate_hz / len(of["straight"]),
+        "tail_beat_hz": rate_hz / len(sequences["straight"]),
     }
-    for word, rows in of.items():
+    for word, rows in sequences.items():
         result |= {
             f"{word}_frames": len(rows),
             f"{word}_speed_body_lengths_per_s": rows["forward"].mean() * rate_hz,
