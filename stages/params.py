@@ -1,7 +1,8 @@
-"""Stage `params`, the first: is params.yaml right, and composed from the present conf/?
+"""Stage `params`, the first: is params.yaml whole, and composed from the present conf/?
 
-Every root of the pipeline depends on its one constant output, so nothing runs before it, and
-nothing runs again because of it.
+It runs when conf/ has changed, and every root of the pipeline depends on its one constant output:
+so nothing runs before it, and nothing runs again because of it. Whatever composes params.yaml
+checks it too, and each stage its own part.
 """
 
 from stages.run import run  # isort: skip
