@@ -13,9 +13,9 @@ import torch
 
 from benchmarks.pipeline import ROOT
 from benchmarks.speed import paired
+from finloop.base.settings import settings
 from finloop.bpn.back_propagation import forward, new_weights, train
 from finloop.bpn.settings import Settings
-from finloop.settings import settings
 
 ROWS, HELD_OUT, PAPER_S = 4480, 1120, 70.0
 PEER_EPOCHS = 10  # autograd is slow; both sides of its pair run this many

@@ -24,6 +24,8 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
+from finloop.base.parallel import warm_up
+from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
 from finloop.extract.film import (
@@ -46,8 +48,6 @@ from finloop.io.film_writer import film_writer
 from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, read_spread
 from finloop.io.wheel import cache_folder, zebrafish_clips
-from finloop.parallel import warm_up
-from finloop.settings import settings
 from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 

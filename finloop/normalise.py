@@ -14,12 +14,12 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from finloop.base.errors import FinloopError
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
-from finloop.errors import FinloopError
 from finloop.io.footage import Loss, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.movie import VideoWriter
 from finloop.io.table import table_writer

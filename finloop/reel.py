@@ -14,8 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
+from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, Place, picture, places, steps, typical_length
-from finloop.errors import FinloopError
 from finloop.features.table import direction_deg, orientations_of
 
 Pictures = NDArray[np.float32]

@@ -38,12 +38,13 @@ from numpy.typing import NDArray
 from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.arrays import Mask
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
-from finloop.errors import FinloopError
 from finloop.extract import film as extraction
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_of
@@ -60,7 +61,6 @@ from finloop.normalise import normalise, open_source
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, placed, shelves
 from finloop.render.painter import Painter
-from finloop.settings import settings
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.swimmers import swimmers

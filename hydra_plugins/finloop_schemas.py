@@ -20,7 +20,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from finloop.settings import WORDS, variants
+from finloop.base.settings import WORDS, variants
 from stages.experiment import Experiment
 from stages.settings import STAMP, all_problems, refusal, stamp
 
@@ -31,7 +31,7 @@ def schema(option: type) -> type:
     """A parameter dataclass as OmegaConf understands it: not frozen, ranges left out.
 
     Every field is mandatory, as the original has no defaults; what OmegaConf has no type for is
-    simplified here and checked in full by `finloop.settings`.
+    simplified here and checked in full by `finloop.base.settings`.
     """
     hints = get_type_hints(option)  # drops Annotated
     return make_dataclass(

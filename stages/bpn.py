@@ -5,12 +5,12 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 from contextlib import suppress
 from pathlib import Path
 
+from finloop.base.errors import FinloopError
 from finloop.bpn.back_propagation import learn
 from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import motion_rows, split
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
-from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json

@@ -17,7 +17,7 @@ from typing import Any
 import pandas as pd
 import yaml
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
 from stages.settings import PARAMS, STAMP

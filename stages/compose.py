@@ -18,9 +18,9 @@ from hydra.errors import HydraException
 from omegaconf import OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.settings import check
 from finloop.io.atomic import whole_file
-from finloop.settings import check
 from stages.experiment import FOLDER, Experiment
 from stages.settings import CONF, LOCAL, PARAMS, STAMP, all_problems, refusal
 

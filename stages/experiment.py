@@ -7,7 +7,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from finloop.settings import WORDS
+from finloop.base.settings import WORDS
 
 FOLDER = "experiment"  # below conf/; no group of params.yaml
 Name = Annotated[str, Field(pattern=r"^[a-z]+\.[a-z0-9_]+$")]

@@ -12,6 +12,7 @@ from typing import get_args
 import cv2
 import numpy as np
 
+from finloop.base.parallel import warm_up
 from finloop.extract import film
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -20,7 +21,6 @@ from finloop.io.atomic import whole_folder
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
 from finloop.io.record import save_record
-from finloop.parallel import warm_up
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")

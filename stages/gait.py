@@ -11,9 +11,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.errors import FinloopError
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
-from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gait.compare import CLOCKS, Comparison, compare

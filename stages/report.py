@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.io.film_small import small_film
 from finloop.io.picture import load_picture

@@ -40,8 +40,8 @@ from pathlib import Path
 from typing import NoReturn
 
 from finloop.base.digits import significant
-from finloop.errors import FinloopError
-from finloop.process import die_with_parent
+from finloop.base.errors import FinloopError
+from finloop.base.process import die_with_parent
 
 THREAD_VARIABLES = (
     "OMP_NUM_THREADS",

@@ -13,8 +13,8 @@ from typing import Any
 
 import yaml
 
-from finloop.errors import FinloopError
-from finloop.settings import WORDS, check, usual_options, values_of, variants
+from finloop.base.errors import FinloopError
+from finloop.base.settings import WORDS, check, usual_options, values_of, variants
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")

@@ -19,7 +19,7 @@ from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from stages.compare import compare, experiments, git, head, table
 from stages.compose import composed, experiment
 from stages.settings import LOCAL, PARAMS, overrides, read
@@ -28,7 +28,7 @@ from stages.settings import LOCAL, PARAMS, overrides, read
 DVC = """
 import sys
 from dvc.cli import main
-from finloop.process import die_with_parent
+from finloop.base.process import die_with_parent
 die_with_parent()
 sys.exit(main())
 """

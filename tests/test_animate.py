@@ -35,11 +35,11 @@ from finloop.animate.network import SpriteSwimmer
 from finloop.animate.sprites import plan_turn
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player, Shown, cross_fades, random_goals
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
-from finloop.settings import settings
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,8 @@ from rlottie_python import LottieAnimation
 
 import finloop.io.animation
 from finloop.base.drawing import Morph
+from finloop.base.errors import FinloopError
 from finloop.base.paint import Paint, Shape, paint, painted, shapes
-from finloop.errors import FinloopError
 from finloop.io.animation import ENDINGS, save_animation
 from finloop.io.svg import load_svg
 from finloop.morph.layers import there_and_back

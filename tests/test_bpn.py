@@ -21,6 +21,8 @@ import finloop.bpn.back_propagation
 import finloop.bpn.onnx
 import stages.bpn
 import stages.plots.bpn
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.bpn.back_propagation import ALWAYS_ON, forward, layers, new_weights, stepper, train
 from finloop.bpn.held_out import (
     assessment,
@@ -42,14 +44,12 @@ from finloop.bpn.model import (
     type_class,
 )
 from finloop.bpn.onnx import INPUT_NAME, OUTPUT_NAME, largest_difference, onnx_bytes, to_onnx
-from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
 from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record, save_json
 from finloop.io.table import save_table
 from finloop.io.video import FACTS_NAME, VideoFacts, save_facts
 from finloop.plots.bpn import figure15, held_out_figure
-from finloop.settings import settings
 
 DELTA = 5
 HOW = settings("bpn", learning_rate=0.5, epochs=40)

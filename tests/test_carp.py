@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
+from finloop.base.settings import settings
 from finloop.drawn.carp.draw import blurred, draw
 from finloop.drawn.carp.film import (
     bend_of,
@@ -24,7 +25,6 @@ from finloop.drawn.carp.midline import POINTS, midline
 from finloop.drawn.carp.skin import Look, half_width, look
 from finloop.drawn.carp.swimmer import turn_bend, turn_progress
 from finloop.drawn.truth import TRUTH
-from finloop.settings import settings
 
 SMALL = settings(
     "clip", source="carp", frames=40, width_px=320, height_px=240, body_length_px=60.0, seed=3

@@ -26,12 +26,13 @@ from av.stream import Disposition
 from hypothesis import given
 from hypothesis import strategies as st
 
+from finloop.base.errors import FinloopError
+from finloop.base.settings import check, settings, variants
 from finloop.clip import quality
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally, psnr_db
 from finloop.drawn.carp import film as carp
 from finloop.drawn.truth import TRUTH
-from finloop.errors import FinloopError
 from finloop.io import wheel
 from finloop.io.footage import (
     Footage,
@@ -53,7 +54,6 @@ from finloop.io.footage.coding import (
 from finloop.io.footage.timing import frame_rate_of
 from finloop.io.table import load_table
 from finloop.io.video import load_facts, load_mask, read_frames
-from finloop.settings import check, settings, variants
 from stages import clip as stage
 
 ROOT = Path(__file__).parents[1]

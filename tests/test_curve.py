@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from finloop.base.drawing import checked
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, clockwise, length, resampled, reversed, steps
 from finloop.curve.glyph import glyph
-from finloop.errors import FinloopError
 
 SQUARE = np.array([[0.0, 0], [2, 0], [2, 2], [0, 2]])  # right, down, left: clockwise on a screen
 ANY = arrays(np.float64, st.tuples(st.integers(3, 12), st.just(2)), elements=st.integers(-50, 50))

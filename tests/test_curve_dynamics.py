@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
+from finloop.base.errors import FinloopError
 from finloop.curve.dynamics import energy, force_at, momentum, solve
 from finloop.curve.integrate import schulz
 from finloop.curve.oscillator import Oscillators, forced_motion, motion, response
 from finloop.curve.problem import METHODS, Material, Options, Problem
 from finloop.curve.stiffness import eigenvalues, stiffness_phi
 from finloop.curve.wavelet import control, from_control, mirrored
-from finloop.errors import FinloopError
 from finloop.plots.curve import figure6, figure7
 
 TIGHT = Options(rtol=1e-8, integrator="DOP853", substeps=30)

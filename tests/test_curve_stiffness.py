@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import pywt
 
+from finloop.base.errors import FinloopError
 from finloop.curve.stiffness import (
     connection,
     damping,
@@ -18,7 +19,6 @@ from finloop.curve.stiffness import (
     stiffness_phi,
 )
 from finloop.curve.wavelet import forward, scales
-from finloop.errors import FinloopError
 from finloop.plots.curve import figure3
 
 # As printed: α, μ, ν.

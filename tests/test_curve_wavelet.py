@@ -9,11 +9,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import clockwise, resampled
 from finloop.curve.filters import CUBIC, filter_bank
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import back, control, forward, from_control, mirrored, scales, truncated
-from finloop.errors import FinloopError
 from finloop.plots.curve import figure2
 
 ALL = [w for w in pywt.wavelist(kind="discrete") if w != "dmey"] + [CUBIC]

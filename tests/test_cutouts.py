@@ -7,8 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
-from finloop.errors import FinloopError
 from finloop.extract.table import SceneFacts
 from finloop.io.atomic import whole_file
 from finloop.io.cutouts import CutoutWriter, open_cutouts

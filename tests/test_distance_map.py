@@ -14,6 +14,7 @@ import stages.clip
 import stages.distance
 import stages.extract
 import stages.features
+from finloop.base.errors import FinloopError
 from finloop.distance.map import (
     EXACT,
     PAIRS,
@@ -32,7 +33,6 @@ from finloop.distance.map import (
     usual_steps,
 )
 from finloop.distance.picture import BODY, FILM
-from finloop.errors import FinloopError
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record, save_record

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from toy_dog import feet_px, fill, true_masks
 
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.shape import BODY, FORE, HEAD, HIND, LIMBS, pose
@@ -25,7 +26,6 @@ from finloop.drawn.dog.walk import (
     trunk,
     truth,
 )
-from finloop.errors import FinloopError
 from finloop.gait.truth import true_gamma
 from finloop.io.movie import Mp4Writer
 from finloop.morph.folds import is_simple

@@ -16,7 +16,7 @@ import finloop
 import stages.extract
 from finloop import verbs
 from finloop.animate.edit_list import EDIT
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.table import load_table
 
 EXAMPLE = ROOT / "examples/ten_lines.py"

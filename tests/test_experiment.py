@@ -12,9 +12,9 @@ import yaml
 from browser import chromium, visit
 from conftest import ROOT, TINY_CARP
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.settings import check, settings
 from finloop.report.compare import OBJECTIVES, comparison, html, pareto
-from finloop.settings import check, settings
 from stages.compose import composed, experiment
 from stages.experiment import Experiment, choices
 from stages.settings import overrides as overrides_of

@@ -20,7 +20,7 @@ import stages.export
 import stages.sprites
 from finloop.animate.edit_list import EDIT
 from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
 from finloop.export.tracks import Poses, poses

@@ -25,8 +25,9 @@ import stages.extract
 import stages.features
 import stages.plots.extract
 from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
-from finloop.errors import FinloopError
 from finloop.extract import film as extract
 from finloop.extract.background import (
     Scene,
@@ -63,7 +64,6 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
 from finloop.plots.extract import detections_picture
-from finloop.settings import settings
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})

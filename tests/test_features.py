@@ -20,7 +20,7 @@ import stages.clip
 import stages.extract
 import stages.features
 import stages.plots.features
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
 from finloop.features.head import _posterior, _viterbi, head_first

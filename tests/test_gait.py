@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.clock import clock
 from finloop.gait.descriptor import between, descriptor, scale_slices
 from finloop.gait.model import (

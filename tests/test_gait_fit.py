@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from finloop.base.errors import FinloopError
 from finloop.drawn.dog.walk import DogFilm, phases, truth
-from finloop.errors import FinloopError
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.compare import compare, holdouts
 from finloop.gait.feet import align_phase, feet

@@ -5,9 +5,9 @@ import pytest
 from scipy.spatial import cKDTree
 from toy_dog import fill, true_masks
 
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, centroid
 from finloop.drawn.dog.walk import NAMES, DogFilm, course_px, phases, truth
-from finloop.errors import FinloopError
 from finloop.gait.limbs import (
     BORDER,
     EMPTY,

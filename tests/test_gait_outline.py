@@ -6,11 +6,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.curve.contour import Curve, area
 from finloop.drawn.carp.film import motion
 from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
-from finloop.errors import FinloopError
 from finloop.gait.outline import (
     Swim,
     bent,
@@ -23,7 +24,6 @@ from finloop.gait.outline import (
     tail,
 )
 from finloop.gait.period import Period
-from finloop.settings import settings
 
 RATE = 50.0
 LENGTH = 90.0  # px

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.period import CONFIDENT, assess, course, period, require_periodic, with_phase_zero
 
 RATE = 50.0

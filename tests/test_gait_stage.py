@@ -12,9 +12,9 @@ from conftest import ROOT, TINY_CARP
 from scratch import content, prepare, put_clip
 
 import stages.gait
+from finloop.base.errors import FinloopError
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm
-from finloop.errors import FinloopError
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gait.tool import load_gait

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from conftest import ROOT
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.tool import SHIPPED, gaits, load_gait, main, path_of, timing
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg

@@ -8,8 +8,8 @@ import pytest
 from conftest import ROOT
 
 from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resampled
-from finloop.errors import FinloopError
 from finloop.gait.ground import ground, path, plant_feet, supports
 from finloop.gait.match import corresponding, mirror_orders, renumbered
 from finloop.gait.model import Gait, mirrored

@@ -18,9 +18,9 @@ from scratch import content, prepare, put_clip
 import stages.gateways
 import stages.plots.gateways
 from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import BODY, FILM, picture, steps
-from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
     GATEWAYS,

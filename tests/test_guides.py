@@ -9,7 +9,7 @@ import yaml
 from scratch import prepare
 
 from docs.draw.flow import svg
-from finloop.settings import WORDS
+from finloop.base.settings import WORDS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

@@ -21,9 +21,9 @@ from scratch import content, prepare, put_clip, same_but_figures
 import stages.loops
 import stages.plots.loops
 from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
 from finloop.distance.map import PAIRS, STEPS, MapFacts
 from finloop.distance.picture import BODY, steps
-from finloop.errors import FinloopError
 from finloop.features.table import FEATURES, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.picture import load_picture, save_picture

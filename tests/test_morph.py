@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
-from finloop.errors import FinloopError
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 from finloop.morph.folds import folds

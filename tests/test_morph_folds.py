@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.morph.folds import folds, is_simple, stays_simple
 
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], float)

@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from finloop.base.drawing import checked
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, resampled
 from finloop.curve.glyph import glyph
 from finloop.curve.wavelet import truncated
-from finloop.errors import FinloopError
 from finloop.morph.flow import area, ears_off, joined, retracted, shortened
 from finloop.morph.folds import folds, is_simple, stays_simple
 from finloop.morph.linear import linear, physical

@@ -12,7 +12,7 @@ from conftest import ROOT
 from scratch import content, prepare, same_but_figures
 
 import stages.morph
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.picture import load_picture
 
 SMALL = ("morph.frames=6", "morph.points=64", "morph.size_px=64")

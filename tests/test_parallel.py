@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 from conftest import wait_for
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import ordered_map
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
-from finloop.parallel import ordered_map
 
 
 @pytest.fixture(autouse=True)

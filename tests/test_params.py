@@ -16,8 +16,8 @@ import pytest
 import yaml
 from pydantic import Field
 
-from finloop.errors import FinloopError
-from finloop.settings import WORDS, check, settings, values_of, variants
+from finloop.base.errors import FinloopError
+from finloop.base.settings import WORDS, check, settings, values_of, variants
 from stages import settings as door
 from stages.compose import compare, composed
 from stages.experiment import FOLDER
@@ -194,7 +194,7 @@ def test_what_is_declared_is_cheap_to_know():
     """DVC imports every declaration while it composes; none may bring its algorithm with it."""
     heavy = ("cv2", "matplotlib", "numba", "pandas", "scipy", "torch", "vtkmodules")
     code = (
-        "import sys; from finloop.settings import WORDS, variants\n"
+        "import sys; from finloop.base.settings import WORDS, variants\n"
         "for word in WORDS: variants(word)\n"
         f"print(*(set({heavy}) & set(sys.modules)))"
     )

@@ -15,7 +15,7 @@ from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRI
 from finloop.animate.motion import TURN
 from finloop.animate.sprites import from_bend
 from finloop.animate.swim import edit_list, swim
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 
 import finloop.live.server as served
 from finloop.animate.edit_list import NETWORK
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, parsed
 from finloop.live.server import BEHIND, Host, Page, Server, bound

@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, FILM, apart, distance
-from finloop.errors import FinloopError
 from finloop.reel import Reel, sprite_row
 
 ORIENTATIONS, SIZE = 4, 24

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area
-from finloop.errors import FinloopError
 from finloop.gait.limbs import BORDER, EMPTY, region_contour, trace_contour
 from finloop.io.regions import load_regions, save_masks
 

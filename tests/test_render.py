@@ -25,7 +25,7 @@ import stages.render
 from finloop.animate.edit_list import EDIT, Goal
 from finloop.animate.state import Decision
 from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture

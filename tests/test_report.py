@@ -15,7 +15,7 @@ from conftest import ROOT
 from scratch import content, prepare, put_clip
 
 import stages.report
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.film_small import small_film
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_picture

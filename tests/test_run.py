@@ -14,7 +14,7 @@ import psutil
 import pytest
 from conftest import alive, wait_for
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from stages import run as door
 
 ROOT = Path(__file__).parents[1]

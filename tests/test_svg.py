@@ -10,8 +10,8 @@ from fontTools.svgLib.path import parse_path
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import area
-from finloop.errors import FinloopError
 from finloop.io.svg import FLATNESS, load_svg
 from finloop.io.svg_guard import MOST_BYTES, MOST_DRAWN, MOST_NESTED
 

@@ -6,8 +6,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, lists_to_array
-from finloop.errors import FinloopError
 from finloop.io.table import load_table, save_csv, save_table
 
 SCHEMA = Schema(

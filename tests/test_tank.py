@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from toy_fish import LENGTH, ROOM, SPRITE, WIDTH, S, covered, edit_list, fish_of, line, overlap, toy
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
 from finloop.sprites.orient import placed as placed_cutout
 from finloop.sprites.turn import turned

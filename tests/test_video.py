@@ -10,7 +10,7 @@ import av
 import numpy as np
 import pytest
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io import atomic, video
 from finloop.io.movie import VideoWriter
 from finloop.io.video import (

@@ -17,11 +17,11 @@ from finloop.animate.planner import players
 from finloop.animate.sprites import Sprites, arrange
 from finloop.animate.state import Decision, Waters
 from finloop.animate.swim import Cast, Player
+from finloop.base.settings import settings
 from finloop.distance.picture import BODY
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
-from finloop.settings import settings
 
 ORIENTATIONS = 24
 RATE, DELTA, LENGTH = 25.0, 5, 40.0

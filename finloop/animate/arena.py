@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
 from finloop.base.arrays import Mask
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 _LOOK_PX = 2.0  # step along a line of sight
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM = range(6)

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.settings import Count, NotNegative, Positive, Seed
+from finloop.base.settings import Count, NotNegative, Positive, Seed
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -1,1 +1,1 @@
-"""What every room may use and no method is in: arrays, schemas, cut-outs, drawings, paint."""
+"""What every room may use and no method is in: arrays, schemas, errors, settings, processes."""

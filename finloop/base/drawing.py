@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from finloop.base.arrays import Ints, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 LARGEST = 1e100
 """Of a coordinate: the squares of larger ones, in areas and energies, are no numbers."""

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import ImageColor
 
 from finloop.base.arrays import Picture, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 PART = "#"
 """Layers `d`, `d#2`, `d#3` are contours of one shape: the hole of a letter is one of them."""

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from fractions import Fraction
 from pathlib import Path
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 
 def run_tool(output: Path, work: Callable[[], str]) -> int:

@@ -18,6 +18,7 @@ import torch
 from torch import Tensor
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -30,7 +31,6 @@ from finloop.bpn.model import (
     to_scale,
 )
 from finloop.bpn.settings import Settings
-from finloop.errors import FinloopError
 
 # The bias of the outputs is the weight of one more hidden unit, which is always on: sigmoid(40) is
 # 1 to the last bit, so its slope h (1 - h) is 0 and its own weights never change.

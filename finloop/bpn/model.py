@@ -15,8 +15,8 @@ import scipy
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.errors import FinloopError
 from finloop.bpn.settings import Settings
-from finloop.errors import FinloopError
 
 INPUTS = {
     "motion_area_rel": "1",

@@ -12,8 +12,8 @@ from onnx import TensorProto, helper, numpy_helper
 from onnx.reference import ReferenceEvaluator
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.bpn.model import INPUTS, OUTPUTS, MotionModel
-from finloop.errors import FinloopError
 
 INPUT_NAME, OUTPUT_NAME = "state_and_control", "next_state"
 OPSET, IR_VERSION = 17, 8  # of 2022: what runtimes in use today understand

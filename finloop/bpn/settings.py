@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.settings import Count, Positive, Seed, Share
+from finloop.base.settings import Count, Positive, Seed, Share
 
 
 @dataclass(frozen=True)

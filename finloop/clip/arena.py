@@ -6,7 +6,7 @@ column 0) is the point (0, 0).
 
 import numpy as np
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 
 def rectangle_arena(

@@ -5,8 +5,8 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from finloop.base.settings import Crf, NotNegative, Positive
 from finloop.drawn.carp.settings import CarpFilm
-from finloop.settings import Crf, NotNegative, Positive
 
 
 @dataclass(frozen=True)

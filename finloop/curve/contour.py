@@ -8,7 +8,7 @@ import numpy as np
 
 from finloop.base.arrays import Floats
 from finloop.base.drawing import Curve
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 
 def steps(curve: Curve) -> Floats:

@@ -7,7 +7,7 @@ import numpy as np
 import pywt
 
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 CUBIC = "cubic"
 """The biorthogonal cubic B-spline wavelet of Fig. 2, which PyWavelets does not have: its bior3.*

@@ -5,8 +5,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import TextPath
 
 from finloop.base.drawing import checked
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
-from finloop.errors import FinloopError
 
 FONT = "DejaVu Sans"
 

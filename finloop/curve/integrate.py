@@ -14,10 +14,10 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import splu
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.curve.problem import Options, Problem, Solution, force_at, velocity_at_start
 from finloop.curve.stiffness import damping, mass, stiffness
 from finloop.curve.wavelet import back, forward
-from finloop.errors import FinloopError
 
 ITERATIONS = 100
 """Largest number of Schulz iterations; any matrix that float64 can invert needs fewer."""
@@ -159,7 +159,7 @@ def _marched(
     return np.stack(course)
 
 
-def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
+def euler(problem: Problem, options: Options, implicit: bool) -> Solution:
     """Euler's steps on C q̇ + K q = Q (§3.3).
 
     Explicit, q(t + Δt) = q + Δt C⁻¹(Q − K q): FinloopError if Δt is too long for it to stay finite.
@@ -202,6 +202,6 @@ def _euler(problem: Problem, options: Options, implicit: bool) -> Solution:
 
 METHOD: dict[str, Callable[[Problem, Options], Solution]] = {
     "runge-kutta": runge_kutta,
-    "explicit-euler": partial(_euler, implicit=False),
-    "implicit-euler": partial(_euler, implicit=True),
+    "explicit-euler": partial(euler, implicit=False),
+    "implicit-euler": partial(euler, implicit=True),
 }

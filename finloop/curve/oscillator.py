@@ -17,7 +17,7 @@ import scipy
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 NODES = (1 - np.cos(np.pi * np.arange(5) / 4)) / 2
 """Chebyshev's five nodes: the shares of a step at which a force is evaluated."""

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 METHODS = ("modal", "runge-kutta", "explicit-euler", "implicit-euler", "decoupled")
 

@@ -15,9 +15,9 @@ import numpy as np
 from scipy.sparse import csr_array, eye_array
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.curve.filters import filter_bank
 from finloop.curve.wavelet import back, check, forward, most_levels, scales
-from finloop.errors import FinloopError
 
 _ALMOST = 1e-6  # how far from a bound an eigenvalue of the tabled filters is taken to lie on it
 

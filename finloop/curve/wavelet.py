@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.curve.filters import filter_bank
-from finloop.errors import FinloopError
 
 
 def most_levels(n: int) -> int:

@@ -18,9 +18,9 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Mask, Reals
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import FILM
-from finloop.errors import FinloopError
 
 EXACT = 1e-4
 """No distance between pictures of values 0 … 1 is farther off than this."""

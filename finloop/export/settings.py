@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.settings import NotNegative, Quality
+from finloop.base.settings import NotNegative, Quality
 
 
 @dataclass(frozen=True)

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
-from finloop.errors import FinloopError
 from finloop.features.area import at_places
 from finloop.features.head import tail_first
 

@@ -15,7 +15,7 @@ import skimage
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 _GRID = 16  # every 16th pixel in both directions is enough to measure the light
 _SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through

@@ -18,7 +18,8 @@ import pandas as pd
 
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import ordered_map
 from finloop.extract.backbone import trace
 from finloop.extract.background import (
     Scene,
@@ -31,7 +32,6 @@ from finloop.extract.background import (
 from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
-from finloop.parallel import ordered_map
 
 
 class Typical(NamedTuple):

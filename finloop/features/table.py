@@ -10,8 +10,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
-from finloop.errors import FinloopError
 from finloop.features.area import at_places, bend
 from finloop.features.head import head_first
 from finloop.features.settings import Settings

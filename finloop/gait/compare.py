@@ -14,7 +14,7 @@ import pandas as pd
 import scipy
 
 from finloop.base.arrays import Mask, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.descriptor import contour, per_coefficient
 from finloop.gait.film import Film, check, samples_of
 from finloop.gait.fit import LEAST_MOTION, Subcycle, corrected_keys, gammas_of

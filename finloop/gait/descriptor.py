@@ -9,8 +9,8 @@ approximation.
 import numpy as np
 
 from finloop.base.arrays import Points
+from finloop.base.errors import FinloopError
 from finloop.curve.wavelet import back, forward, mirrored, most_levels, scales, truncated
-from finloop.errors import FinloopError
 from finloop.gait.clock import clock
 
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.base.arrays import Ints, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.descriptor import descriptor
 from finloop.gait.model import Layout, Symmetry, half_later, partner, subcycle
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.base.arrays import Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.clock import clock, gamma_fit, gamma_sums
 from finloop.gait.descriptor import contour, descriptor, scale_slices
 from finloop.gait.film import Film, Keys, Samples, check, keys_of, samples_of

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Ints, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 FOOT = 0.25  # of a limb's height: the part that moves as one
 PAW = 0.15  # of a limb's height: the part whose motion is measured

@@ -17,8 +17,8 @@ import numpy as np
 import skimage
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, centroid, clockwise, resampled
-from finloop.errors import FinloopError
 from finloop.gait.model import partner
 from finloop.gait.period import filled
 

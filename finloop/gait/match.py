@@ -12,8 +12,8 @@ import numpy as np
 
 from finloop.base.arrays import Complex, Ints, Points
 from finloop.base.drawing import Drawing
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, clockwise, resampled
-from finloop.errors import FinloopError
 from finloop.gait.model import Symmetry, partner, reversal
 
 UPRIGHT = 0.02

@@ -17,7 +17,7 @@ import numpy as np
 from pydantic import AfterValidator, Field
 
 from finloop.base.arrays import Ints, Points
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.descriptor import between, few_control
 
 Symmetry = Literal["swap", "mirror"]

@@ -15,9 +15,9 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.base.schema import lists_to_points
 from finloop.curve.contour import Curve, centroid, clockwise
-from finloop.errors import FinloopError
 from finloop.features.head import tail_first
 from finloop.gait.period import Period, assess, course, period, with_phase_zero
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.base.arrays import Floats, Mask
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.gait.ridge import LEAST_FRAMES, grid_of, phase_along, ridge, shares
 
 CONFIDENT = 0.5  # from this confidence on a motion counts as periodic

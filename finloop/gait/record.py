@@ -4,9 +4,9 @@ import json
 from dataclasses import asdict
 from typing import Any
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
+from finloop.base.settings import check
 from finloop.gait.model import Gait
-from finloop.settings import check
 
 DECIMALS = 6
 MOST_BYTES = 1_000_000  # of a file

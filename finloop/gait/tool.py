@@ -9,8 +9,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from finloop.base.errors import FinloopError
 from finloop.base.tool import frame_rate, in_frames, run_tool
-from finloop.errors import FinloopError
 from finloop.gait.model import Gait
 from finloop.gait.record import DO, MOST_BYTES, WANTED, gait_of
 from finloop.gait.transfer import LEAST_FRAMES, Transfer, repeat, transfer

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from finloop.settings import NotNegative, Positive
+from finloop.base.settings import NotNegative, Positive
 
 
 @dataclass(frozen=True)

@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import Any
 
 from finloop.base.drawing import Morph
+from finloop.base.errors import FinloopError
 from finloop.base.paint import painted, shapes
-from finloop.errors import FinloopError
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
 from finloop.io.atomic import save_bytes

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 _NO_SPACE = {errno.ENOSPC, errno.EDQUOT}
 

@@ -18,7 +18,7 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.io.record import made_by
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Schema
-from finloop.errors import FinloopError
 from finloop.io.table import load_table
 
 

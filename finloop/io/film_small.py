@@ -8,7 +8,7 @@ import av
 import cv2
 
 from finloop.base.arrays import Picture
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.movie import Mp4Writer
 from finloop.io.video import read_frames
 

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Picture
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes, whole_file
 
 if TYPE_CHECKING:  # a third of a second, in stages that draw no figure

@@ -16,7 +16,7 @@ import numpy as np
 
 from finloop.base.arrays import Mask
 from finloop.base.drawing import Curve
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import load_picture
 from finloop.io.svg import load_svg

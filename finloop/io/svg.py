@@ -18,8 +18,8 @@ import svgelements as svg
 
 from finloop.base.arrays import Points
 from finloop.base.drawing import Curve, Drawing, checked
+from finloop.base.errors import FinloopError
 from finloop.base.paint import PART
-from finloop.errors import FinloopError
 from finloop.io.svg_guard import load_tree
 
 FLATNESS = 1e-4  # of the larger side of the drawing

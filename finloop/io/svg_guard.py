@@ -10,7 +10,7 @@ from typing import NoReturn
 from xml.etree import ElementTree
 from xml.parsers import expat
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 MOST_BYTES = 4 * 2**20
 MOST_DRAWN = 2**19

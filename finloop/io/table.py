@@ -14,8 +14,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from finloop.base.digits import significant
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema
-from finloop.errors import FinloopError
 from finloop.io.atomic import whole_file
 
 

@@ -20,7 +20,7 @@ from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.picture import save_picture
 from finloop.io.record import load_json, save_json
 

@@ -9,7 +9,7 @@ import html
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.atomic import save_bytes
 
 _PACKAGE, _SCRIPT = "dash-model-viewer", "dash_model_viewer/vendor/model-viewer-umd.min.js"

@@ -23,7 +23,7 @@ from starlette.responses import PlainTextResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.live.message import Seen, SetGoal, Step, Wish, parsed
 from finloop.live.view import View
 

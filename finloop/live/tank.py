@@ -7,7 +7,7 @@ import numpy as np
 from finloop.animate.arena import goal_name
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.live import fish as play_fish
 from finloop.live.fish import Ghost, LiveFish
 

@@ -20,9 +20,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.picture import typical_length
-from finloop.errors import FinloopError
 from finloop.features.table import delta_of, wrap_deg
 from finloop.loops.graph import ranked
 from finloop.loops.settings import Settings

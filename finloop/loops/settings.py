@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from finloop.settings import Count, NotNegative, Positive
+from finloop.base.settings import Count, NotNegative, Positive
 
 
 @dataclass(frozen=True)

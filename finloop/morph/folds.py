@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from finloop.base.arrays import Floats, Ints, Reals
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.morph.exact import meet, turns_back
 
 BLOCK = 16  # edges

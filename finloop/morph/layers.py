@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Ints, Points
 from finloop.base.drawing import Drawing, Morph
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
-from finloop.errors import FinloopError
 from finloop.morph.folds import folds, stays_simple
 from finloop.morph.linear import linear, physical
 from finloop.morph.simple import simple

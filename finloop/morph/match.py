@@ -9,8 +9,8 @@ the curves does not matter.
 import numpy as np
 
 from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve, area, resampled
-from finloop.errors import FinloopError
 from finloop.morph.folds import is_simple
 
 

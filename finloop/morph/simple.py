@@ -16,8 +16,8 @@ import numpy as np
 from numba import njit
 
 from finloop.base.arrays import Points
+from finloop.base.errors import FinloopError
 from finloop.curve.contour import Curve
-from finloop.errors import FinloopError
 from finloop.morph.flow import area, ears_off, joined, resized, retracted, shortened
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
 from finloop.morph.match import matched, misfit

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.cutout import Cutouts
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features.table import orientations_of
 from finloop.reel import sprite_row
 from finloop.render.painter import Picture, Placed, Turned, picture

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.settings import Crf, NotNegative, Quality
+from finloop.base.settings import Crf, NotNegative, Quality
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from finloop.settings import Positive, Quality
+from finloop.base.settings import Positive, Quality
 
 
 @dataclass(frozen=True)

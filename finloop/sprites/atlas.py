@@ -16,7 +16,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features.table import orientations_of
 
 PADDING = 2  # px between pictures, so that an engine's filter reaches no neighbour

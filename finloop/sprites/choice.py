@@ -14,8 +14,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Reals
+from finloop.base.errors import FinloopError
 from finloop.distance.picture import apart, steps
-from finloop.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT
 from finloop.sprites.candidates import beats, slides, turns
 from finloop.sprites.settings import Settings

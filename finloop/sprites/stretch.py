@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 
 SIDES = {"left": LEFT, "right": RIGHT}

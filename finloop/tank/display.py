@@ -4,7 +4,7 @@ import ctypes
 import os
 import sys
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 _LIBRARIES = {  # by name: the window of VTK that needs it
     "libEGL.so.1": "vtkEGLRenderWindow",

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.settings import Crf, Positive
+from finloop.base.settings import Crf, Positive
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from pydantic import Field
 
-from finloop.settings import Count, NotNegative, Seed
+from finloop.base.settings import Count, NotNegative, Seed
 
 SizePx = Annotated[int, Field(ge=32, le=8192)]
 

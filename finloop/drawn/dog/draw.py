@@ -11,9 +11,9 @@ import cv2
 import numpy as np
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.errors import FinloopError
 from finloop.drawn.dog.shape import BODY, EAR, EYE, HEAD, NOSE, TAIL
 from finloop.drawn.dog.walk import DogFilm, camera_px, course_px, limb, phases, spot, trunk
-from finloop.errors import FinloopError
 
 POINTS = 256
 SUBPIXEL = 6  # bits of a pixel's fraction in the fill

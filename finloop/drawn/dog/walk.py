@@ -16,6 +16,7 @@ from itertools import product
 import numpy as np
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
 from finloop.drawn.dog.shape import (
     EAR,
     FAR_OFFSET,
@@ -28,7 +29,6 @@ from finloop.drawn.dog.shape import (
     reaches,
     smooth,
 )
-from finloop.errors import FinloopError
 
 NAMES = tuple(f"{end}_{side}" for end, side in product(("fore", "hind"), ("left", "right")))
 FIRST = ("fore_left", "hind_right")  # they swing in A and B, the others in C and D

@@ -9,7 +9,7 @@ import math
 from fractions import Fraction
 from pathlib import Path
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.footage.film import open_film
 from finloop.io.footage.pictures import open_pictures
 from finloop.io.footage.source import WANTED, Footage, Loss, limited

@@ -17,7 +17,7 @@ from av.video.frame import VideoFrame
 from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import CHROMA_FRACTION, Turn, chroma_fraction, deep_levels, turn_of
 from finloop.io.footage.frame import display_matrix, grey, is_deep, is_yuv, rgb
 from finloop.io.footage.source import (

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from tifffile import TiffFile, TiffFileError
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_levels, stretched
 from finloop.io.footage.source import (
     SAMPLES,

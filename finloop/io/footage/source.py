@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import UPRIGHT, Turn
 from finloop.io.video import VideoFacts
 

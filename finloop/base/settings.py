@@ -23,7 +23,7 @@ import yaml
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 from pydantic.dataclasses import dataclass as checked
 
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -38,7 +38,7 @@ WORDS = (
     "render", "tank", "export", "morph", "gait", "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""
-CONF = Path(__file__).parents[1] / "conf"
+CONF = Path(__file__).parents[2] / "conf"
 
 
 def settings(word: str, **values: Any) -> Any:
@@ -73,7 +73,7 @@ def _declaration(word: str) -> ModuleType:
     """The module finloop.<word>.settings, without its package, which brings torch and the like."""
     name = f"finloop.{word}.settings"
     if name not in sys.modules:
-        spec = spec_from_file_location(name, Path(__file__).parent / word / "settings.py")
+        spec = spec_from_file_location(name, Path(__file__).parents[1] / word / "settings.py")
         assert spec is not None and spec.loader is not None
         sys.modules[name] = module_from_spec(spec)
         spec.loader.exec_module(sys.modules[name])

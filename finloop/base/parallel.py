@@ -12,8 +12,8 @@ from typing import TypeVar
 
 import cv2
 
-from finloop.errors import FinloopError
-from finloop.process import die_with_parent
+from finloop.base.errors import FinloopError
+from finloop.base.process import die_with_parent
 
 A = TypeVar("A")
 B = TypeVar("B")
