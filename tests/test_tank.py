@@ -7,7 +7,6 @@ from toy_fish import LENGTH, ROOM, SPRITE, WIDTH, S, covered, edit_list, fish_of
 
 from finloop.base.errors import FinloopError
 from finloop.render.painter import Painter, Turned, picture
-from finloop.sprites.orient import placed as placed_cutout
 from finloop.sprites.turn import turned
 from finloop.tank.body import AROUND, RINGS, normals, surface, triangles, typical_width
 from finloop.tank.camera import CAMERAS, VIEW_DEG, views
@@ -118,7 +117,7 @@ def test_sprites_are_turned_and_mirrored_as_their_pictures_are(sprite, orientati
     one = SPRITE.iloc[sprite]
     x, y = tracks.loc[one.frame, ["x_px", "y_px"]].astype(float)
     shown = turned(
-        placed_cutout(cutouts[one.frame]), x, y, 15 * (orientation - 1) - one.heading_deg,
+        cutouts[one.frame], x, y, 15 * (orientation - 1) - one.heading_deg,
         mirror_axis_deg=one.heading_deg if one.mirrored else None,
     )  # fmt: skip
     painter = Painter(np.zeros((150, 200, 3), np.uint8))
