@@ -1,5 +1,6 @@
 """Fixtures that several tests share: a copy of the repository whose pipeline runs a tiny carp."""
 
+import gc
 import os
 import shutil
 import subprocess
@@ -49,6 +50,17 @@ TINY_CARP = [
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """The file that takes longest first: then two workers end at about the same time."""
     items.sort(key=lambda item: item.path.name != "test_pipeline.py")
+
+
+def pytest_configure() -> None:
+    """No looking for garbage amid the imports: a fifth of the time of collecting the tests."""
+    gc.disable()
+
+
+def pytest_collection_finish() -> None:
+    """What was imported stays, and is not looked through again and again."""
+    gc.freeze()
+    gc.enable()
 
 
 @dataclass(frozen=True)
