@@ -251,18 +251,20 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
 def _lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     """Lay (1 − share) fish + share partner, both `_Layer`, over the canvas."""
     top, left, bottom, right = box
-    m, n = fish.m, partner.m
+    # Taken apart here: within the loop every look into a tuple would count its references.
+    pixels, near, m = fish
+    other, other_near, n = partner
     keep, share = np.float32(1 - share), np.float32(share)
     for y in range(top, bottom):
         for x in range(left, right):
             red = green = blue = alpha = np.float32(0)
             if keep > 0:
                 u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
-                r, g, b, a = _sample(fish.pixels, fish.near, u, v)
+                r, g, b, a = _sample(pixels, near, u, v)
                 red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
             if share > 0:
                 u, v = n[0] * x + n[1] * y + n[2], n[3] * x + n[4] * y + n[5]
-                r, g, b, a = _sample(partner.pixels, partner.near, u, v)
+                r, g, b, a = _sample(other, other_near, u, v)
                 red += share * r
                 green += share * g
                 blue += share * b
