@@ -3,7 +3,7 @@
 D = ‖F − F′‖₂ over all pixels and channels, 0 … 1, of centred cut-outs.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -47,11 +47,16 @@ def centred(
     scale = size / (SPAN * length_px)
     matrix = cv2.getRotationMatrix2D(centre, turn_deg, scale)
     matrix[:, 2] += (size - 1) / 2 - np.array(centre)
-    # A linear filter thins out where it shrinks: blur first, as an area filter would.
-    source = pixels.astype(np.float32) / 255
-    if scale < 0.75:
-        source = cv2.GaussianBlur(source, (0, 0), 0.4 / scale)
+    source = softened(pixels.astype(np.float32) / 255, scale)
     return cv2.warpAffine(source, matrix, (size, size), flags=cv2.INTER_LINEAR)
+
+
+def softened(pixels: NDArray[Any], scale: float) -> NDArray[Any]:
+    """A picture (h, w, c) that is to be drawn `scale` as large, so blurred that none of it is lost.
+
+    A linear filter thins out where it shrinks: blur first, as an area filter would.
+    """
+    return cv2.GaussianBlur(pixels, (0, 0), 0.4 / scale) if scale < 0.75 else pixels
 
 
 def picture(

@@ -23,6 +23,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.sampling import keys
+
 Image = NDArray[np.uint8]
 _ONE = np.float32(1)
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
@@ -203,17 +205,6 @@ def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
 
 
 @njit(cache=True, nogil=True)
-def _keys(t):  # type: ignore[no-untyped-def]
-    """Weights of the pixels −1, 0, 1, 2 for a place t in [0, 1) after pixel 0 (Keys, a = −1/2)."""
-    return (
-        np.float32(((2 - t) * t - 1) * t / 2),
-        np.float32(((3 * t - 5) * t * t + 2) / 2),
-        np.float32(((4 - 3 * t) * t + 1) * t / 2),
-        np.float32((t - 1) * t * t / 2),
-    )
-
-
-@njit(cache=True, nogil=True)
 def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     """Red, green, blue (grey: thrice), alpha of a picture at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
     height, width, channels = pixels.shape
@@ -221,7 +212,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     red = green = blue = alpha = np.float32(0)
     inside = column >= 1 and row >= 1 and column <= width - 3 and row <= height - 3
     if inside and near[row, column]:
-        across, down = _keys(u - column), _keys(v - row)
+        across, down = keys(u - column), keys(v - row)
         for j in range(4):
             r = g = b = a = np.float32(0)
             y = row - 1 + j

@@ -1,0 +1,13 @@
+"""The puppet: any film row drawn in any pose, mirrored or not, at any place, heading and size.
+
+A pose has a backbone. Each pixel of the new picture takes the film's pixel at the same place along
+and beside the backbone: a fish of the film can bend as it did in no frame, and two frames that are
+blended in one pose differ in light and skin, not in shape.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "drawing": ["blend", "draw"], "pose": ["Pose", "filmed"], "shapes": ["PoseShapes"],
+    "tail": ["trunk"],
+})  # fmt: skip

@@ -1,0 +1,211 @@
+"""The kernel that lays a strip of film along another backbone, step by step."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.base.sampling import keys
+from finloop.puppet.strip import HIDDEN, KERNEL, Line, Strip, squeezed, strip, unsqueezed
+
+_RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
+_STRIDE = 2.0  # px between the places where alpha is looked for
+_UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
+
+
+class How(NamedTuple):
+    """across: px of film per px of picture. sharp: Keys' cubic instead of a linear filter."""
+
+    across: float
+    mirrored: bool
+    sharp: bool
+
+
+@KERNEL
+def lay(
+    canvas: NDArray[np.float32], film: NDArray[np.generic], source: Line, target: Line, how: How
+) -> None:
+    """Draw the strip along `source` in a film's picture along `target` in the canvas.
+
+    canvas: (H, W, c), zero; film: (h, w, c) 0 … 255, premultiplied. Where two parts of the body
+    meet, the one with more alpha is seen.
+    """
+    there, here = strip(source), strip(target)
+    reach = _reach(film, there) / how.across
+    for i in range(len(here.points) - 1):
+        left, right = reach[i, 0], reach[i, 1]
+        if how.mirrored:
+            left, right = right, left
+        left = min(left, max(here.limits[i, 0], here.limits[i + 1, 0]))
+        right = min(right, max(here.limits[i, 1], here.limits[i + 1, 1]))
+        if left > 0 or right > 0:
+            _step(canvas, film, (there, here), (i, left, right), how)
+
+
+@KERNEL
+def _reach(film, there):  # type: ignore[no-untyped-def]
+    """How far, px of the strip, the animal reaches beside each step (m - 1, 2), left and right."""
+    height, width, channels = film.shape
+    m = len(there.points)
+    rays = np.empty((m, 2))
+    for i in range(m):
+        x, y = there.points[i]
+        for side in range(2):
+            sign, limit = 1 - 2 * side, there.limits[i, side]
+            nx, ny = sign * there.normals[i, 0], sign * there.normals[i, 1]
+            o = min(limit, height + width)  # and no farther than the picture's edges
+            if abs(nx) > _ONE / 1024:
+                o = min(o, max((width - 1 - x) / nx, -x / nx))
+            if abs(ny) > _ONE / 1024:
+                o = min(o, max((height - 1 - y) / ny, -y / ny))
+            while o > 0:
+                u, v = int(x + o * nx + 0.5), int(y + o * ny + 0.5)
+                if 0 <= u < width and 0 <= v < height and film[v, u, channels - 1] > 0:
+                    break
+                o -= _STRIDE
+            o = max(o, 0.0) + _STRIDE + _RIM
+            rays[i, side] = unsqueezed(o, limit) if o < limit else 2 * limit
+    reach = np.empty((m - 1, 2))
+    for i in range(m - 1):
+        for side in range(2):
+            reach[i, side] = rays[max(i - 1, 0) : i + 3, side].max()
+    return reach
+
+
+@KERNEL
+def _span(y, ends, tangents):  # type: ignore[no-untyped-def]
+    """From which x to which a row is between the cross-sections at both ends of a step."""
+    (ax, ay), (bx, by) = ends
+    (atx, aty), (btx, bty) = tangents
+    start, stop = -HIDDEN, HIDDEN
+    if abs(atx) > 1e-9:
+        cut = ax - (y - ay) * aty / atx
+        start, stop = (cut, stop) if atx > 0 else (start, cut)
+    if abs(btx) > 1e-9:
+        cut = bx - (y - by) * bty / btx
+        start, stop = (start, min(stop, cut)) if btx > 0 else (max(start, cut), stop)
+    return start - 1e-3, stop + 1e-3
+
+
+@KERNEL
+def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
+    """Draw one step of the strip, `part`: which, and how far to its left and right."""
+    height, width, channels = canvas.shape
+    (there, here), (i, left, right) = strips, part
+    ax, ay, bx, by = here.points[i, 0], here.points[i, 1], here.points[i + 1, 0], here.points[i + 1, 1]
+    anx, any_ = here.normals[i, 0], here.normals[i, 1]
+    bnx, bny = here.normals[i + 1, 0], here.normals[i + 1, 1]
+    xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
+    ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
+    low, high = max(min(xs), 0.0), min(max(xs), width - 1.0)
+    for y in range(math.ceil(max(min(ys), 0.0)), math.floor(min(max(ys), height - 1.0)) + 1):
+        start, stop = _span(y, ((ax, ay), (bx, by)), ((any_, -anx), (bny, -bnx)))
+        for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
+            before = (x - ax) * any_ - (y - ay) * anx
+            after = (bx - x) * bny - (by - y) * bnx
+            if before < 0 or after <= 0:
+                continue
+            share = before / (before + after)
+            nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
+            dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
+            scale = how.across / (nx * nx + ny * ny)
+            beside, along = (dx * nx + dy * ny) * scale, (dx * ny - dy * nx) * scale
+            u, v = _place(there, here, (i, share, beside, along), how)
+            if u >= HIDDEN:
+                continue
+            red, green, blue, alpha = _cubic(film, u, v) if how.sharp else _linear(film, u, v)
+            if alpha > canvas[y, x, channels - 1]:
+                canvas[y, x, 0] = red
+                if channels == 4:
+                    canvas[y, x, 1] = green
+                    canvas[y, x, 2] = blue
+                canvas[y, x, channels - 1] = alpha
+
+
+@KERNEL
+def _place(there, here, at, how):  # type: ignore[no-untyped-def]
+    """Where in the film is what lies at a step and share of it, beside it and along it [px]."""
+    i, share, beside, along = at
+    j = i + 1
+    left = beside >= 0
+    a, b = (here.limits[i, 0], here.limits[j, 0]) if left else (here.limits[i, 1], here.limits[j, 1])
+    limit = (a + share * (b - a)) * how.across
+    t = unsqueezed(abs(beside), limit)
+    if how.mirrored:
+        left = not left
+    a, b = (
+        (there.limits[i, 0], there.limits[j, 0]) if left else (there.limits[i, 1], there.limits[j, 1])
+    )
+    o = squeezed(t, a + share * (b - a))
+    if o >= HIDDEN:
+        return HIDDEN, HIDDEN
+    if not left:
+        o = -o
+    keep = 1 - share
+    nx = keep * there.normals[i, 0] + share * there.normals[j, 0]
+    ny = keep * there.normals[i, 1] + share * there.normals[j, 1]
+    u = keep * there.points[i, 0] + share * there.points[j, 0] + o * nx + along * ny
+    v = keep * there.points[i, 1] + share * there.points[j, 1] + o * ny - along * nx
+    return u, v
+
+
+@KERNEL
+def _linear(film, u, v):  # type: ignore[no-untyped-def]
+    """Red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
+    column, row = math.floor(u), math.floor(v)
+    du, dv = np.float32(u - column), np.float32(v - row)
+    red, green, blue, alpha = _weighted(film, column, row, (_ONE - du, du), (_ONE - dv, dv))
+    return red * _UNIT, green * _UNIT, blue * _UNIT, alpha * _UNIT
+
+
+@KERNEL
+def _cubic(film, u, v):  # type: ignore[no-untyped-def]
+    """The same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
+    column, row = math.floor(u), math.floor(v)
+    across, down = keys(u - column), keys(v - row)
+    red, green, blue, alpha = _weighted(film, column - 1, row - 1, across, down)
+    # Where alpha overshoots, the colour goes with it: no fringe.
+    share = min(_UNIT, _ONE / max(alpha, _ONE))
+    alpha = max(alpha, _ZERO) * share
+    return (
+        min(max(red * share, _ZERO), alpha),
+        min(max(green * share, _ZERO), alpha),
+        min(max(blue * share, _ZERO), alpha),
+        alpha,
+    )
+
+
+@KERNEL
+def _weighted(film, left, top, across, down):  # type: ignore[no-untyped-def]
+    """The weighted sum of the pixels from (left, top) on; transparent outside."""
+    height, width, channels = film.shape
+    red = green = blue = alpha = _ZERO
+    taps = len(across)
+    inside = left >= 0 and top >= 0 and left + taps <= width and top + taps <= height
+    for j in range(taps):
+        y = top + j
+        r = g = b = a = _ZERO
+        if inside and channels == 4:
+            for i in range(taps):
+                r += across[i] * film[y, left + i, 0]
+                g += across[i] * film[y, left + i, 1]
+                b += across[i] * film[y, left + i, 2]
+                a += across[i] * film[y, left + i, 3]
+        elif inside:
+            for i in range(taps):
+                r += across[i] * film[y, left + i, 0]
+                a += across[i] * film[y, left + i, 1]
+        elif 0 <= y < height:
+            for i in range(max(-left, 0), min(taps, width - left)):
+                r += across[i] * film[y, left + i, 0]
+                a += across[i] * film[y, left + i, channels - 1]
+                if channels == 4:
+                    g += across[i] * film[y, left + i, 1]
+                    b += across[i] * film[y, left + i, 2]
+        red += down[j] * r
+        green += down[j] * g
+        blue += down[j] * b
+        alpha += down[j] * a
+    return red, green, blue, alpha

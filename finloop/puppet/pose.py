@@ -1,0 +1,124 @@
+"""A pose: where an animal is, where it heads, how large it is, and its posture, how it is bent.
+
+A posture is a vector, so that postures can be added, averaged and faded. It has the head's place
+from the mass centre, ahead and to the left, in sizes of the animal (its typical length); then the
+directions of the backbone's n steps from head to tail, seen towards the head, in radians against
+the heading, + = turned to the animal's left; then the lengths of these steps, in sizes.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import ArrayLike, NDArray
+
+from finloop.base.arrays import Floats, Points, Reals
+from finloop.base.schema import lists_to_array
+from finloop.distance.picture import typical_length
+
+_AHEAD, _LEFT, _STEPS = 0, 1, 2
+
+
+@dataclass(frozen=True)
+class Pose:
+    """The pose of one animal, or of many in arrays with the leading axes (…).
+
+    x_px, y_px: (…) mass centre, y down. heading_rad: (…) anticlockwise as seen, 0 = to the right.
+    size_px: (…) typical length of the animal. posture: (…, 2 + 2 n), see above.
+    """
+
+    x_px: Floats
+    y_px: Floats
+    heading_rad: Floats
+    size_px: Floats
+    posture: Floats
+
+    def __len__(self) -> int:
+        return len(self.posture)
+
+    def __getitem__(self, rows: Any) -> "Pose":
+        """The poses of some rows, or of one."""
+        return Pose(
+            self.x_px[rows], self.y_px[rows], self.heading_rad[rows], self.size_px[rows],
+            self.posture[rows],
+        )  # fmt: skip
+
+    def at(
+        self, x_px: ArrayLike, y_px: ArrayLike, heading_rad: ArrayLike, size_px: ArrayLike
+    ) -> "Pose":
+        """The same posture elsewhere; whatever is one number is the same for all poses."""
+        place = (x_px, y_px, heading_rad, size_px)
+        x, y, heading, size = (
+            np.broadcast_to(np.asarray(part, float), self.posture.shape[:-1]) for part in place
+        )
+        return Pose(x, y, heading, size, self.posture)
+
+    def mirrored(self) -> "Pose":
+        """Mirrored about the line through the mass centre in the direction of the heading."""
+        return replace(self, posture=mirrored(self.posture))
+
+    @property
+    def head_px(self) -> Points:
+        """The head end (…, 2) x, y of the backbone, px."""
+        ahead, left = self.posture[..., _AHEAD], self.posture[..., _LEFT]
+        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
+        x = self.x_px + self.size_px * (cos * ahead - sin * left)
+        y = self.y_px - self.size_px * (sin * ahead + cos * left)
+        return np.stack([x, y], -1)
+
+    @property
+    def angles_rad(self) -> Floats:
+        """The directions (…, n) on screen of the backbone's steps, towards the head."""
+        return bends(self.posture) + self.heading_rad[..., None]
+
+    @property
+    def steps_px(self) -> Floats:
+        """The lengths (…, n) of the backbone's steps."""
+        return steps(self.posture) * self.size_px[..., None]
+
+    def backbone_px(self) -> Points:
+        """The backbone (…, n + 1, 2) x, y, from head to tail, px."""
+        angles, length = self.angles_rad, self.steps_px[..., None]
+        way = np.stack([-np.cos(angles), np.sin(angles)], -1) * length
+        head = self.head_px[..., None, :]
+        return np.concatenate([head, head + way.cumsum(-2)], -2)
+
+
+def bends(posture: Floats) -> Floats:
+    """The directions (…, n) in postures (…, 2 + 2 n); a view."""
+    return posture[..., _STEPS : _STEPS + posture.shape[-1] // 2 - 1]
+
+
+def steps(posture: Floats) -> Floats:
+    """The lengths (…, n) in postures (…, 2 + 2 n); a view."""
+    return posture[..., posture.shape[-1] // 2 + 1 :]
+
+
+def mirrored(posture: Floats) -> Floats:
+    """Postures (…, 2 + 2 n), left and right exchanged."""
+    other = posture.copy()
+    other[..., _LEFT] *= -1
+    bends(other)[...] *= -1
+    return other
+
+
+def filmed(features: pd.DataFrame, backbones: Reals) -> Pose:
+    """The poses (k) of the rows of a feature table.
+
+    features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
+    first, as `features.table.features` gives them; of an animal with a thin tail `puppet.trunk` makes them.
+    """
+    lines = np.asarray(backbones, float)
+    way = -np.diff(lines, axis=1)
+    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    heading = np.radians(features["heading_deg"].to_numpy(float))
+    size = typical_length(features).to_numpy(float)
+    angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
+    length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]
+    dx, dy = (lines[:, 0] - np.stack([x, y], -1)).T / size
+    cos, sin = np.cos(heading), np.sin(heading)
+    head = np.stack([cos * dx - sin * dy, -sin * dx - cos * dy], -1)
+    posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)
+    return Pose(x, y, heading, size, posture)

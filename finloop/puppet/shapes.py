@@ -1,0 +1,106 @@
+"""The few principal shapes of a film's postures, and which postures it shows (PCA).
+
+As with the worm in Stephens et al. 2008 ("eigenworms"), a posture is the mean plus a few codes
+times the shapes. Every posture counts together with its mirror image: left and right are equal.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Floats, Mask
+from finloop.errors import FinloopError
+from finloop.puppet.pose import bends, mirrored, steps
+
+_GAP = 0.99  # quantile of how far the film's postures are from the nearest other one
+
+
+class Nearest(NamedTuple):
+    """Postures (…, d) that are possible, and whether (…) they had to be changed."""
+
+    posture: Floats
+    clamped: Mask
+
+
+@dataclass(frozen=True)
+class PoseShapes:
+    """Principal shapes of postures (…, d), see `puppet.pose`.
+
+    mean: (d,) posture. shapes: (c, d) orthonormal, of weighted postures, the most important one
+    first. weights: (d,), so that bends count by their mean square along the body, steps by their
+    sum. variance: (c,) of the codes; total_variance: of the postures. codes: (2 k, c) of the
+    postures and their mirror images. gap: how far from one of these a posture may be.
+    """
+
+    mean: Floats
+    shapes: Floats
+    weights: Floats
+    variance: Floats
+    total_variance: float
+    codes: Floats = field(repr=False)
+    gap: float
+
+    @classmethod
+    def fit(cls, postures: Floats, share: float = 0.99) -> "PoseShapes":
+        """The shapes of postures (k, d) that explain `share` of their variance.
+
+        Raises
+        ------
+        FinloopError
+            If there are fewer than two postures, or one is not finite.
+        """
+        broken = int((~np.isfinite(postures)).any(1).sum())
+        if len(postures) < 2 or broken:
+            raise FinloopError(
+                f"{len(postures)} postures, {broken} of them not finite",
+                "two or more postures of a film",
+                "take those of `finloop.puppet.filmed`",
+            )
+        both = np.concatenate([postures, mirrored(postures)])
+        weights = np.ones(both.shape[1])
+        count = bends(weights).size
+        bends(weights)[:] = count**-0.5
+        steps(weights)[:] = count**0.5
+        mean = both.mean(0)
+        apart = (both - mean) * weights
+        variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
+        variance, shapes = np.maximum(variance[::-1], 0), shapes.T[::-1]
+        total = float(variance.sum())
+        enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
+        codes = apart @ shapes[:enough].T
+        nearest = scipy.spatial.cKDTree(codes).query(codes, k=2)[0][:, 1]
+        gap = float(np.quantile(nearest, _GAP))
+        return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
+
+    @property
+    def explained(self) -> Floats:
+        """The share (c,) of the variance that each shape explains."""
+        return self.variance / self.total_variance
+
+    def encode(self, postures: Floats) -> Floats:
+        """The codes (…, c) of postures (…, d)."""
+        return (postures - self.mean) * self.weights @ self.shapes.T
+
+    def decode(self, codes: Floats) -> Floats:
+        """The postures (…, d) of codes (…, c)."""
+        return self.mean + codes @ self.shapes / self.weights
+
+    @cached_property
+    def _tree(self) -> scipy.spatial.cKDTree:
+        return scipy.spatial.cKDTree(self.codes)
+
+    def nearest(self, postures: Floats) -> Nearest:
+        """The nearest postures (…, d) that the film shows, or nearly.
+
+        A posture whose codes are within `gap` of a filmed one stays as it is. Any other one is
+        moved straight towards the nearest filmed one until it is so near.
+        """
+        codes = self.encode(postures)
+        apart, row = self._tree.query(codes)
+        away = np.minimum(1, self.gap / np.maximum(apart, 1e-12))[..., None]
+        near = self.codes[row] + (codes - self.codes[row]) * away
+        clamped = np.asarray(apart > self.gap)
+        return Nearest(np.where(clamped[..., None], self.decode(near), postures), clamped)

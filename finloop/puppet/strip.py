@@ -1,0 +1,127 @@
+"""The strip of picture along a backbone, and where each of its places lies in a pose.
+
+A place of the strip is (i, t): i counts steps of the backbone from head to tail, t [px] lies beside
+it. A pose puts it at B(i) + o N(i), where o is t, squeezed on the inner side of a bend. There a
+cross-section ends on the medial axis (Blum 1967), where another part of the backbone is as near: so
+no two cross-sections meet, and no place is seen twice.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from finloop.base.arrays import Floats
+
+BEYOND = 4
+"""Steps by which a strip goes on, straight, beyond either end of its backbone."""
+
+HIDDEN = 1e9
+"""The distance [px] of what a pose does not show."""
+
+KERNEL = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+"""How kernels of this room are compiled: nothing in them is infinite or not a number."""
+
+_FREE = 0.5  # share of a cross-section, from the backbone on, that is not squeezed
+_LEAST = 1e-6  # px, a cross-section that shows nothing
+
+
+class Line(NamedTuple):
+    """One animal's backbone in a picture, px; as `puppet.pose.Pose` says."""
+
+    x_px: float
+    y_px: float
+    heading_rad: float
+    size_px: float
+    posture: Floats
+
+
+class Strip(NamedTuple):
+    """The m = n + 1 + 2 BEYOND cross-sections of a strip.
+
+    points: (m, 2) px on the backbone; normals: (m, 2) unit vectors to the animal's left; limits:
+    (m, 2) px, how long a section is on its left and right.
+    """
+
+    points: Floats
+    normals: Floats
+    limits: Floats
+
+
+@KERNEL
+def strip(line: Line) -> Strip:
+    """The strip along a backbone, straight beyond its ends."""
+    n = len(line.posture) // 2 - 1
+    bends, steps = line.posture[2 : 2 + n], line.posture[2 + n :]
+    m = n + 1 + 2 * BEYOND
+    points, normals = np.empty((m, 2)), np.empty((m, 2))
+    ahead, left = line.posture[0] * line.size_px, line.posture[1] * line.size_px
+    cos, sin = math.cos(line.heading_rad), math.sin(line.heading_rad)
+    x, y = line.x_px + cos * ahead - sin * left, line.y_px - sin * ahead - cos * left
+    for i in range(BEYOND + 1):
+        cos, sin = math.cos(line.heading_rad + bends[0]), math.sin(line.heading_rad + bends[0])
+        away = (BEYOND - i) * steps[0] * line.size_px
+        points[i, 0], points[i, 1] = x + away * cos, y - away * sin
+        normals[i, 0], normals[i, 1] = -sin, -cos
+    for i in range(BEYOND + 1, m):
+        before, after = min(i - BEYOND - 1, n - 1), min(i - BEYOND, n - 1)
+        angle, step = line.heading_rad + bends[before], steps[before] * line.size_px
+        points[i, 0] = points[i - 1, 0] - step * math.cos(angle)
+        points[i, 1] = points[i - 1, 1] + step * math.sin(angle)
+        angle += (bends[after] - bends[before]) / 2
+        normals[i, 0], normals[i, 1] = -math.sin(angle), -math.cos(angle)
+    return Strip(points, normals, _limits(points, normals))
+
+
+@KERNEL
+def _limits(points, normals):  # type: ignore[no-untyped-def]
+    """The radii (m, 2) of the largest circles that touch the backbone at one point alone."""
+    m = len(points)
+    first, last = BEYOND, m - 1 - BEYOND
+    while first > 0 and _free(points, first - 1, BEYOND):
+        first -= 1
+    while last < m - 1 and _free(points, last + 1, m - 1 - BEYOND):
+        last += 1
+    curve = np.full((m, 2), 1 / _LEAST)  # 1 / radius
+    for i in range(first, last + 1):
+        curve[i, :] = 1 / HIDDEN
+        for j in range(first, last + 1):
+            dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            square = dx * dx + dy * dy + _LEAST**2
+            bent = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / square
+            curve[i, 0], curve[i, 1] = max(curve[i, 0], bent), max(curve[i, 1], -bent)
+    return 1 / curve
+
+
+@KERNEL
+def _free(points, i, end):  # type: ignore[no-untyped-def]
+    """Whether point i, beyond an end of the backbone, is nearer to that end than to the rest."""
+    own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
+    for j in range(BEYOND, len(points) - BEYOND):
+        square = (points[j, 0] - points[i, 0]) ** 2 + (points[j, 1] - points[i, 1]) ** 2
+        if square < 0.99 * own:
+            return False
+    return True
+
+
+@KERNEL
+def squeezed(t: float, limit: float) -> float:
+    """The distance [px] from the backbone at which t ≥ 0 lies, or HIDDEN."""
+    free = _FREE * limit
+    if t <= free:
+        return t
+    rest = limit - free
+    far = (t - free) / rest
+    return free + rest * (far - far * far / 4) if far < 2 else HIDDEN
+
+
+@KERNEL
+def unsqueezed(o: float, limit: float) -> float:
+    """The inverse of `squeezed`."""
+    free = _FREE * limit
+    if o <= free:
+        return o
+    rest = limit - free
+    far = (o - free) / rest
+    return free + rest * 2 * (1 - math.sqrt(1 - far)) if far < 1 else HIDDEN

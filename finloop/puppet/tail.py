@@ -1,0 +1,75 @@
+"""Backbones of an animal with a fat body and a thin tail, a mouse, so that frames compare.
+
+Such a tail is seen in some frames and not in others, and the backbone of a fat body is drawn
+towards it. So the backbone is smoothed as far as the body is wide, and parted where the body ends:
+the body has the same number of steps in every frame, and the tail steps of the same length.
+"""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Points, Reals
+from finloop.base.schema import lists_to_array
+from finloop.extract.backbone import resample
+
+_SMOOTHING = 0.5  # standard deviation in half widths of the body
+_BODY = 5 / 8  # of the steps
+_SEEN = 0.95  # quantile of the tails' lengths as seen that stands for the whole tail
+
+
+def trunk(tracks: pd.DataFrame, backbones: Reals, thin: float = 0.4) -> Points:
+    """Backbones (k, n, 2) px, head first, that have the same part of the body at every point.
+
+    tracks: backbone_x_px, backbone_y_px, half_width_px of the rows. backbones: (k, n, 2) of the
+    same, head first, as `features.table.features` gives them. The body ends where it has become
+    `thin` times as wide as where it is widest; where no tail is seen, the line goes on straight.
+    """
+    widths = _head_first(tracks, backbones)
+    lines = np.stack([
+        _smoothed(line, width) for line, width in zip(backbones.astype(float), widths, strict=True)
+    ])  # fmt: skip
+    count = lines.shape[1]
+    body = max(1, round(_BODY * (count - 1)))
+    step = np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
+    end = _body_end(widths, thin)
+    tail = np.quantile((count - 1 - end) * step, _SEEN) / step  # in steps, as all that follows
+    shares = np.arange(count - body) / max(count - 1 - body, 1)
+    before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
+    at = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)
+    low = np.minimum(at.astype(int), count - 2)[..., None]
+    start, stop = (np.take_along_axis(lines, low + k, 1) for k in (0, 1))
+    return start + (at[..., None] - low) * (stop - start)
+
+
+def _head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
+    """The half widths (k, n) px, head first."""
+    width = lists_to_array(tracks["half_width_px"]).astype(float)
+    first = np.stack([lists_to_array(tracks[f"backbone_{x}_px"])[:, 0] for x in "xy"], -1)
+    near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
+    return np.where((near <= far)[:, None], width, width[:, ::-1])
+
+
+def _body_end(widths: Floats, thin: float) -> Floats:
+    """Where bodies (k, n) end, in points from the head; n - 1 of one that has no tail."""
+    points = np.arange(widths.shape[1])
+    most = widths.max(1, keepdims=True)
+    tail = (widths < thin * most) & (points > widths.argmax(1)[:, None])
+    first = np.where(tail.any(1), tail.argmax(1), points[-1])
+    rows = np.arange(len(widths))
+    inner, outer = widths[rows, first - 1], widths[rows, first]
+    drop = np.maximum(inner - outer, 1e-9)
+    share = np.where(tail.any(1), np.clip((inner - thin * most[:, 0]) / drop, 0, 1), 1)
+    return first - 1 + share
+
+
+def _smoothed(line: Floats, width: Floats) -> Floats:
+    """A backbone (n, 2) without bends that are shorter than it is wide; its ends stay."""
+    count = len(line)
+    step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
+    inner = width.copy()
+    inner[[0, -1]] = width[[1, -2]]  # at the tips there is none
+    spread = np.clip(_SMOOTHING * inner / step, 1e-3, count / 4)
+    long = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
+    places = np.arange(len(long)) - (count - 1)
+    weight = np.exp(-0.5 * ((places - np.arange(count)[:, None]) / spread[:, None]) ** 2)
+    return resample(weight / weight.sum(1, keepdims=True) @ long, count)
