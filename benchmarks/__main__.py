@@ -1,6 +1,18 @@
 """All benchmarks, one after the other: `python -m benchmarks`, or `make bench`."""
 
-from benchmarks import accuracy, animate, bpn, curve, distance, memory, morph, render, speed, table2
+from benchmarks import (
+    accuracy,
+    animate,
+    bpn,
+    curve,
+    distance,
+    memory,
+    morph,
+    puppet,
+    render,
+    speed,
+    table2,
+)
 
 if __name__ == "__main__":
     for benchmark in (
@@ -11,6 +23,7 @@ if __name__ == "__main__":
         distance,
         animate,
         render,
+        puppet,
         curve,
         morph,
         table2,

@@ -6,9 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats
 from finloop.base.sampling import keys
-from finloop.puppet.strip import HIDDEN, KERNEL, Line, Strip, squeezed, strip, unsqueezed
+from finloop.puppet.strip import HIDDEN, KERNEL, LEAST, Line, squeezed, strip, unsqueezed
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
 _STRIDE = 2.0  # px between the places where alpha is looked for
@@ -25,7 +24,7 @@ class How(NamedTuple):
 
 @KERNEL
 def lay(
-    canvas: NDArray[np.float32], film: NDArray[np.generic], source: Line, target: Line, how: How
+    canvas: NDArray[np.float32], film: NDArray[np.float32], source: Line, target: Line, how: How
 ) -> None:
     """Draw the strip along `source` in a film's picture along `target` in the canvas.
 
@@ -35,13 +34,14 @@ def lay(
     there, here = strip(source), strip(target)
     reach = _reach(film, there) / how.across
     for i in range(len(here.points) - 1):
+        if min(here.limits[i : i + 2].min(), there.limits[i : i + 2].min()) <= 2 * LEAST:
+            continue
         left, right = reach[i, 0], reach[i, 1]
         if how.mirrored:
             left, right = right, left
         left = min(left, max(here.limits[i, 0], here.limits[i + 1, 0]))
         right = min(right, max(here.limits[i, 1], here.limits[i + 1, 1]))
-        if left > 0 or right > 0:
-            _step(canvas, film, (there, here), (i, left, right), how)
+        _step(canvas, film, (there, here), (i, left, right), how)
 
 
 @KERNEL
@@ -75,17 +75,27 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
 
 
 @KERNEL
-def _span(y, ends, tangents):  # type: ignore[no-untyped-def]
-    """From which x to which a row is between the cross-sections at both ends of a step."""
-    (ax, ay), (bx, by) = ends
-    (atx, aty), (btx, bty) = tangents
+def _section(strip, i):  # type: ignore[no-untyped-def]
+    """A cross-section as numbers: point, normal, and limits on its left and right."""
+    return (
+        (strip.points[i, 0], strip.points[i, 1]),
+        (strip.normals[i, 0], strip.normals[i, 1]),
+        (strip.limits[i, 0], strip.limits[i, 1]),
+    )
+
+
+@KERNEL
+def _span(y, one, other):  # type: ignore[no-untyped-def]
+    """From which x to which a row is between two cross-sections."""
+    (ax, ay), (anx, any_), _ = one
+    (bx, by), (bnx, bny), _ = other
     start, stop = -HIDDEN, HIDDEN
-    if abs(atx) > 1e-9:
-        cut = ax - (y - ay) * aty / atx
-        start, stop = (cut, stop) if atx > 0 else (start, cut)
-    if abs(btx) > 1e-9:
-        cut = bx - (y - by) * bty / btx
-        start, stop = (start, min(stop, cut)) if btx > 0 else (max(start, cut), stop)
+    if abs(any_) > 1e-9:
+        cut = ax + (y - ay) * anx / any_
+        start, stop = (cut, stop) if any_ > 0 else (start, cut)
+    if abs(bny) > 1e-9:
+        cut = bx + (y - by) * bnx / bny
+        start, stop = (start, min(stop, cut)) if bny > 0 else (max(start, cut), stop)
     return start - 1e-3, stop + 1e-3
 
 
@@ -94,25 +104,24 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
     """Draw one step of the strip, `part`: which, and how far to its left and right."""
     height, width, channels = canvas.shape
     (there, here), (i, left, right) = strips, part
-    ax, ay, bx, by = here.points[i, 0], here.points[i, 1], here.points[i + 1, 0], here.points[i + 1, 1]
-    anx, any_ = here.normals[i, 0], here.normals[i, 1]
-    bnx, bny = here.normals[i + 1, 0], here.normals[i + 1, 1]
+    one, other = _section(here, i), _section(here, i + 1)
+    (ax, ay), (anx, any_), _ = one
+    (bx, by), (bnx, bny), _ = other
+    film_one, film_other = _section(there, i), _section(there, i + 1)
     xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
     ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
     low, high = max(min(xs), 0.0), min(max(xs), width - 1.0)
     for y in range(math.ceil(max(min(ys), 0.0)), math.floor(min(max(ys), height - 1.0)) + 1):
-        start, stop = _span(y, ((ax, ay), (bx, by)), ((any_, -anx), (bny, -bnx)))
+        start, stop = _span(y, one, other)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
             before = (x - ax) * any_ - (y - ay) * anx
             after = (bx - x) * bny - (by - y) * bnx
             if before < 0 or after <= 0:
                 continue
             share = before / (before + after)
-            nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
-            dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
-            scale = how.across / (nx * nx + ny * ny)
-            beside, along = (dx * nx + dy * ny) * scale, (dx * ny - dy * nx) * scale
-            u, v = _place(there, here, (i, share, beside, along), how)
+            t, along = _beside(x, y, one, other, share)
+            at = t * how.across, along * how.across, share
+            u, v = _place(at, film_one, film_other, how.mirrored)
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = _cubic(film, u, v) if how.sharp else _linear(film, u, v)
@@ -125,29 +134,36 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
 
 
 @KERNEL
-def _place(there, here, at, how):  # type: ignore[no-untyped-def]
-    """Where in the film is what lies at a step and share of it, beside it and along it [px]."""
-    i, share, beside, along = at
-    j = i + 1
-    left = beside >= 0
-    a, b = (here.limits[i, 0], here.limits[j, 0]) if left else (here.limits[i, 1], here.limits[j, 1])
-    limit = (a + share * (b - a)) * how.across
-    t = unsqueezed(abs(beside), limit)
-    if how.mirrored:
-        left = not left
-    a, b = (
-        (there.limits[i, 0], there.limits[j, 0]) if left else (there.limits[i, 1], there.limits[j, 1])
-    )
-    o = squeezed(t, a + share * (b - a))
-    if o >= HIDDEN:
+def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
+    """How far (x, y) lies beside the backbone, on the strip, and along it from its section."""
+    (ax, ay), (anx, any_), (aleft, aright) = one
+    (bx, by), (bnx, bny), (bleft, bright) = other
+    nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
+    dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
+    norm = 1 / (nx * nx + ny * ny)
+    o, along = (dx * nx + dy * ny) * norm, (dx * ny - dy * nx) * norm
+    if o >= 0:
+        return unsqueezed(o, aleft + share * (bleft - aleft)), along
+    return -unsqueezed(-o, aright + share * (bright - aright)), along
+
+
+@KERNEL
+def _place(at, one, other, mirrored):  # type: ignore[no-untyped-def]
+    """Where in the film lies a place of the strip; the inverse of `_beside`."""
+    (ax, ay), (anx, any_), (aleft, aright) = one
+    (bx, by), (bnx, bny), (bleft, bright) = other
+    t, along, share = at
+    if mirrored:
+        t = -t
+    if t >= 0:
+        o = squeezed(t, aleft + share * (bleft - aleft))
+    else:
+        o = -squeezed(-t, aright + share * (bright - aright))
+    if abs(o) >= HIDDEN:
         return HIDDEN, HIDDEN
-    if not left:
-        o = -o
-    keep = 1 - share
-    nx = keep * there.normals[i, 0] + share * there.normals[j, 0]
-    ny = keep * there.normals[i, 1] + share * there.normals[j, 1]
-    u = keep * there.points[i, 0] + share * there.points[j, 0] + o * nx + along * ny
-    v = keep * there.points[i, 1] + share * there.points[j, 1] + o * ny - along * nx
+    nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
+    u = ax + share * (bx - ax) + o * nx + along * ny
+    v = ay + share * (by - ay) + o * ny - along * nx
     return u, v
 
 

@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from finloop.base.arrays import Floats, Points, Reals
-from finloop.base.schema import lists_to_array
 from finloop.distance.picture import typical_length
 
 _AHEAD, _LEFT, _STEPS = 0, 1, 2
@@ -107,7 +106,7 @@ def filmed(features: pd.DataFrame, backbones: Reals) -> Pose:
     """The poses (k) of the rows of a feature table.
 
     features: track_id, x_px, y_px, heading_deg, body_length_px. backbones: (k, n + 1, 2) px, head
-    first, as `features.table.features` gives them; of an animal with a thin tail `puppet.trunk` makes them.
+    first, as `features.table.features` gives them, of an animal with a thin tail `puppet.trunk`.
     """
     lines = np.asarray(backbones, float)
     way = -np.diff(lines, axis=1)

@@ -20,11 +20,13 @@ BEYOND = 4
 HIDDEN = 1e9
 """The distance [px] of what a pose does not show."""
 
+LEAST = 1e-6
+"""The length [px] of a cross-section that shows nothing."""
+
 KERNEL = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 """How kernels of this room are compiled: nothing in them is infinite or not a number."""
 
 _FREE = 0.5  # share of a cross-section, from the backbone on, that is not squeezed
-_LEAST = 1e-6  # px, a cross-section that shows nothing
 
 
 class Line(NamedTuple):
@@ -83,12 +85,12 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
         first -= 1
     while last < m - 1 and _free(points, last + 1, m - 1 - BEYOND):
         last += 1
-    curve = np.full((m, 2), 1 / _LEAST)  # 1 / radius
+    curve = np.full((m, 2), 1 / LEAST)  # 1 / radius
     for i in range(first, last + 1):
         curve[i, :] = 1 / HIDDEN
         for j in range(first, last + 1):
             dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
-            square = dx * dx + dy * dy + _LEAST**2
+            square = dx * dx + dy * dy + LEAST**2
             bent = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / square
             curve[i, 0], curve[i, 1] = max(curve[i, 0], bent), max(curve[i, 1], -bent)
     return 1 / curve

@@ -1,0 +1,96 @@
+"""Speed of drawing a frame in another pose, against `cv2.remap` of the same size in the same run.
+
+`python -m benchmarks.puppet` prints the table and writes benchmarks/puppet.csv. Frames of the
+zebrafish and of a drawn carp in colour, 110 px pictures, random rows in poses of others, one core.
+`cv2.remap` takes the same frames with maps that are made before; its filter is named.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import tempfile
+from functools import partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from benchmarks.pipeline import ROOT, prepare, stage
+from benchmarks.speed import paired
+from finloop.base.cutout import Cutout
+from finloop.distance.picture import SPAN
+from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.features.table import USED, features
+from finloop.io.cutouts import open_cutouts
+from finloop.io.record import load_record
+from finloop.io.table import load_table
+from finloop.io.video import load_facts
+from finloop.puppet import Pose, draw, filmed
+from finloop.settings import settings
+
+SIZE, ROWS, LEAST_HZ, MOST_RATIO = 110, 300, 3000, 4
+FILMS = {
+    "zebrafish, grey": ["clip=zebrafish", "clip.parts=A"],
+    "drawn carp, colour": ["clip=carp", "clip.frames=300"],
+}
+FILTERS = {"linear": cv2.INTER_LINEAR, "cubic": cv2.INTER_CUBIC}
+
+
+def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]]:
+    """Random frames of a film, and their poses."""
+    prepare(folder, overrides)
+    for word in ("clip", "extract"):
+        stage(folder, word)
+    extract = folder / "data/extract"
+    points = load_record(extract / "scene.json", SceneFacts, "extract").points
+    tracks = load_table(extract / "tracks.parquet", tracks_schema(points), USED)
+    rate = load_facts(folder / "data/clip/facts.json").frame_rate_hz
+    poses = filmed(*features(tracks, rate, settings("features")))
+    rows = np.random.default_rng(0).integers(len(poses), size=ROWS).tolist()
+    with open_cutouts(extract / "cutouts.arrow") as store:
+        return [store[row] for row in rows], [poses[row] for row in rows]
+
+
+def drawn(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:
+    """Every frame in its target's pose."""
+    for cutout, pose, target in zip(cutouts, own, targets, strict=True):
+        draw(cutout, pose, target, (SIZE, SIZE), sharp=sharp)
+
+
+def remapped(cutouts: list[Cutout], maps: tuple[np.ndarray, np.ndarray], flag: int) -> None:
+    """As many pictures of the same size by cv2.remap alone."""
+    for cutout in cutouts:
+        cv2.remap(cutout.pixels, *maps, flag)
+
+
+def main() -> None:
+    """Measure, print, write."""
+    cv2.setNumThreads(1)
+    results = []
+    middle = (SIZE - 1) / 2
+    v, u = np.indices((SIZE, SIZE), np.float32) * np.float32(0.7)
+    for name, overrides in FILMS.items():
+        with tempfile.TemporaryDirectory() as folder:
+            cutouts, own = frames(Path(folder), overrides)
+        targets = [pose.at(middle, middle, 0, SIZE / SPAN) for pose in own[1:] + own[:1]]
+
+        for ours_name, theirs_name in (
+            ("linear", "linear"),
+            ("cubic", "linear"),
+            ("cubic", "cubic"),
+        ):
+            mine, theirs, ratio, _ = paired(
+                partial(drawn, cutouts, own, targets, ours_name == "cubic"),
+                partial(remapped, cutouts, (u, v), FILTERS[theirs_name]),
+            )
+            what = f"{name}, {ours_name} / cv2.remap, {theirs_name}"
+            results.append((what, ROWS / mine, ROWS / theirs, ratio))
+    table = pd.DataFrame(results, columns=["what", "pictures_per_s", "remaps_per_s", "time_ratio"])
+    table = table.round({"pictures_per_s": 0, "remaps_per_s": 0, "time_ratio": 2})
+    print(table.to_string(index=False))
+    print(f"wanted: {LEAST_HZ} pictures/s, ratio {MOST_RATIO} at most")
+    table.to_csv(ROOT / "benchmarks/puppet.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()
