@@ -18,6 +18,7 @@ import pandas as pd
 from benchmarks.pipeline import ROOT, prepare, stage
 from benchmarks.speed import paired
 from finloop.base.cutout import Cutout
+from finloop.base.settings import settings
 from finloop.distance.picture import SPAN
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import USED, features
@@ -26,7 +27,6 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import load_facts
 from finloop.puppet import Pose, draw, filmed
-from finloop.settings import settings
 
 SIZE, ROWS, LEAST_HZ, MOST_RATIO = 110, 300, 3000, 4
 FILMS = {

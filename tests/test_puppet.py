@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from finloop.base.cutout import Cutout
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.puppet import Pose, PoseShapes, blend, draw, filmed, trunk
 from finloop.puppet.pose import bends, mirrored, steps
 

@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from finloop.base.arrays import Floats, Mask
-from finloop.errors import FinloopError
+from finloop.base.errors import FinloopError
 from finloop.puppet.pose import bends, mirrored, steps
 
 _GAP = 0.99  # quantile of how far the film's postures are from the nearest other one
