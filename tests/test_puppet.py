@@ -142,6 +142,13 @@ def test_a_tail_beside_the_head_is_not_seen_twice():
     assert x.min() > 60 - LENGTH / 2 - 3 and x.max() < 60 + LENGTH / 2 + 3
 
 
+def test_the_far_side_of_a_bend_is_not_seen_beyond_the_near_one():
+    """Straightened, cross-sections of a fan go on beyond its middle, where other skin lies."""
+    fan = draw(straight_body(14), pose(), pose(5.0), SIZE)
+    back = draw(cut(fan), pose(5.0), pose(), SIZE)
+    assert back[:40, :, 3].sum() < 0.01 * back[..., 3].sum()
+
+
 def test_an_open_fin_is_whole():
     finned = straight_body(fin=10)
     fin = finned.pixels[..., 3].sum() / 255 - FRAME[..., 3].sum()
