@@ -10,6 +10,7 @@ from finloop.base.sampling import keys
 from finloop.puppet.strip import HIDDEN, KERNEL, LEAST, Line, squeezed, strip, unsqueezed
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
+_SEAM = 1e-9  # px by which steps overlap: rounding leaves no hole between them
 _STRIDE = 2.0  # px between the places where alpha is looked for
 _UNIT, _ONE, _ZERO = np.float32(1 / 255), np.float32(1), np.float32(0)
 
@@ -116,7 +117,7 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
             before = (x - ax) * any_ - (y - ay) * anx
             after = (bx - x) * bny - (by - y) * bnx
-            if before < 0 or after <= 0:
+            if min(before, after) < -_SEAM or before + after < _SEAM:
                 continue
             share = before / (before + after)
             t, along = _beside(x, y, one, other, share)
