@@ -10,7 +10,7 @@ from finloop.puppet.lay import How, lay
 from finloop.puppet.pose import Pose
 from finloop.puppet.strip import Line
 
-Picture = NDArray[np.float32]
+Premultiplied = NDArray[np.float32]
 
 
 def draw(
@@ -21,7 +21,7 @@ def draw(
     *,
     mirrored: bool = False,
     sharp: bool = True,
-) -> Picture:
+) -> Premultiplied:
     """A fish of the film in another pose: (height, width, c) premultiplied, 0 … 1.
 
     cutout: of the film, c = 2 or 4. pose: its own, px of the film; target: px of the new picture,
@@ -39,7 +39,7 @@ def draw(
     return canvas
 
 
-def blend(one: Picture, other: Picture, weight: float) -> Picture:
+def blend(one: Premultiplied, other: Premultiplied, weight: float) -> Premultiplied:
     """Two pictures (h, w, c) of one pose: 1 − weight of the one and weight of the other.
 
     Light and skin go over; the shape, which is the same, stays.

@@ -136,7 +136,10 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
 
 @KERNEL
 def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
-    """How far (x, y) lies beside the backbone, on the strip, and along it from its section."""
+    """How far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
+
+    Both from the cross-section at `share` between `one` and `other`.
+    """
     (ax, ay), (anx, any_), (aleft, aright) = one
     (bx, by), (bnx, bny), (bleft, bright) = other
     nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
@@ -150,7 +153,11 @@ def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
 
 @KERNEL
 def _place(at, one, other, mirrored):  # type: ignore[no-untyped-def]
-    """Where in the film lies a place of the strip; the inverse of `_beside`."""
+    """Where (u, v) [px] in the film lies a place of the strip; the inverse of `_beside`.
+
+    at: how far beside the backbone and along it, px of the film, and the share from the section
+    `one` to `other`. (HIDDEN, HIDDEN) where the film's pose does not show it.
+    """
     (ax, ay), (anx, any_), (aleft, aright) = one
     (bx, by), (bnx, bny), (bleft, bright) = other
     t, along, share = at

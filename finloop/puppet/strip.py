@@ -78,7 +78,11 @@ def strip(line: Line) -> Strip:
 
 @KERNEL
 def _limits(points, normals):  # type: ignore[no-untyped-def]
-    """The radii (m, 2) of the largest circles that touch the backbone at one point alone."""
+    """The radii (m, 2) [px], left and right, of the largest circles that touch at one point.
+
+    The circle that touches B(i) with its normal N(i) and passes through B(j), d = B(j) − B(i), has
+    the radius |d|² / (2 d·N(i)): the least one over all j counts.
+    """
     m = len(points)
     first, last = BEYOND, m - 1 - BEYOND
     while first > 0 and _free(points, first - 1, BEYOND):
@@ -109,7 +113,11 @@ def _free(points, i, end):  # type: ignore[no-untyped-def]
 
 @KERNEL
 def squeezed(t: float, limit: float) -> float:
-    """The distance [px] from the backbone at which t ≥ 0 lies, or HIDDEN."""
+    """The distance o [px] from the backbone at which the place t ≥ 0 [px] lies, or HIDDEN.
+
+    With f = r = limit / 2 [px]: o = t up to f; beyond it o = f + r (q − q²/4), q = (t − f) / r,
+    which leaves f with slope 1 and reaches the limit, with slope 0, at q = 2. More is hidden.
+    """
     free = _FREE * limit
     if t <= free:
         return t
@@ -120,7 +128,10 @@ def squeezed(t: float, limit: float) -> float:
 
 @KERNEL
 def unsqueezed(o: float, limit: float) -> float:
-    """The inverse of `squeezed`."""
+    """The place t [px] at a distance o ≥ 0 [px], or HIDDEN; the inverse of `squeezed`.
+
+    Beyond f it is t = f + 2 r (1 − √(1 − (o − f) / r)).
+    """
     free = _FREE * limit
     if o <= free:
         return o

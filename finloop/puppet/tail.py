@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Points, Reals
-from finloop.base.schema import lists_to_array
+from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.extract.backbone import resample
 
 _SMOOTHING = 0.5  # standard deviation in half widths of the body
@@ -24,7 +24,7 @@ def trunk(tracks: pd.DataFrame, backbones: Reals, thin: float = 0.4) -> Points:
     same, head first, as `features.table.features` gives them. The body ends where it has become
     `thin` times as wide as where it is widest; where no tail is seen, the line goes on straight.
     """
-    widths = _head_first(tracks, backbones)
+    widths = _half_widths(tracks, backbones)
     lines = np.stack([
         _smoothed(line, width) for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
@@ -35,16 +35,16 @@ def trunk(tracks: pd.DataFrame, backbones: Reals, thin: float = 0.4) -> Points:
     tail = np.quantile((count - 1 - end) * step, _SEEN) / step  # in steps, as all that follows
     shares = np.arange(count - body) / max(count - 1 - body, 1)
     before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
-    at = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)
-    low = np.minimum(at.astype(int), count - 2)[..., None]
+    places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # beyond n - 1 too
+    low = np.minimum(places.astype(int), count - 2)[..., None]
     start, stop = (np.take_along_axis(lines, low + k, 1) for k in (0, 1))
-    return start + (at[..., None] - low) * (stop - start)
+    return start + (places[..., None] - low) * (stop - start)
 
 
-def _head_first(tracks: pd.DataFrame, backbones: Reals) -> Floats:
+def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
     """The half widths (k, n) px, head first."""
     width = lists_to_array(tracks["half_width_px"]).astype(float)
-    first = np.stack([lists_to_array(tracks[f"backbone_{x}_px"])[:, 0] for x in "xy"], -1)
+    first = lists_to_points(tracks, "backbone")[:, 0]
     near, far = (np.abs(first - backbones[:, end]).sum(1) for end in (0, -1))
     return np.where((near <= far)[:, None], width, width[:, ::-1])
 
