@@ -36,7 +36,7 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@dvc plots show >/dev/null
 
 test: setup ## run the tests
-	@python -m pytest -n 2 --dist loadfile
+	@python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Products, decompositions and training: an older kernel rounds them differently, one thread sums in another order.
 NUMERICAL := distance_map bpn tracks curve curve_dynamics curve_stiffness curve_wavelet gait_fit gait_limbs gait_outline gait_period

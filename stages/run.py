@@ -68,7 +68,7 @@ def _set_threads() -> None:
 def _bring_compiled() -> None:
     """Give a temporary experiment, a bare copy elsewhere, the machine code its repository has.
 
-    Compiling it again takes ten seconds. Numba itself checks that the source is the same.
+    Compiling it again takes ten seconds. `base.kernel` checks that the sources are the same.
     """
     root = Path(os.environ.get("DVC_ROOT", "."))  # the repository, also in a temporary experiment
     if root.resolve() == Path.cwd():

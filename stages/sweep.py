@@ -49,7 +49,7 @@ def copy(root: Path, folder: Path, cache: str) -> None:
             shutil.copy2(root / name, folder / name)
         else:
             (folder / name).unlink(missing_ok=True)
-    # Times too: numba takes its compiled code only for a source as old as it was.
+    # With the machine code in __pycache__: compiling it again takes half a minute.
     shutil.copytree(root / "finloop", folder / "finloop", dirs_exist_ok=True)
     settings = f"[cache]\n    dir = {cache}\n"
     (folder / ".dvc/config.local").write_text(settings, encoding="utf-8")

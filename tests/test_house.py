@@ -18,7 +18,7 @@ def above(path: str, text: str) -> Iterator[str]:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             lines = node.end_lineno - node.lineno + 1
-            kernel = any("njit" in ast.unparse(decorator) for decorator in node.decorator_list)
+            kernel = any("kernel" in ast.unparse(decorator) for decorator in node.decorator_list)
             arguments = len(node.args.posonlyargs + node.args.args + node.args.kwonlyargs)
             if lines > FUNCTION_LINES or (kernel and arguments > KERNEL_ARGUMENTS):
                 yield f"{path}::{node.name}"
@@ -39,7 +39,7 @@ def test_what_is_above_a_limit_is_found():
     assert list(above("a.py", long)) == ["a.py::f"]
     assert list(above("a.py", "x = 1\n" * (MODULE_LINES + 1))) == ["a.py"]
     crowd = "(a, b, c, d, e, f, g):\n    pass\n"
-    assert list(above("a.py", f"@njit(cache=True)\ndef f{crowd}\ndef g{crowd}")) == ["a.py::f"]
+    assert list(above("a.py", f"@kernel(cache=True)\ndef f{crowd}\ndef g{crowd}")) == ["a.py::f"]
 
 
 # --- tests

@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import scipy
 import skimage
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
 from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 
 _LOOK_PX = 2.0  # step along a line of sight
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
@@ -69,14 +69,14 @@ class Tank:
                 return float(column), float(row)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def inside(legal: Mask, x: float, y: float) -> bool:
     """Whether the pixel that holds a point is there and legal."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def in_sight(legal: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
     """Whether every point between two is legal."""
     far = np.hypot(to_x - x, to_y - y)

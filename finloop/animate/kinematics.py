@@ -6,10 +6,10 @@ Angles are degrees, anticlockwise as seen (y is down), lengths pixels.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from finloop.animate.arena import inside
 from finloop.base.arrays import Floats, Mask
+from finloop.base.kernel import kernel
 
 
 class Spot(NamedTuple):
@@ -45,19 +45,19 @@ class Turning(NamedTuple):
     sideways: Floats
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def wrap(angle: float) -> float:
     """The same angle in (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
     """Direction of one point seen from another."""
     return np.degrees(np.arctan2(y - to_y, to_x - x))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ahead(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
     """Where one comes to, `forward` along the heading and `sideways` to its left."""
     angle = np.radians(heading)
@@ -65,7 +65,7 @@ def ahead(x: float, y: float, heading: float, forward: float, sideways: float): 
     return x + forward * cos - sideways * sin, y - forward * sin - sideways * cos
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
     """Whether a fish touches a spot."""
     dx, dy = x - spot.x, y - spot.y
@@ -79,7 +79,7 @@ def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: ignore[no-untyped-def]
     """Swim ahead from `start` (x, y, heading), tick by tick.
 
@@ -104,7 +104,7 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: igno
     return way, good, reached
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def turn(  # type: ignore[no-untyped-def]
     legal: Mask, start: Floats, swim: Turning, goal: Spot, aim: Spot, fastest: float
 ):  # fmt: skip

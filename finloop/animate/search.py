@@ -3,13 +3,13 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -68,7 +68,7 @@ class Rules(NamedTuple):
     memory: float
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     """A displacement on the screen (y down), turned anticlockwise as seen."""
     angle = np.radians(rot)
@@ -76,7 +76,7 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after `stride` ticks, at most `most` ticks.
 
@@ -104,7 +104,7 @@ def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
     return x, y, row, most, False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
     """About how many ticks it is to a point: way / pace + turn / turning."""
     far = np.hypot(aim.x - x, aim.y - y)
@@ -112,7 +112,7 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
     return far / rules.pace + error / rules.turning
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
 
@@ -138,7 +138,7 @@ class Found(NamedTuple):
     over: Mask
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def look(
     film: Film, legal: Mask, candidates: Candidates, here: Here, aim: Spot,
     rules: Rules,
@@ -190,7 +190,7 @@ def look(
     return found
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-def]
     """A way has come to the aim or to the horizon: keep it where it is its candidate's best."""
     heading = film.rows[way.row].heading + way.rot
@@ -205,7 +205,7 @@ def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-d
             found.error[first] = abs(wrap(off))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _branch(film, way, branches, m, here, towards):  # type: ignore[no-untyped-def]
     """At a loop end: append playing on, and every jump, to the m branches; how many there are."""
     aim, rules = towards
@@ -238,7 +238,7 @@ def _branch(film, way, branches, m, here, towards):  # type: ignore[no-untyped-d
     return m
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _best(branches, order, over):  # type: ignore[no-untyped-def]
     """The numbers of the best branches, best first, into `order`; how many. The rest are over."""
     n = 0
@@ -259,7 +259,7 @@ def _best(branches, order, over):  # type: ignore[no-untyped-def]
     return n
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def last_on_screen(recent: Ints, n: int) -> Ints:
     """The tick at which each row (n,) was last on screen; `recent` as `Fish` keeps it."""
     last = np.full(n, NEVER)
@@ -270,7 +270,7 @@ def last_on_screen(recent: Ints, n: int) -> Ints:
     return last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def swim(film: Film, way: NDArray[np.void], goal: Spot, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
     """Play from `way` (one row of dtype WAY) to the next loop end after a stride, or to a touch.
 

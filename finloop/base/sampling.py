@@ -1,10 +1,11 @@
 """Weights of pixels between pixels."""
 
 import numpy as np
-from numba import njit
+
+from finloop.base.kernel import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def keys(t):  # type: ignore[no-untyped-def]
     """Weights of the pixels −1, 0, 1, 2 for a place t in [0, 1) after pixel 0 (Keys, a = −1/2)."""
     return (

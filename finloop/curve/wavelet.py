@@ -9,10 +9,10 @@ against Eq. 2.8 that only renumbers them. A filter longer than a scale is folded
 """
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 from finloop.curve.filters import filter_bank
 
 
@@ -71,7 +71,7 @@ def back(coefficients: Floats, wavelet: str, levels: int) -> Floats:
     return out
 
 
-@njit(cache=True)
+@kernel
 def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
     """Fill `padded` with rows of `source` (half · k,) from row `first` on, periodically."""
     start = (first % half) * k
@@ -83,7 +83,7 @@ def _spread(padded, source, half, k, first):  # type: ignore[no-untyped-def]
         padded[i] = source[index]
 
 
-@njit(cache=True)
+@kernel
 def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
     """`forward` in place, curves (b, n, k), filters (2, taps).
 
@@ -122,7 +122,7 @@ def _analyse(curves, filters, levels):  # type: ignore[no-untyped-def]
                     high[j] += b * run[j]
 
 
-@njit(cache=True)
+@kernel
 def _synthesise(curves, filters, levels):  # type: ignore[no-untyped-def]
     """`back` in place, curves (b, n, k), filters (2, taps)."""
     count, n, k = curves.shape

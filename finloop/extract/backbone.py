@@ -16,10 +16,10 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 import skimage
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.kernel import kernel
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
@@ -69,7 +69,7 @@ def smoother(points: int) -> Floats:
     return np.linalg.inv(np.eye(points) + _SMOOTHING / points * third.T @ third)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
     height, width = field.shape
     x0, y0 = int(np.floor(x)), int(np.floor(y))
@@ -80,7 +80,7 @@ def _bilinear(field, x, y):  # type: ignore[no-untyped-def]
     return (1 - v) * top + v * ((1 - u) * field[y0 + 1, x0] + u * field[y0 + 1, x0 + 1])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def resample(xy: Floats, points: int) -> Floats:
     """`points` points at equal arc lengths along the polyline `xy` (m, 2)."""
     arc = np.zeros(len(xy))
@@ -93,13 +93,13 @@ def resample(xy: Floats, points: int) -> Floats:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _share_below(before, here, half):  # type: ignore[no-untyped-def]
     """Share, in [0, 1], of the last step that lies beyond the crossing of `half`."""
     return 1.0 if before <= half else (half - here) / (before - here)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     """Point at which the line `xy`, extended beyond its first end, leaves the fish.
 
@@ -130,7 +130,7 @@ def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
     return np.array([inside[0] + low * dx, inside[1] + low * dy])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
     """Distance from `point` (x, y) along `normal` (x, y) to where the field falls below `half`."""
     (x, y), (nx, ny) = point, normal
@@ -145,7 +145,7 @@ def _flank(field, point, normal, half, reach):  # type: ignore[no-untyped-def]
     return reach
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     """The outline (points, 2) x, y where `alpha` (h, w; 255 = fish) crosses one half.
 
@@ -169,7 +169,7 @@ def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
     return _closed(out, points)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _closed(xy, points):  # type: ignore[no-untyped-def]
     """`points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
     line = np.empty((len(xy) + 1, 2))
@@ -178,7 +178,7 @@ def _closed(xy, points):  # type: ignore[no-untyped-def]
     return resample(line, points + 1)[:-1].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def upper_level(patch: Picture, threshold: float, share: float) -> float:
     """The level below which `share` of the pixels of `patch` that exceed `threshold` lie."""
     count = np.zeros(256, np.int64)
@@ -194,7 +194,7 @@ def upper_level(patch: Picture, threshold: float, share: float) -> float:
     return float(start)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _median3(values):  # type: ignore[no-untyped-def]
     out = values.copy()
     for i in range(1, values.size - 1):
@@ -202,7 +202,7 @@ def _median3(values):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
     """Extend the path to the outline, centre it between the flanks, smooth and resample it."""
     xy = smooth @ resample(path, points)

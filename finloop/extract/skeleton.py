@@ -5,15 +5,15 @@ geodesic of the skeleton graph, a diagonal step costing √2.
 """
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.kernel import kernel
 
 _FORK = 3.0  # a path's end is cut where it is nearer to the tip than this share of its half width
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
     """Longest shortest path of a skeleton, as (m, 2) x, y (§2.2.1, Fig. 4: A to D).
 
@@ -61,7 +61,7 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
     return path[:length].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
     """The path without its forked ends.
 
@@ -80,7 +80,7 @@ def trim_forks(path: Floats, half_width: NDArray[np.float32]) -> Floats:
     return path[first : max(last + 1, first)].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _farthest(distance: Floats) -> int:
     best = 0
     for i in range(distance.size):
@@ -91,7 +91,7 @@ def _farthest(distance: Floats) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _geodesic(number, xs, ys, weight, start):  # type: ignore[no-untyped-def]
     """Distances from `start` over the 8-connected skeleton, and each pixel's predecessor."""
     height, width = number.shape

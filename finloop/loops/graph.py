@@ -11,12 +11,12 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.kernel import kernel
 
 Leg = tuple[int, int, str]
 PLAY, JUMP = "play", "jump"
@@ -105,7 +105,7 @@ def ranked(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDA
     return rank[name]
 
 
-@njit(cache=True)
+@kernel
 def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
     """Rows (n,) from which one can play for ever: all but those that only lead to ends of tracks.
 

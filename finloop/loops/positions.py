@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Reals
+from finloop.base.kernel import kernel
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -28,7 +28,7 @@ def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
     return (np.floor(angle / 90) % 4 + 1).astype(np.int8)
 
 
-@njit(cache=True)
+@kernel
 def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
     """The first loop end at least `stride` rows after a row, or the last row of its track.
 

@@ -14,13 +14,13 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 import scipy
-from numba import njit
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.picture import typical_length
 from finloop.features.table import delta_of, wrap_deg
@@ -127,7 +127,7 @@ def filtered(
     return _filtered(pairs, track, weights(dynamics), limit)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
     """The first place in j[low:high], rising, that holds `least` or more."""
     while low < high:
@@ -139,7 +139,7 @@ def _column(j: NDArray[np.int32], low: int, high: int, least: int) -> int:
     return low
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _filtered(
     pairs: SparseMap, track: NDArray[np.int32], weight: Floats, limit: float
 ) -> NDArray[np.float32]:
@@ -168,7 +168,7 @@ def _filtered(
     return value
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
 ) -> tuple[Ints, NDArray[np.int32]]:
@@ -236,7 +236,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     return bad
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def chosen(a: Rows, b: Rows, most: int) -> Mask:
     """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
     used = np.zeros(b.max() + 1, np.int32)

@@ -6,15 +6,15 @@ neither overflow nor underflow: coordinates that are 0 or between 1e-70 and 1e70
 """
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Points
+from finloop.base.kernel import kernel
 
 _SURE = (3 + 16 * 2.0**-53) * 2.0**-53  # Shewchuk's ccwerrboundA
 _SPLIT = 134217729.0  # 2^27 + 1
 
 
-@njit(cache=True)
+@kernel
 def _two_product(a: float, b: float) -> tuple[float, float]:
     """a·b as a float, and its rounding error (Dekker)."""
     product = a * b
@@ -28,7 +28,7 @@ def _two_product(a: float, b: float) -> tuple[float, float]:
     return product, rest
 
 
-@njit(cache=True)
+@kernel
 def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
     """Sign of the determinant, its six products added up without rounding (grow-expansion)."""
     left = (ax, -ay, bx, -by, cx, -cy)
@@ -54,7 +54,7 @@ def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
     return 0
 
 
-@njit(cache=True)
+@kernel
 def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: float) -> int:
     """Sign of (a − c) × (b − c), exact."""
     left = (ax - cx) * (by - cy)
@@ -65,7 +65,7 @@ def _orientation(ax: float, ay: float, bx: float, by: float, cx: float, cy: floa
     return _exact_sign(ax, ay, bx, by, cx, cy)
 
 
-@njit(cache=True)
+@kernel
 def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
     """Whether the segments ab and cd of points (n, 2), whose boxes overlap, share a point."""
     ax, ay, bx, by = points[a, 0], points[a, 1], points[b, 0], points[b, 1]
@@ -78,7 +78,7 @@ def meet(points: Points, a: int, b: int, c: int, d: int) -> bool:
     return _orientation(cx, cy, dx, dy, ax, ay) * _orientation(cx, cy, dx, dy, bx, by) <= 0
 
 
-@njit(cache=True)
+@kernel
 def turns_back(px: float, py: float, qx: float, qy: float, rx: float, ry: float) -> bool:
     """Whether the edges pq and qr, both longer than 0, overlap in more than q."""
     if _orientation(px, py, qx, qy, rx, ry) != 0:

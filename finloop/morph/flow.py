@@ -19,9 +19,9 @@ contact (`morph.folds.stays_simple`).
 """
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Points
+from finloop.base.kernel import kernel
 from finloop.curve.contour import centroid
 from finloop.morph.folds import no_contact
 
@@ -35,7 +35,7 @@ SLOWEST = 0.999  # the same where that meets itself
 JOIN = 64  # poses of a turn
 
 
-@njit(cache=True)
+@kernel
 def area(points: Points) -> float:
     """Area within a closed polygon (n, 2), positive if clockwise as seen (y down)."""
     n, twice = len(points), 0.0
@@ -47,7 +47,7 @@ def area(points: Points) -> float:
     return twice / 2
 
 
-@njit(cache=True)
+@kernel
 def resized(points: Points, goal: float) -> Points:
     """The polygon enlarged about the mean of its vertices to an area of the same sign."""
     n = len(points)
@@ -80,7 +80,7 @@ def shortened(points: Points) -> tuple[Points, bool]:
     return np.stack(poses), True
 
 
-@njit(cache=True)
+@kernel
 def _length(points: Points) -> float:
     n, total = len(points), 0.0
     for i in range(n):
@@ -89,7 +89,7 @@ def _length(points: Points) -> float:
     return total
 
 
-@njit(cache=True)
+@kernel
 def _implicit_step(points: Points, step: float) -> Points:
     """(1 + 2 q_i) x_i − q_i (x_{i−1} + x_{i+1}) = points_i, q_i = step / |x_u|².
 

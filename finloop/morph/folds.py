@@ -13,10 +13,10 @@ Edges are grouped in blocks of consecutive ones, and only blocks whose boxes ove
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 from finloop.morph.exact import meet, turns_back
 
 BLOCK = 16  # edges
@@ -84,7 +84,7 @@ def _stack(stack: Reals, closed: bool) -> Floats:
     return polygons
 
 
-@njit(cache=True)
+@kernel
 def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
     """Boxes (edges, 4), left top right bottom, of the edges and of blocks of them."""
     n = len(points)
@@ -98,7 +98,7 @@ def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
     return boxes, _gathered(boxes)
 
 
-@njit(cache=True)
+@kernel
 def _gathered(boxes: Floats) -> Floats:
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
@@ -111,13 +111,13 @@ def _gathered(boxes: Floats) -> Floats:
     return blocks
 
 
-@njit(cache=True)
+@kernel
 def _overlap(a: Floats, i: int, b: Floats, j: int) -> bool:
     # & rather than `and`: four unpredictable branches take ten times as long
     return (a[i, 0] <= b[j, 2]) & (b[j, 0] <= a[i, 2]) & (a[i, 1] <= b[j, 3]) & (b[j, 1] <= a[i, 3])
 
 
-@njit(cache=True)
+@kernel
 def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
     """`folds` of one polygon of floats, or 1 at its first fold; nothing is checked."""
     n = len(points)
@@ -154,7 +154,7 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
     return count
 
 
-@njit(cache=True)
+@kernel
 def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> Motion:
     """Bernstein coefficients of u × w and u · w, with the margin for their rounding.
 
@@ -173,7 +173,7 @@ def _bernstein(before: Floats, after: Floats, v: int, i: int, j: int) -> Motion:
     return Motion(cross_0, cross_1, cross_2, dot_0, dot_1, dot_2, _ROUNDING * u * w)
 
 
-@njit(cache=True)
+@kernel
 def _passes(motion: Motion) -> bool:
     """Whether at every moment the cross product is not 0 or the dot product is positive."""
     c0, c1, c2, d0, d1, d2, room = motion
@@ -197,7 +197,7 @@ def _passes(motion: Motion) -> bool:
     return True
 
 
-@njit(cache=True)
+@kernel
 def no_contact(path: Floats, closed: bool) -> bool:
     """`stays_simple` of poses (k, n, 2) whose first is simple; nothing is checked."""
     poses, n = len(path), path.shape[1]

@@ -13,10 +13,10 @@ exactly.
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Points
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 from finloop.curve.contour import Curve
 from finloop.morph.flow import area, ears_off, joined, resized, retracted, shortened
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
@@ -160,7 +160,7 @@ def _plainer(points: Points, closed: bool) -> Points:
     return poses
 
 
-@njit(cache=True)
+@kernel
 def _apart(a: Points, b: Points) -> Points:
     """Mean distance (k, m) of the vertices of poses of a (k, n, 2) from those of b (m, n, 2)."""
     far = np.zeros((len(a), len(b)))
@@ -172,7 +172,7 @@ def _apart(a: Points, b: Points) -> Points:
     return far / a.shape[1]
 
 
-@njit(cache=True)
+@kernel
 def _free(first: Points, second: Points, closed: bool) -> bool:
     """Whether the straight motion from one polygon to the other is simple throughout."""
     path = np.empty((PARTS + 1, len(first), 2))

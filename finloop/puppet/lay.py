@@ -6,8 +6,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.kernel import finite_kernel
 from finloop.base.sampling import keys
-from finloop.puppet.strip import HIDDEN, KERNEL, LEAST, Line, squeezed, strip, unsqueezed
+from finloop.puppet.strip import HIDDEN, LEAST, Line, squeezed, strip, unsqueezed
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
 _SEAM = 1e-9  # px by which steps overlap: rounding leaves no hole between them
@@ -23,7 +24,7 @@ class How(NamedTuple):
     sharp: bool
 
 
-@KERNEL
+@finite_kernel
 def lay(
     canvas: NDArray[np.float32], film: NDArray[np.float32], source: Line, target: Line, how: How
 ) -> None:
@@ -45,7 +46,7 @@ def lay(
         _step(canvas, film, (there, here), (i, left, right), how)
 
 
-@KERNEL
+@finite_kernel
 def _reach(film, there):  # type: ignore[no-untyped-def]
     """How far, px of the strip, the animal reaches beside each step (m - 1, 2), left and right."""
     height, width, channels = film.shape
@@ -75,7 +76,7 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
     return reach
 
 
-@KERNEL
+@finite_kernel
 def _section(strip, i):  # type: ignore[no-untyped-def]
     """A cross-section as numbers: point, normal, and limits on its left and right."""
     return (
@@ -85,7 +86,7 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
     )
 
 
-@KERNEL
+@finite_kernel
 def _span(y, one, other):  # type: ignore[no-untyped-def]
     """From which x to which a row is between two cross-sections."""
     (ax, ay), (anx, any_), _ = one
@@ -100,7 +101,7 @@ def _span(y, one, other):  # type: ignore[no-untyped-def]
     return start - 1e-3, stop + 1e-3
 
 
-@KERNEL
+@finite_kernel
 def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
     """Draw one step of the strip, `part`: which, and how far to its left and right."""
     height, width, channels = canvas.shape
@@ -134,7 +135,7 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
                 canvas[y, x, channels - 1] = alpha
 
 
-@KERNEL
+@finite_kernel
 def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
     """How far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
 
@@ -151,7 +152,7 @@ def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
     return -unsqueezed(-o, aright + share * (bright - aright)), along
 
 
-@KERNEL
+@finite_kernel
 def _place(at, one, other, mirrored):  # type: ignore[no-untyped-def]
     """Where (u, v) [px] in the film lies a place of the strip; the inverse of `_beside`.
 
@@ -175,7 +176,7 @@ def _place(at, one, other, mirrored):  # type: ignore[no-untyped-def]
     return u, v
 
 
-@KERNEL
+@finite_kernel
 def _linear(film, u, v):  # type: ignore[no-untyped-def]
     """Red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
     column, row = math.floor(u), math.floor(v)
@@ -184,7 +185,7 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
     return red * _UNIT, green * _UNIT, blue * _UNIT, alpha * _UNIT
 
 
-@KERNEL
+@finite_kernel
 def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     """The same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
     column, row = math.floor(u), math.floor(v)
@@ -201,7 +202,7 @@ def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     )
 
 
-@KERNEL
+@finite_kernel
 def _weighted(film, left, top, across, down):  # type: ignore[no-untyped-def]
     """The weighted sum of the pixels from (left, top) on; transparent outside."""
     height, width, channels = film.shape

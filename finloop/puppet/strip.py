@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from finloop.base.arrays import Floats
+from finloop.base.kernel import finite_kernel
 
 BEYOND = 4
 """Steps by which a strip goes on, straight, beyond either end of its backbone."""
@@ -22,9 +22,6 @@ HIDDEN = 1e9
 
 LEAST = 1e-6
 """The length [px] of a cross-section that shows nothing."""
-
-KERNEL = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
-"""How kernels of this room are compiled: nothing in them is infinite or not a number."""
 
 _FREE = 0.5  # share of a cross-section, from the backbone on, that is not squeezed
 
@@ -51,7 +48,7 @@ class Strip(NamedTuple):
     limits: Floats
 
 
-@KERNEL
+@finite_kernel
 def strip(line: Line) -> Strip:
     """The strip along a backbone, straight beyond its ends."""
     n = len(line.posture) // 2 - 1
@@ -76,7 +73,7 @@ def strip(line: Line) -> Strip:
     return Strip(points, normals, _limits(points, normals))
 
 
-@KERNEL
+@finite_kernel
 def _limits(points, normals):  # type: ignore[no-untyped-def]
     """The radii (m, 2) [px], left and right, of the largest circles that touch at one point.
 
@@ -100,7 +97,7 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
     return 1 / curve
 
 
-@KERNEL
+@finite_kernel
 def _free(points, i, end):  # type: ignore[no-untyped-def]
     """Whether point i, beyond an end of the backbone, is nearer to that end than to the rest."""
     own = (points[end, 0] - points[i, 0]) ** 2 + (points[end, 1] - points[i, 1]) ** 2
@@ -111,7 +108,7 @@ def _free(points, i, end):  # type: ignore[no-untyped-def]
     return True
 
 
-@KERNEL
+@finite_kernel
 def squeezed(t: float, limit: float) -> float:
     """The distance o [px] from the backbone at which the place t ≥ 0 [px] lies, or HIDDEN.
 
@@ -126,7 +123,7 @@ def squeezed(t: float, limit: float) -> float:
     return free + rest * (far - far * far / 4) if far < 2 else HIDDEN
 
 
-@KERNEL
+@finite_kernel
 def unsqueezed(o: float, limit: float) -> float:
     """The place t [px] at a distance o ≥ 0 [px], or HIDDEN; the inverse of `squeezed`.
 

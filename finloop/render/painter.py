@@ -20,9 +20,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from finloop.base.kernel import kernel
 from finloop.base.sampling import keys
 
 Image = NDArray[np.uint8]
@@ -204,7 +204,7 @@ def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
     )
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     """Red, green, blue (grey: thrice), alpha of a picture at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
     height, width, channels = pixels.shape
@@ -238,7 +238,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     return red, green, blue, alpha
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
     """Lay (1 − share) fish + share partner, both `_Layer`, over the canvas."""
     top, left, bottom, right = box

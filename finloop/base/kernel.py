@@ -1,0 +1,53 @@
+"""Compiled functions: how numba compiles a kernel, and when it compiles it again.
+
+Numba keeps machine code in `__pycache__`, for a file as long as that file is the same. But a kernel
+contains the kernels that it calls, of other files too. So here machine code is kept as long as
+every file with a kernel is the same.
+"""
+
+import hashlib
+from functools import cache
+from pathlib import Path
+
+import numba
+from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
+
+_PACKAGE = Path(__file__).parents[1]
+_MENTION = Path(__file__).stem.encode()
+
+
+@cache
+def sources_digest() -> str:
+    """A digest of every file of the package that has a kernel, this one too."""
+    digest = hashlib.sha256()
+    for path in sorted(_PACKAGE.rglob("*.py")):
+        text = path.read_bytes()
+        if _MENTION in text:
+            digest.update(text)
+    return digest.hexdigest()
+
+
+class _AllSources:
+    """Looked up by numba: what must be the same for machine code to be used again."""
+
+    def get_source_stamp(self) -> str:
+        return sources_digest()
+
+
+class InTree(_AllSources, InTreeCacheLocator):
+    """Machine code beside its source."""
+
+
+class UserWide(_AllSources, UserWideCacheLocator):
+    """Machine code in the user's cache, where the source's folder cannot be written."""
+
+
+numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
+    f"{__name__}.{locator.__name__}" for locator in (InTree, UserWide)
+)
+
+kernel = numba.njit(cache=True, nogil=True)
+"""Compiles a function when it is first called, for every type of arguments."""
+
+finite_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+"""The same for a function in which nothing is infinite or not a number."""
