@@ -18,12 +18,13 @@ import pandas as pd
 from benchmarks.pipeline import prepare, stage
 from benchmarks.speed import paired
 from finloop.animate.edit_list import Goal
+from finloop.animate.listing import play
 from finloop.animate.swim import Player, random_goals
 from stages.animate import bring
 from stages.settings import load
 
 TICKS, COPIES = 20_000, 500
-STAGES = ("clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways")
+STAGES = ("clip", "extract", "features", "pose", "bpn", "sprites", "distance", "loops", "gateways")
 
 
 def main() -> None:
@@ -51,10 +52,10 @@ def main() -> None:
     for name, fish in players.items():
         goals = random_goals(fish.waters.tank, fish.waters.touch_px, 20, np.random.default_rng(0))
 
-        def play(fish: Player = fish, goals: list[Goal] = goals) -> None:
-            fish.play(goals, TICKS, np.random.default_rng(1))
+        def swim(fish: Player = fish, goals: list[Goal] = goals) -> None:
+            play(fish, goals, TICKS, np.random.default_rng(1))
 
-        ours, theirs, _, _ = paired(play, copy)
+        ours, theirs, _, _ = paired(swim, copy)
         rows += [
             (f"{name}: planning and edit list", "ticks/s", TICKS / ours),
             (f"{name}: time of a tick / time of a copy", "1", (ours / TICKS) / (theirs / COPIES)),

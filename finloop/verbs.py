@@ -8,8 +8,9 @@
     similar = compare(reel)                         how alike the frames are (§4.1)
     loops = find_loops(similar, features, film.rate_hz)
     gateways = find_gateways(similar, reel, film.rate_hz)          (§4.2)
-    edit = steer(tracks, reel, model, similar, loops, gateways, goals=[[0.2, 0.3], [0.8, 0.7]])
-    write_video("fish.mp4", edit, tracks, reel)
+    poses = find_poses(tracks, features)            how every fish is bent
+    edit = steer(tracks, reel, model, similar, loops, gateways, poses, goals=[[0.2, 0.3]])
+    write_video("fish.mp4", edit, tracks, reel, poses)
 
 Sections are those of the fish paper. A verb takes the parameters of its stage by name, as in
 `finloop/<word>/settings.py`; those not given have their values in conf/. What the pipeline's stages
@@ -35,6 +36,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.arrays import Mask
@@ -58,6 +60,7 @@ from finloop.io.table import as_loaded, load_table
 from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.normalise import normalise, open_source
+from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, placed, shelves
 from finloop.render.painter import Painter
@@ -66,8 +69,8 @@ from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
-    "compare", "draw_carp", "find_gateways", "find_loops", "learn", "make_sprites", "measure",
-    "open_film", "steer", "track", "write_video",
+    "compare", "draw_carp", "find_gateways", "find_loops", "find_poses", "learn", "make_sprites",
+    "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
 
 _OPEN = ExitStack()  # stores and temporary folders, till the program ends
@@ -238,25 +241,34 @@ def find_gateways(similar: Similar, reel: Reel, rate_hz: float, **changes: Any) 
     return as_loaded(ways, GATEWAYS)
 
 
-def steer(
+def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPoses:
+    """How every fish is bent in every frame, as a few codes.
+
+    `changes`: of `finloop.pose.settings.Settings`.
+    """
+    return film_poses(tracks.table, features, settings("pose", **changes))
+
+
+def steer(  # noqa: PLR0913  (a result of every verb)
     tracks: Tracks,
     reel: Reel,
     model: MotionModel,
     similar: Similar,
     loops: pd.DataFrame,
     gateways: pd.DataFrame,
+    poses: FilmPoses,
     mode: str = HYBRID,
     **changes: Any,
 ) -> pd.DataFrame:
     """Send the fish to its goals: an edit list, columns of `EDIT`, a row a frame (Figs. 18, 19).
 
-    `mode`: "network" (sprites alone), "loops" (film alone) or "hybrid". `changes`: of
-    `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
-    and height) and seconds=30.0. Without loops there is no mode "loops".
+    `changes`: mode="nn" (sprites alone), "loops" (film alone) or "hybrid", as it is if none is
+    said; and of `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the
+    tank's width and height) and seconds=30.0. Without loops there is no mode "loops".
     """
-    film = tracks.film
+    film, mode = tracks.film, changes.pop("mode", HYBRID)
     made = Material(
-        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, gateways
+        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, gateways, poses
     )
     plans = planner(made, settings("animate", **changes))
     if mode not in plans.players:
@@ -269,7 +281,12 @@ def steer(
 
 
 def write_video(
-    path: str | Path, edit: pd.DataFrame, tracks: Tracks, reel: Reel, **changes: Any
+    path: str | Path,
+    edit: pd.DataFrame,
+    tracks: Tracks,
+    reel: Reel,
+    poses: FilmPoses,
+    **changes: Any,
 ) -> None:
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a row.
 
@@ -277,7 +294,8 @@ def write_video(
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
-    gallery = Gallery(shelves(stores, tracks.table, reel.sprites))
+    bodies = Bodies(poses, reel.goes_on, reel.sprites)
+    gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
     painter = Painter(tracks.background)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:

@@ -12,6 +12,7 @@ import pandas as pd
 
 from finloop.animate import measures
 from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, Goal
+from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
@@ -29,6 +30,7 @@ from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
+from stages.poses import load_poses
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
@@ -58,6 +60,7 @@ def bring(p: Settings) -> Iterator[Planner]:
             load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
             load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
+            load_poses(features),
         )
         yield planner(made, p)
 
@@ -71,7 +74,7 @@ def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
         for seed in range(p.trials):
             rng = np.random.default_rng([p.seed, seed])
             goals = random_goals(waters.tank, goal_reach, p.trial_goals, rng)
-            edit = player.play(goals, ticks, rng)
+            edit = play(player, goals, ticks, rng)
             numbers.append(measures.of_plan(edit, goals, player, film_motion))
             advance()
     return pd.DataFrame(numbers).mean().add_prefix("trials_").to_dict()
@@ -97,6 +100,7 @@ def animation(
         **measures.of_plan(edit, goals, player, film_motion),
         **measures.of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
         **measures.of_seams(joins, steps["step"].to_numpy(float)),
+        **measures.of_poses(edit, pictures.bodies.poses.shapes),
         **measures.of_states(edit),
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,

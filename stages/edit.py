@@ -4,26 +4,34 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
 import pandas as pd
 
+from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import EDIT, SPRITE
 from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.features.table import FEATURES
 from finloop.io.edit_list import load_edit
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.sprites.orient import SPRITES
+from stages.poses import load_poses
 
 DATA = Path("data")
 PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
 class Drawn(NamedTuple):
-    """An edit list, its film's scene and table of tracks; sprites: None where it draws none."""
+    """An edit list, its film's scene and table of tracks; sprites: None where it draws none.
+
+    bodies: the film's postures; None where it draws no frame mirrored and nothing in a pose.
+    """
 
     edit: pd.DataFrame
     scene: SceneFacts
     tracks: pd.DataFrame
     sprites: pd.DataFrame | None
+    bodies: Bodies | None
 
 
 def load_drawn(
@@ -39,4 +47,15 @@ def load_drawn(
     edit = load_edit(DATA / "animate", mode, stage, EDIT)
     wanted = sprites or SPRITE in {*edit["kind"], *edit["partner_kind"]}
     table = load_table(DATA / "sprites/sprites.parquet", SPRITES) if wanted else None
-    return Drawn(edit, scene, tracks, table)
+    bends = bool(
+        edit["pose"].notna().any() or edit[["mirrored", "partner_mirrored"]].any(axis=None)
+    )
+    return Drawn(edit, scene, tracks, table, _bodies(table) if bends else None)
+
+
+def _bodies(sprites: pd.DataFrame | None) -> Bodies:
+    """The film's postures, and the rows behind its sprites."""
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    follows = (np.diff(features[["track_id", "frame"]].to_numpy(), axis=0) == (0, 1)).all(1)
+    empty = pd.DataFrame() if sprites is None else sprites
+    return Bodies(load_poses(features), np.append(follows, False), empty)

@@ -11,7 +11,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.export.keypoints import deeplabcut
-from finloop.export.pictures import READABLE, Alone, Image, cut_out, cycle, readable, way
+from finloop.export.pictures import READABLE, Alone, Image, cut_out, cycle, flat, readable, way
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
 from finloop.features.table import FEATURES
@@ -74,7 +74,7 @@ def main() -> None:
     p: Settings = load("export")
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     drawn = load_drawn(p.mode, "export", USED, sprites=True)
-    edit, _, tracks, sprites = drawn
+    edit, _, tracks, sprites, _ = drawn
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
     least = round(p.tracks_least_s * facts.frame_rate)
@@ -84,8 +84,10 @@ def main() -> None:
         save_json(folder / "films.json", made)
         for atlas in sorted((DATA / "sprites").glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
+        if edit["pose"].notna().any():
+            shutil.copyfile(DATA / "pose/shapes.json", folder / "shapes.json")
         listed = readable(edit, tracks, sprites)
-        save_csv(folder / f"{p.mode}.csv", listed, decimals=4, exact=True)
+        save_csv(folder / f"{p.mode}.csv", flat(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
     save_metrics(

@@ -20,4 +20,4 @@ def open_gallery(drawn: Drawn) -> Iterator[Gallery]:
         if drawn.sprites is not None:
             store = stack.enter_context(open_cutouts(DATA / "sprites/sprites.arrow"))
             stores[SPRITE] = store
-        yield Gallery(shelves(stores, drawn.tracks, drawn.sprites))
+        yield Gallery(shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import finloop.live
-from finloop.animate.edit_list import FRAME, HYBRID, MODES, SPRITE
+from finloop.animate.edit_list import FADE, FRAME, HYBRID, MODES, SPRITE
 from finloop.animate.pictures import fade_distance
 from finloop.animate.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -47,10 +47,10 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
         pictures, most = brought.pictures, p.fade_steps * brought.step
         reel = pictures.reel
         stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
-        gallery = Gallery(shelves(stores, tracks, reel.sprites), keep=PICTURES)
+        gallery = Gallery(shelves(stores, tracks, reel.sprites), pictures.bodies, PICTURES)
 
         def ghost(row: Any) -> bool:
-            return fade_distance(row, pictures) > most
+            return p.join == FADE and fade_distance(row, pictures) > most
 
         yield View(LiveTank(brought.players, mode, fish, seed, ghost), painter, gallery)
 

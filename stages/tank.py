@@ -42,11 +42,11 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 @contextmanager
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
-    edit, _, tracks, sprites = load_drawn(p.mode, "tank", columns=None)
+    edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", columns=None)
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
-    columns = ["head_x_px", "head_y_px"]
+    columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
-    pose = poses(edit, film, pd.DataFrame() if sprites is None else sprites)
+    pose = poses(edit, film, pd.DataFrame() if sprites is None else sprites, bodies)
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(lengths(pose.backbone)))
     place = np.c_[pose.centre, heights(edit["time_s"].to_numpy(float), p.depth * length)]

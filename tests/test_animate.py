@@ -28,13 +28,15 @@ from toy_film import (
 from finloop.animate import kinematics as step
 from finloop.animate import measures
 from finloop.animate.arena import in_sight, inside, place_goals, tank
-from finloop.animate.edit_list import EDIT, FRAME, NETWORK, SPRITE, Goal
+from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
+from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
+from finloop.animate.listing import play
 from finloop.animate.motion import SLIDE, STATES, TURN, learn
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.sprites import plan_turn
 from finloop.animate.state import Waters
-from finloop.animate.swim import Player, Shown, cross_fades, random_goals
+from finloop.animate.swim import Player, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features.swimming_type import LEFT, RIGHT
@@ -54,7 +56,7 @@ def player(waters) -> Player:
 
 
 def played(player: Player, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
-    return player.play(goals, ticks, np.random.default_rng(seed))
+    return play(player, goals, ticks, np.random.default_rng(seed))
 
 
 # --- the tank
@@ -421,7 +423,8 @@ def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
 
 
 def test_orientation_and_rest_make_the_heading(player):
-    table = played(player, [], 2000, 1)
+    cut = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
+    table = played(cut, [], 2000, 1)
     direction = (table["orientation"].to_numpy(float) - 1) * 15.0
     made = wrap_deg(direction + table["rotation_deg"].to_numpy(float))
     assert wrap_deg(made - table["heading_deg"].to_numpy(float)) == pytest.approx(0, abs=1e-4)
@@ -429,32 +432,33 @@ def test_orientation_and_rest_make_the_heading(player):
 
 
 def sprites_shown(number: list[int]) -> Shown:
-    return Shown(np.zeros(len(number), bool), np.array(number), np.zeros(len(number)))
+    no = np.zeros(len(number), bool)
+    return Shown(no, np.array(number), np.zeros(len(number)), no)
 
 
 def test_a_new_sequence_fades_in_while_the_old_one_plays_on(player):
     # A cycle of straight frames 0-7, then the turn that begins with frame 14.
     shown = sprites_shown([5, 6, 7, 14, 15, 16, 17])
-    partner, weight = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=2))
+    partner, weight = cross_fades(shown, [3], 2, player.following)
     assert weight == pytest.approx([0, 0, 0, 2 / 3, 1 / 3, 0, 0])
     assert list(partner.number[3:5]) == [0, 1] and not partner.frame.any()
     # After the last frame of a turn that one stays: there is no other.
     shown = sprites_shown([20, 21, 22, 8, 9, 10, 11])
-    partner, _ = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=3))
+    partner, _ = cross_fades(shown, [3], 3, player.following)
     assert list(partner.number[3:6]) == [22, 22, 22]
 
 
 def test_what_goes_on_does_not_fade(player):
     shown = sprites_shown([5, 6, 7, 0, 1, 2])
-    _, weight = cross_fades(shown, [True, False], np.array([0, 3]), replace(player, fade=2))
+    _, weight = cross_fades(shown, [], 2, player.following)
     assert not weight.any()
-    _, weight = cross_fades(shown, [True, True], np.array([0, 3]), replace(player, fade=0))
+    _, weight = cross_fades(shown, [3], 0, player.following)
     assert not weight.any()
 
 
 def test_a_fade_that_a_new_one_cuts_short_does_not_come_back(player):
     shown = sprites_shown([5, 6, 14, 15, 8, 9, 10, 11])
-    partner, weight = cross_fades(shown, [True] * 3, np.array([0, 2, 4]), replace(player, fade=3))
+    partner, weight = cross_fades(shown, [2, 4], 3, player.following)
     assert weight == pytest.approx([0, 0, 0.75, 0.5, 0.75, 0.5, 0.25, 0])
     assert list(partner.number[2:7]) == [7, 0, 16, 17, 18]
 

@@ -40,6 +40,7 @@ from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import (
     CONSIDERED,
     EDIT,
+    FADE,
     FRAME,
     HYBRID,
     LOOPS,
@@ -49,6 +50,7 @@ from finloop.animate.edit_list import (
     Goal,
 )
 from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.listing import edit_list, play
 from finloop.animate.loops import FilmSwimmer, counted, verdicts
 from finloop.animate.motion import ACCELERATE, STRAIGHT
 from finloop.animate.motion import FILM as IN_FILM
@@ -56,7 +58,7 @@ from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, after
-from finloop.animate.swim import edit_list, random_goals, swim
+from finloop.animate.swim import random_goals, swim
 from finloop.animate.words import in_words
 from finloop.distance.picture import BODY, FILM
 from finloop.features.table import wrap_deg
@@ -376,7 +378,7 @@ def test_the_heading_goes_on_over_a_jump():
 def test_in_the_pose_of_the_film_nothing_is_turned():
     table, pairs = rich(heading=False)
     reel = film_of(table, pairs, FILM)
-    found, edit = edit_of(loops_player(reel), [], 1500, 2)
+    found, edit = edit_of(loops_player(reel, join=FADE), [], 1500, 2)
     *_, of = flat(found)
     first = np.flatnonzero(on_the_spot(found)[of])
     stop = int(first[0]) if first.size else 1500
@@ -761,7 +763,9 @@ def test_a_frame_is_named_by_its_row():
 
 
 def test_a_sprite_has_an_orientation_and_a_frame_has_none():
-    _, table = edit_of(hybrid_player(fade_s=3 / RATE), [Goal("A", 200.0, 200.0)], 1500, 2)
+    _, table = edit_of(
+        hybrid_player(fade_s=3 / RATE, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
+    )
     for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
         assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
         assert (table[name].notna() == (table[kind] == SPRITE)).all()
@@ -771,7 +775,9 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
 @pytest.mark.parametrize("make", [loops_player, hybrid_player])
 @pytest.mark.parametrize("fade", [0, 3])
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make, fade):
-    found, table = edit_of(make(stay_s=0.4, fade_s=fade / RATE), [Goal("A", 200.0, 200.0)], 1500, 2)
+    found, table = edit_of(
+        make(stay_s=0.4, fade_s=fade / RATE, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
+    )
     number = table["source"].to_numpy()
     kind, weight = table["kind"].to_numpy(), table["weight"].to_numpy(float)
     rotation = table["rotation_deg"].to_numpy(float)
@@ -932,9 +938,9 @@ def test_every_mode_goes_on_from_the_state_of_any_other(mode):
 def test_there_are_as_many_players_as_the_film_allows():
     made = players_of()
     assert list(made) == [NETWORK, LOOPS, HYBRID]
-    assert {fish.fade for fish in made.values()} == {round(0.1 * RATE)}
+    assert {fish.joins.fade for fish in made.values()} == {round(0.1 * RATE)}
     for fish in made.values():
-        table = fish.play([Goal("A", 200.0, 200.0)], 200, np.random.default_rng(0))
+        table = play(fish, [Goal("A", 200.0, 200.0)], 200, np.random.default_rng(0))
         assert len(table) == 200
     made = players_of(waters_of(film_of(rich_table(), loops())))
     assert list(made) == [NETWORK, HYBRID]

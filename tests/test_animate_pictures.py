@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.animate.pictures import (
     Pictures,
@@ -16,9 +17,11 @@ from finloop.animate.pictures import (
     without_ghosts,
 )
 from finloop.base.cutout import Cutout
+from finloop.base.settings import settings
 from finloop.distance.picture import FILM, SPAN, distance, picture
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
+from finloop.pose import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
 
@@ -84,10 +87,25 @@ def shown(tmp_path):
         open_cutouts(tmp_path / "film.arrow") as film,
         open_cutouts(tmp_path / "sprites.arrow") as store,
     ):
-        yield Pictures(Reel(table, film, sprites, store), SIZE)
+        reel = Reel(table, film, sprites, store)
+        yield Pictures(reel, SIZE, Bodies(poses_of(table), reel.goes_on, sprites))
 
 
-PICTURE = ["kind", "source", "orientation", "rotation_deg", "scale"]
+def poses_of(table: pd.DataFrame) -> FilmPoses:
+    """The postures of the wedges, none of which is bent."""
+    angle = np.radians(table["heading_deg"].to_numpy(float))
+    ahead = np.stack([np.cos(angle), -np.sin(angle)], -1)
+    places = np.linspace(LENGTH / 2, -LENGTH / 2, 5)
+    lines = table[["x_px", "y_px"]].to_numpy()[:, None] + places[:, None] * ahead[:, None]
+    made = table.assign(head_x_px=lines[:, 0, 0], head_y_px=lines[:, 0, 1])
+    tracks = pd.DataFrame({
+        "backbone_x_px": list(lines[..., 0]), "backbone_y_px": list(lines[..., 1]),
+        "half_width_px": list(np.full(lines.shape[:2], 5.0)),
+    })  # fmt: skip
+    return film_poses(tracks, made, settings("pose"))
+
+
+PICTURE = ["kind", "source", "orientation", "rotation_deg", "scale", "mirrored"]
 PARTNER = [f"partner_{name}".removesuffix("_source") for name in PICTURE]
 
 
@@ -97,15 +115,16 @@ def edit_of(shown: Pictures, *ticks: tuple[str, int, float]) -> pd.DataFrame:
     for kind, number, heading in ticks:
         if kind == FRAME:
             rotation = wrap_deg(heading - shown.reel.features["heading_deg"][number])
-            rows.append((kind, number, pd.NA, float(rotation), 1.0, heading))
+            rows.append((kind, number, pd.NA, float(rotation), 1.0, False, heading))
         else:
             sector = int(orientation(np.array(heading), ORIENTATIONS))
             rest = float(wrap_deg(heading - 15.0 * (sector - 1)))
-            rows.append((kind, number, sector, rest, 1.0, heading))
+            rows.append((kind, number, sector, rest, 1.0, False, heading))
     table = pd.DataFrame(rows, columns=[*PICTURE, "heading_deg"]).astype({"orientation": "Int8"})
     return table.assign(
         partner_kind=None, partner_orientation=pd.array([pd.NA] * len(rows), "Int8"), partner=pd.array([pd.NA] * len(rows), "Int32"),
         partner_rotation_deg=np.nan, partner_scale=np.nan, weight=0.0,
+        partner_mirrored=False, pose=None,
     )  # fmt: skip
 
 
@@ -179,7 +198,7 @@ def test_a_frame_and_a_sprite_of_it_are_drawn_alike(shown):
     for heading in (0.0, 100.0, -37.0):
         edit = edit_of(shown, (FRAME, 4, heading), (SPRITE, 3, heading), (SPRITE, 0, heading))
         one, same, other = (
-            shown(r.kind, r.source, r.orientation, r.rotation_deg, r.scale)
+            shown(r.kind, r.source, r.orientation, r.rotation_deg, r.scale, False)
             for r in edit.itertuples()
         )
         far = np.linalg.norm(one - other)
@@ -191,8 +210,8 @@ def test_a_picture_is_the_cut_out_itself_at_the_drawn_size(shown):
         number = row
         cutout, at = shown.reel.film[number], shown.reel.features.iloc[row]
         wanted = picture(cutout, at, LENGTH, SIZE, 25.0)
-        assert np.array_equal(shown(FRAME, number, pd.NA, 25.0, 1.0), wanted)
-    one, twice = (shown(FRAME, 0, pd.NA, 0.0, scale)[..., 1].sum() for scale in (1.0, 2.0))
+        assert np.array_equal(shown(FRAME, number, pd.NA, 25.0, 1.0, False), wanted)
+    one, twice = (shown(FRAME, 0, pd.NA, 0.0, scale, False)[..., 1].sum() for scale in (1.0, 2.0))
     assert twice > 2.5 * one  # 4, but for what reaches beyond the edge
     assert SPAN < 2
 
@@ -300,7 +319,7 @@ def test_what_is_unlike_does_not_fade_and_what_is_alike_does(shown):
     pd.testing.assert_frame_equal(edit, kept)
     assert list(clean["weight"]) == [0.6, 0.3, 0.0, 0.0, 0.0, 0.4]
     gone = clean.loc[3, PARTNER]
-    assert gone.isna().all()
+    assert gone.drop("partner_mirrored").isna().all()
     same = [c for c in edit.columns if not c.startswith("partner") and c != "weight"]
     pd.testing.assert_frame_equal(clean[same], edit[same])
     assert list(without_ghosts(edit, shown, 1e9)["weight"]) == list(edit["weight"])

@@ -21,7 +21,7 @@ from finloop.io.table import load_table
 
 EXAMPLE = ROOT / "examples/ten_lines.py"
 STAGES = (
-    "clip", "extract", "features", "bpn", "sprites", "distance", "loops", "gateways", "animate",
+    "clip", "extract", "features", "pose", "bpn", "sprites", "distance", "loops", "gateways", "animate",
 )  # fmt: skip
 
 
@@ -68,7 +68,10 @@ def test_the_ten_lines_make_what_the_stages_make(tiny, tmp_path, monkeypatch):
     assert frames[0].shape == names["film"].arena.shape
     with pytest.raises(FinloopError, match="mode 'crawl'"):
         verbs.steer(
-            *(names[one] for one in ("tracks", "reel", "model", "similar", "loops", "gateways")),
+            *(
+                names[one]
+                for one in ("tracks", "reel", "model", "similar", "loops", "gateways", "poses")
+            ),
             mode="crawl",
         )
     again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)

@@ -12,9 +12,10 @@ from finloop.animate import kinematics as step
 from finloop.animate import policies
 from finloop.animate.arena import inside
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.animate.listing import edit_list
 from finloop.animate.motion import TURN
 from finloop.animate.sprites import from_bend
-from finloop.animate.swim import edit_list, swim
+from finloop.animate.swim import swim
 from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
@@ -37,7 +38,9 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode):
     found = swim(toy_players()[mode], [], ticks, np.random.default_rng([7, 0]))
     wanted = edit_list(found, ticks, toy_players()[mode])
     tank = LiveTank(toy_players(), mode, 1, 7)
-    rows = pd.DataFrame(np.append(np.array([tank.fish[0].at(0)], ROW), played(tank, ticks - 1)))
+    rows = pd.DataFrame(
+        np.append(np.array([tank.fish[0].at(0)[:-1]], ROW), played(tank, ticks - 1))
+    )
     faded = (wanted["weight"] > 0).to_numpy()
     assert faded.any() and not faded.all()
     for name in set(wanted.columns) & set(ROW.names):
@@ -48,6 +51,8 @@ def test_left_alone_it_is_the_edit_list_of_animate(mode):
             assert (a == b).all(), name
         else:
             assert a.astype(float) == pytest.approx(b.astype(float), abs=1e-4), name
+    for tick, pose in enumerate(wanted["pose"]):
+        assert np.array_equal(pose, tank.fish[0].at(tick).pose)
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -199,7 +204,7 @@ def test_the_past_is_kept_as_it_was_and_no_longer_than_said(monkeypatch):
     assert sum(one.tick < tank.oldest - 90 for one in fish._choices) <= 1
     assert tank.oldest == tank.tick - 59
     for back in range(60):
-        assert repr(tuple(fish.at(tank.tick - back))) == repr(rows[-1 - back].item())
+        assert repr(tuple(fish.at(tank.tick - back)[:-1])) == repr(rows[-1 - back].item())
         choice = fish.choice(tank.tick - back)
         assert choice.tick <= tank.tick - back
     assert fish.at(tank.oldest - 1) is None and fish.at(tank.tick + 1) is None
@@ -259,7 +264,7 @@ def test_from_the_past_it_can_be_sent_elsewhere():
     tank.send(0, 700.0, 500.0)
     later = played(tank, 100)
     assert fish.choice(61).goal.x_px == 700.0 and fish.at(181) is None
-    assert repr(rows[:60]) == repr(np.array([fish.at(t) for t in range(1, 61)], ROW))
+    assert repr(rows[:60]) == repr(np.array([fish.at(t)[:-1] for t in range(1, 61)], ROW))
     whole = np.concatenate([rows[:60], later])
     assert steps(whole).max() <= 1.6 * max(lesson().high * LENGTH / RATE, STEP)
 

@@ -7,7 +7,7 @@ import pytest
 
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.puppet import Pose, PoseShapes, blend, draw, filmed, trunk
+from finloop.puppet import Pose, PoseShapes, Tail, blend, draw, filmed, trunk
 from finloop.puppet.pose import bends, mirrored, steps
 
 STEPS, SIZE, LENGTH, WIDE = 32, (121, 121), 60.0, 7.0
@@ -258,7 +258,7 @@ def test_few_shapes_explain_the_postures():
 
 def test_a_pose_beyond_all_filmed_is_clamped_and_said():
     posture = filmed(*film()).posture
-    shapes = PoseShapes.fit(posture)
+    shapes = PoseShapes.fit(posture, share=0.99)
     assert not shapes.nearest(posture).clamped.any()
     assert np.array_equal(shapes.nearest(posture).posture, posture)
     assert not shapes.nearest(mirrored(posture)).clamped.any()
@@ -274,12 +274,14 @@ def test_a_pose_beyond_all_filmed_is_clamped_and_said():
 @pytest.mark.parametrize("rows", [1, 0])
 def test_shapes_want_postures(rows):
     with pytest.raises(FinloopError, match="postures"):
-        PoseShapes.fit(np.zeros((rows, 18)))
+        PoseShapes.fit(np.zeros((rows, 18)), 0.99)
     with pytest.raises(FinloopError, match="1 of them not finite"):
-        PoseShapes.fit(np.vstack([np.zeros((3, 18)), np.full((1, 18), np.nan)]))
+        PoseShapes.fit(np.vstack([np.zeros((3, 18)), np.full((1, 18), np.nan)]), 0.99)
 
 
 # --- a fat body with a thin tail
+
+TAIL = Tail(thin=0.4, smoothing=0.5, body=5 / 8, whole=0.95)
 
 
 def mouse(tail, points=33):
@@ -295,14 +297,14 @@ def test_a_body_has_the_same_points_however_much_tail_is_seen():
         "backbone_x_px": list(lines[..., 0]), "backbone_y_px": list(lines[..., 1]),
         "half_width_px": list(widths),
     })  # fmt: skip
-    made = trunk(tracks, lines)
+    made = trunk(tracks, lines, TAIL)
     body = np.hypot(*np.diff(made, axis=1).transpose(2, 0, 1))[:, :20].sum(1)
     assert np.abs(body - 60).max() < 4 and np.ptp(body) < 1
     tails = np.hypot(*np.diff(made, axis=1).transpose(2, 0, 1))[:, 20:]
     assert np.ptp(tails) < 0.01 and tails[0].sum() == pytest.approx(40, abs=4)
     assert np.abs(made[..., 1]).max() < 1e-9
     back = tracks.map(lambda cell: cell[::-1])  # the film's points from tail to head
-    assert np.allclose(trunk(back, lines), made)
+    assert np.allclose(trunk(back, lines, TAIL), made)
 
 
 def test_a_bend_shorter_than_the_body_is_wide_is_smoothed():
@@ -311,5 +313,5 @@ def test_a_bend_shorter_than_the_body_is_wide_is_smoothed():
     tracks = pd.DataFrame({
         "backbone_x_px": [bent[:, 0]], "backbone_y_px": [bent[:, 1]], "half_width_px": [width],
     })  # fmt: skip
-    assert np.abs(trunk(tracks, bent[None])[0, 3:17, 1]).max() < 1
+    assert np.abs(trunk(tracks, bent[None], TAIL)[0, 3:17, 1]).max() < 1
     assert np.allclose(steps(pose().posture), 1 / STEPS)

@@ -322,7 +322,8 @@ def edit_list(n, **columns):
         "orientation": pd.array([pd.NA] * n, "Int8"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
         "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
-        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0,
+        "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "mirrored": False,
+        "partner_mirrored": False, "pose": None,
         "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "nn",
         "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
@@ -334,7 +335,9 @@ def gallery(count=3, keep=512):
     """Pictures of the film: drops of the same size, lying at their own places."""
     store = [Cutout(0, i, 10 + 3 * i, 20, drop(level=1 - 0.2 * i)) for i in range(count)]
     own = centre(drop()[..., -1].astype(float))
-    return Gallery({"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep)
+    return Gallery(
+        {"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep=keep
+    )
 
 
 def test_rows_are_drawn_as_they_say():

@@ -9,9 +9,12 @@ from functools import cache
 
 import numpy as np
 import pandas as pd
+import scipy
 
 from finloop.animate.arena import Tank, tank
+from finloop.animate.bodies import Bodies
 from finloop.animate.film import Film, film
+from finloop.animate.joins import joins
 from finloop.animate.motion import Motion, learn
 from finloop.animate.planner import players
 from finloop.animate.sprites import Sprites, arrange
@@ -22,6 +25,8 @@ from finloop.distance.picture import BODY
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
+from finloop.pose.film import FilmPoses
+from finloop.puppet import Pose, PoseShapes
 
 ORIENTATIONS = 24
 RATE, DELTA, LENGTH = 25.0, 5, 40.0
@@ -123,6 +128,9 @@ def sprites() -> pd.DataFrame:
                     "sideways": 0.0,
                     "turn_deg": 0.0 if cycle else side * 120 * shape[i] / shape.sum(),
                     "orientations": ORIENTATIONS,
+                    "row": 10 * len(rows),
+                    "mirrored": sequence == "right",
+                    "heading_deg": 0.0,
                 }
             )
     return pd.DataFrame(rows)
@@ -256,7 +264,33 @@ def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]
     waters = waters_of() if waters is None else waters
     frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
     cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
-    return players(waters, cast, Model(), gateways() if gates is None else gates, 1.0)
+    how = joins(waters.settings, bodies_of(waters.film), RATE)
+    return players(waters, cast, Model(), gateways() if gates is None else gates, 1.0, how)
+
+
+@cache
+def shapes() -> PoseShapes:
+    """The shapes of animals of eight steps that bend in two ways."""
+    rng, n = np.random.default_rng(3), 8
+    bent = rng.normal(0, 0.4, (400, 2)) @ [np.linspace(0, 1, n), np.sin(np.linspace(0, 6, n))]
+    head = np.column_stack([np.full(400, 0.4), np.zeros(400)])
+    return PoseShapes.fit(np.hstack([head, bent, np.full((400, n), 1 / n)]), 0.999)
+
+
+def bodies_of(film_: Film) -> Bodies:
+    """Postures of a film's rows, which change little by little, and of the sprites."""
+    rng, n = np.random.default_rng(4), len(film_.more)
+    codes = scipy.ndimage.gaussian_filter1d(
+        rng.normal(0, 0.8, (n, len(shapes().shapes))), 2, axis=0
+    )
+    pose = Pose(
+        film_.x, film_.y, np.radians(film_.heading), LENGTH / film_.scale, shapes().decode(codes)
+    )
+    table = sprites()
+    return Bodies(
+        FilmPoses(pose, codes, shapes(), False, 0.0, 3.0), film_.more.copy(),
+        table.assign(row=np.minimum(table["row"], n - 1)),
+    )  # fmt: skip
 
 
 def undecided() -> dict[str, None]:

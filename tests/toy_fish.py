@@ -63,7 +63,7 @@ def toy(bends=(0.9, -0.5), backwards=(False, True)):
             "half_width_px": (WIDTH[::-1] if back else WIDTH).astype(np.float32),
         })  # fmt: skip
         heads.append({
-            "head_x_px": down[0, 0] + 11, "head_y_px": down[0, 1] + 7,
+            "head_x_px": down[0, 0] + 11, "head_y_px": down[0, 1] + 7, "heading_deg": 0.0,
         })  # fmt: skip
     return pd.DataFrame(rows), pd.DataFrame(heads), cutouts
 
@@ -79,6 +79,7 @@ def edit_list(n, **columns):
         "kind": "frame", "source": 0, "orientation": pd.array([pd.NA] * n, "Int8"), "rotation_deg": 0.0, "scale": 1.0, "x_px": 90.0, "y_px": 75.0,
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
         "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "heading_deg": 0.0,
+        "mirrored": False, "partner_mirrored": False, "pose": None,
     }  # fmt: skip
     return pd.DataFrame(usual | columns, index=range(n))
 

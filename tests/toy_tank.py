@@ -5,7 +5,7 @@ from functools import cache
 
 import cv2
 import numpy as np
-from toy_film import ARENA, players_of, rich_film, waters_of
+from toy_film import ARENA, bodies_of, players_of, rich_film, waters_of
 
 from finloop.animate.edit_list import FRAME, HYBRID, SPRITE
 from finloop.base.cutout import Cutout
@@ -17,8 +17,8 @@ from finloop.render.painter import Painter
 
 
 @cache
-def toy_players():
-    return players_of(waters_of(fade_s=0.12))
+def toy_players(join="inertial"):
+    return players_of(waters_of(fade_s=0.12, join=join))
 
 
 def drop() -> np.ndarray:
@@ -47,7 +47,7 @@ def view_of(mode=HYBRID, fish=1, seed=0, colour=False):
     gallery = Gallery({
         FRAME: Shelf(Drops(frames), np.full((frames, 2), middle)),
         SPRITE: Shelf(Drops(24 * sprites), np.full((sprites, 2), middle), 24),
-    })  # fmt: skip
+    }, bodies_of(rich_film()))  # fmt: skip
     return View(LiveTank(toy_players(), mode, fish, seed), Painter(floor), gallery)
 
 
@@ -62,5 +62,5 @@ def played(tank, ticks, fish=0):
     rows = []
     for _ in range(ticks):
         tank.on()
-        rows.append(tank.fish[fish].at(tank.tick))
+        rows.append(tank.fish[fish].at(tank.tick)[:-1])  # without the pose
     return np.array(rows, ROW)

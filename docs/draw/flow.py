@@ -10,7 +10,8 @@ import yaml
 BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a stage, between stages, around all
 PLACES = {  # column and row of every stage
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
-    "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "gait": (3, 3), "morph": (3, 4),
+    "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
+    "morph": (3, 5),
     "loops": (4, 1), "gateways": (4, 2), "animate": (5, 1),
     "render": (6, 0), "tank": (6, 1), "export": (6, 2), "report": (7, 1),
 }  # fmt: skip

@@ -1,20 +1,28 @@
 """The edit list: what is drawn where at every tick. Planners write it, renderers read it.
 
 A tick is the time of one film frame. The picture, `source`, is the number of a sprite, in one of
-its orientations (1 … n), or a row of the film, a frame, which has no orientation. It is turned by
+its orientations (1 … n), or a row of the film, a frame, which has no orientation. A frame may be
+`mirrored`, about the line through its mass centre in the direction of its heading. It is turned by
 `rotation_deg` anticlockwise about its mass centre, which is drawn at (x_px, y_px) of the tank. In a
 cross-fade a second picture, the partner, is drawn at the same place, and `weight` is its share.
+
+Where `pose` is not empty, the animal is drawn in another posture than it was filmed in: the one of
+these codes of the film's principal shapes (stage `pose`), as seen on screen, so after mirroring.
+Place, heading and size are those of the source; the partner is drawn there and so bent, too.
 """
 
 from typing import NamedTuple
 
-from finloop.base.schema import Column, Schema, columns
+from finloop.base.schema import ANY, Column, Schema, columns
 
 SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a sprite in an orientation, or a row of the film."""
 
 NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
 """The modes: sprites moved by what the network learnt; the film, jumping at loops; both in turn."""
+
+INERTIAL, FADE, CUT = "inertial", "fade", "cut"
+"""Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 
 EDIT = Schema(
     Column("tick", "int32", "1"),
@@ -24,13 +32,16 @@ EDIT = Schema(
     Column("orientation", "int8", "1", nullable=True),
     Column("rotation_deg", "float32", "deg"),
     Column("scale", "float32", "1"),
+    Column("mirrored", "bool", "1"),
     *columns("float64", "px", "x_px", "y_px"),
     Column("partner_kind", "string", "1", nullable=True),
     Column("partner", "int32", "1", nullable=True),
     Column("partner_orientation", "int8", "1", nullable=True),
     Column("partner_rotation_deg", "float32", "deg", nullable=True),
     Column("partner_scale", "float32", "1", nullable=True),
+    Column("partner_mirrored", "bool", "1"),
     Column("weight", "float32", "1"),
+    Column("pose", "float32", "1", nullable=True, length=ANY),
     Column("heading_deg", "float32", "deg"),
     Column("speed", "float32", "body length/s"),
     Column("motion_area", "float32", "1", nullable=True),
@@ -47,7 +58,8 @@ EDIT = Schema(
 )
 """`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
 model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
-`mode` is "nn" or "loops", whichever the tick is in.
+`mode` is "nn" or "loops", whichever the tick is in. `mirrored` is of a frame; a sprite was mirrored
+or not when it was made.
 
 The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other
 ticks. `reason` is a code of `REASONS`; `exit`, of `EXITS`, where the film is left; `seam` that of a

@@ -20,6 +20,7 @@ from finloop.animate.swim import Player
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
 from finloop.features.table import wrap_deg
+from finloop.puppet import PoseShapes
 
 FILM_MOTION = "film"
 KINEMATICS = Schema(
@@ -195,11 +196,12 @@ def of_turns(edit: pd.DataFrame) -> dict[str, float]:
 
 def of_steps(mine: Floats, film: Floats) -> dict[str, float]:
     """Steps between drawn pictures against the film's own."""
-    return _against(film, "step", mine, "steps")
+    above = 100 * float((mine > np.quantile(film, 0.995)).mean())
+    return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
 
 
 def of_seams(seams: Floats, film: Floats) -> dict[str, float]:
-    """Seam ratios of jumps, D(i + 1, j), before any cross-fade."""
+    """Seam ratios of joins, as drawn, without any cross-fade."""
     if seams.size == 0:
         return {"jumps": 0.0}
     return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
@@ -211,6 +213,16 @@ def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[st
         f"{name}_ratio_median": float(np.median(mine)) / middle,
         f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
         f"{all_of_them}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
+    }
+
+
+def of_poses(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
+    """Ticks drawn in another pose than filmed; those whose pose the film hardly shows."""
+    codes = [pose for pose in edit["pose"] if pose is not None]
+    far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
+    return {
+        "posed_pct": 100 * len(codes) / len(edit),
+        "poses_at_the_limit_pct": 100 * far / len(edit),
     }
 
 

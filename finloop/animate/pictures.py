@@ -10,9 +10,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.bodies import Bodies, Body
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.arrays import Floats, Ints
-from finloop.distance.picture import apart, picture
+from finloop.distance.picture import SPAN, apart, picture
+from finloop.puppet import Pose, blend, draw
 from finloop.reel import Reel
 
 Picture = NDArray[np.float32]
@@ -24,17 +26,36 @@ class Pictures:
 
     reel: Reel
     size: int
+    bodies: Bodies
 
     def __call__(
-        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float
-    ) -> Picture:
+        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
+        mirrored: bool,
+    ) -> Picture:  # fmt: skip
         """A sprite in an orientation, or a frame (its orientation does not count), turned."""
-        reel = self.reel
+        reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
             one, cutout = reel.places[source], reel.film[source]
         else:
             one, cutout = reel.sprite_places[source], reel.sprite(source, orientation)
-        return picture(cutout, one, reel.length_px / scale, self.size, float(rotation_deg))
+        if kind == FRAME and mirrored:
+            heading = float(self.bodies.heading_deg[source])
+            shown = picture(cutout, one, reel.length_px / scale, self.size, -turn - 2 * heading)
+            return shown[::-1]
+        return picture(cutout, one, reel.length_px / scale, self.size, turn)
+
+    def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:
+        """Where a body is drawn, turned on, in the posture of these codes (c,)."""
+        middle = (self.size - 1) / 2
+        pose = self.bodies.poses.posed(int(body.row), codes)
+        size = float(pose.size_px) * scale * self.size / (SPAN * self.reel.length_px)
+        return pose.at(middle, middle, np.radians(float(body.heading_deg) + turn_deg), size)
+
+    def posed(self, body: Body, target: Pose) -> Picture:
+        """A body of the film drawn there."""
+        row, size = int(body.row), (self.size, self.size)
+        cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
+        return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
 
     @cached_property
     def headed(self) -> Picture:
@@ -53,13 +74,27 @@ def fade_distance(row: Any, pictures: Pictures) -> float:
 
 
 def _own(row: Any, pictures: Pictures) -> Picture:
-    return pictures(row.kind, row.source, row.orientation, row.rotation_deg, row.scale)
+    return pictures(
+        row.kind, row.source, row.orientation, row.rotation_deg, row.scale, row.mirrored
+    )
 
 
 def _partner(row: Any, pictures: Pictures) -> Picture:
     return pictures(
         row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-        row.partner_scale,
+        row.partner_scale, row.partner_mirrored,
+    )  # fmt: skip
+
+
+def _body(row: Any, pictures: Pictures) -> Body:
+    own = row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored
+    return pictures.bodies.shown(*own)
+
+
+def _partner_body(row: Any, pictures: Pictures) -> Body:
+    return pictures.bodies.shown(
+        row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
+        row.partner_mirrored,
     )  # fmt: skip
 
 
@@ -77,51 +112,83 @@ def without_ghosts(edit: pd.DataFrame, pictures: Pictures, most: float) -> pd.Da
     clean.loc[ghosts, "weight"] = 0.0
     clean.loc[ghosts, ["partner_kind", "partner", "partner_orientation"]] = None
     clean.loc[ghosts, ["partner_rotation_deg", "partner_scale"]] = np.nan
+    clean.loc[ghosts, "partner_mirrored"] = False
     return clean
 
 
 def drawn_steps(edit: pd.DataFrame, pictures: Pictures) -> Floats:
-    """Eq. 5 between what is drawn at successive ticks, cross-fades and all."""
-    every = pairwise(_drawn(edit, pictures))
+    """Eq. 5 between what is drawn at successive ticks, joins and all."""
+    every = pairwise(drawn(edit, pictures))
     return np.array([float(apart(after, before)) for before, after in every])
 
 
-def _drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
+def drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
+    """What an edit list shows at every tick."""
     for row in edit.itertuples():
-        shown = _own(row, pictures)
-        if row.weight > 0:
-            shown = (1 - row.weight) * shown + row.weight * _partner(row, pictures)
-        yield shown
+        if row.pose is None:
+            first = _own(row, pictures)
+        else:
+            body = _body(row, pictures)
+            target = pictures.target(body, row.scale, row.pose)
+            first = pictures.posed(body, target)
+        if row.weight == 0:
+            yield first
+        elif row.pose is None:
+            yield blend(first, _partner(row, pictures), row.weight)
+        else:
+            yield blend(first, pictures.posed(_partner_body(row, pictures), target), row.weight)
 
 
 def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
-    """D(i + 1, j) of every jump i → j of an edit list, without its cross-fade, and its tick.
+    """D of every join of an edit list, without its cross-fade, and its tick.
 
-    What the film shows after the picture on screen, turned as that is, against what is drawn.
+    What the film shows after the picture on screen, turned as that is, against what is drawn. Where
+    the pose of the picture before has not died away, the film is bent by what is left of it, as the
+    pose of the new one says, and only light and skin are compared.
     """
     next_sprite = film_next(pictures.reel.sprites)
     distances, ticks = [], []
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
-        turn = -float(now.heading_deg)
         if before.kind == FRAME:
             follows = int(pictures.reel.after(before.source))
-            if now.kind == FRAME and now.source == follows != before.source:
+            alike = now.kind == FRAME and now.mirrored == before.mirrored
+            if alike and now.source == follows != before.source:
                 continue
-            before = before._replace(source=follows, rotation_deg=before.rotation_deg + turn)
-            expected = _own(before, pictures)
-        else:
-            if now.kind == SPRITE and now.source == next_sprite[before.source]:
-                continue
-            expected = pictures.after[before.source]
-        if now.kind == FRAME:
-            drawn = _own(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
-        else:
-            drawn = pictures.headed[now.source]
-        distances.append(float(apart(drawn, expected)))
+        elif now.kind == SPRITE and now.source == next_sprite[before.source]:
+            continue
+        distances.append(float(apart(_new(now, pictures), _expected(before, now, pictures))))
         ticks.append(tick)
     return np.array(distances), np.array(ticks, np.intp)
+
+
+def _new(now: Any, pictures: Pictures) -> Picture:
+    """The picture of a row without its partner, the fish headed right."""
+    turn = -float(now.heading_deg)
+    if now.pose is not None:
+        body = _body(now, pictures)
+        return pictures.posed(body, pictures.target(body, now.scale, now.pose, turn))
+    if now.kind == FRAME:
+        return _own(now._replace(rotation_deg=now.rotation_deg + turn), pictures)
+    return pictures.headed[now.source]
+
+
+def _expected(before: Any, now: Any, pictures: Pictures) -> Picture:
+    """What the film shows after a row, where the fish heads right now."""
+    turn = -float(now.heading_deg)
+    if before.pose is not None and now.pose is not None:
+        target = pictures.target(_body(now, pictures), now.scale, now.pose, turn)
+        return pictures.posed(pictures.bodies.after(_body(before, pictures)), target)
+    if before.kind == SPRITE:
+        return pictures.after[before.source]
+    follows = int(pictures.reel.after(before.source))
+    side = 2 * before.mirrored * (
+        pictures.bodies.heading_deg[before.source] - pictures.bodies.heading_deg[follows]
+    )  # fmt: skip
+    return _own(
+        before._replace(source=follows, rotation_deg=before.rotation_deg + side + turn), pictures
+    )
 
 
 def film_next(sprites: pd.DataFrame) -> Ints:

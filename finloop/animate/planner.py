@@ -9,9 +9,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import place_goals, tank
+from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
-from finloop.animate.edit_list import HYBRID, MODES, NETWORK, Goal
+from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import film
+from finloop.animate.joins import Joins, joins
+from finloop.animate.listing import edit_list
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
 from finloop.animate.network import SpriteSwimmer
@@ -20,7 +23,7 @@ from finloop.animate.policies import Policy
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, Player, Swim, edit_list, swim
+from finloop.animate.swim import Cast, Player, Swim, swim
 from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
@@ -28,6 +31,7 @@ from finloop.distance.map import MapFacts
 from finloop.distance.picture import distance
 from finloop.features.table import delta_frames
 from finloop.loops.graph import loop_graph
+from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
 
@@ -36,7 +40,8 @@ class Material(NamedTuple):
     """What has been made of a film.
 
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline: a row for each row
-    of the reel, lists outline_x_px, outline_y_px; loops, gateways: columns of `LOOPS`, `GATEWAYS`.
+    of the reel, lists outline_x_px, outline_y_px; loops, gateways: columns of `LOOPS`, `GATEWAYS`;
+    poses: of the rows of the reel.
     """
 
     rate_hz: float
@@ -47,6 +52,7 @@ class Material(NamedTuple):
     map_facts: MapFacts
     loops: pd.DataFrame
     gateways: pd.DataFrame
+    poses: FilmPoses
 
 
 @dataclass(frozen=True)
@@ -70,8 +76,10 @@ class Planner:
         player, p = self.players[mode], self.waters.settings
         ticks = self.waters.ticks(p.seconds)
         swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
-        most = p.fade_steps * self.step
-        return swum, without_ghosts(edit_list(swum, ticks, player), self.pictures, most)
+        edit = edit_list(swum, ticks, player)
+        if p.join == FADE:
+            edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
+        return swum, edit
 
 
 def planner(made: Material, p: Settings) -> Planner:
@@ -79,7 +87,8 @@ def planner(made: Material, p: Settings) -> Planner:
     reel, facts, rate_hz = made.reel, made.map_facts, made.rate_hz
     features, sprites = reel.features, reel.sprites
     motion = learn(features, rate_hz, delta_frames(made.model.delta_s, rate_hz), p)
-    pictures = Pictures(reel, facts.size)
+    bodies = Bodies(made.poses, reel.goes_on, sprites)
+    pictures = Pictures(reel, facts.size, bodies)
     scale = (reel.length_px / reel.lengths_px).astype(float)
     hulls = frame_hulls(lists_to_points(made.outline, "outline"), features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
@@ -92,7 +101,8 @@ def planner(made: Material, p: Settings) -> Planner:
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
     waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
-    company = players(waters, cast, made.model, made.gateways, facts.step_median)
+    how = joins(p, bodies, rate_hz)
+    company = players(waters, cast, made.model, made.gateways, facts.step_median, how)
     return Planner(waters, company, pictures, facts.step_median)
 
 
@@ -125,7 +135,7 @@ def reach(
 
 
 def players(
-    waters: Waters, cast: Cast, model: MotionModel, gateways: pd.DataFrame, step: float
+    waters: Waters, cast: Cast, model: MotionModel, gateways: pd.DataFrame, step: float, how: Joins
 ) -> dict[str, Player]:
     """A player for every mode; without loops there is no such mode, and the hybrid is the network.
 
@@ -136,5 +146,4 @@ def players(
     if (waters.film.endless & waters.film.more).any():
         crossing = Crossing(sprites, FilmSwimmer(waters), gateways, step)
         policies = {mode: Policy(mode, sprites, crossing) for mode in MODES}
-    fade = waters.ticks(waters.settings.fade_s)
-    return {mode: Player(policy, waters, cast, fade) for mode, policy in policies.items()}
+    return {mode: Player(policy, waters, cast, how) for mode, policy in policies.items()}

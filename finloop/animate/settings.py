@@ -26,8 +26,16 @@ class Settings:
     trial_goals: Count  # random goals of each of them
 
     # What is drawn.
-    fade_s: NotNegative  # s, cross-fade at a jump; 0 = a cut
-    fade_steps: NotNegative  # natural steps; pictures farther apart (Eq. 5) are not cross-faded
+    # how a picture follows on another: the pose goes on as it was and the difference dies away, the
+    # two pictures are mixed as they are, or neither
+    join: Literal["inertial", "fade", "cut"]
+    # s, after which 5 % of the difference are left; auto: so long as a posture remembers itself
+    join_s: Literal["auto"] | Positive
+    join_least_s: Positive  # s, the shortest that is taken where join_s is auto ...
+    join_most_s: Positive  # ... and the longest
+    fade_s: NotNegative  # s, cross-fade of the pictures; 0 = none
+    # natural steps; pictures farther apart (Eq. 5) are not mixed where joins are fades
+    fade_steps: NotNegative
     reach_quantile: Share  # of the frames' reach; wider frames, mostly faults, are not shown
 
     # What the film shows of swimming (Fig. 18).

@@ -5,13 +5,17 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+ANY = -1
+"""The length of lists that may have any length."""
+
 
 @dataclass(frozen=True)
 class Column:
     """One column: `dtype` is a NumPy name ("int32", "float32", "bool", "string", …).
 
     `unit` is free text ("px", "deg", "s", "1"). A column that is not `nullable` holds neither
-    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers.
+    nulls nor NaN. `length` > 0 makes every cell a list of that many `dtype` numbers, ANY a list of
+    any length; only lists of any length may be nullable.
     """
 
     name: str

@@ -143,6 +143,16 @@ def readable(edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame) ->
     return pd.concat([edit, shown, partner.add_prefix("partner_")], axis=1)
 
 
+def flat(listed: pd.DataFrame) -> pd.DataFrame:
+    """An edit list without lists, for CSV: `pose` becomes pose_1, pose_2 …; empty: no pose."""
+    codes = [pose for pose in listed["pose"] if pose is not None]
+    wide = np.full((len(listed), len(codes[0]) if codes else 0), np.nan)
+    wide[listed["pose"].notna()] = codes if codes else 0
+    names = [f"pose_{number}" for number in range(1, wide.shape[1] + 1)]
+    spread = pd.DataFrame(wide, listed.index, names)
+    return pd.concat([listed.drop(columns="pose"), spread], axis=1)
+
+
 def _shown(
     edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:

@@ -15,14 +15,14 @@ import pyarrow.parquet as pq
 
 from finloop.base.digits import significant
 from finloop.base.errors import FinloopError
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import ANY, Column, Schema
 from finloop.io.atomic import whole_file
 
 
 def _arrow_type(column: Column) -> pa.DataType:
     """The type of the column in the file."""
     inner = pa.type_for_alias(column.dtype)
-    return pa.list_(inner, column.length) if column.length else inner
+    return pa.list_(inner, column.length) if column.length else inner  # ANY = -1 is Arrow's, too
 
 
 def _arrow(schema: Schema) -> pa.Schema:
@@ -122,7 +122,8 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
 
 
 def _wish(column: Column) -> str:
-    kind = f"lists of {column.length} {column.dtype}" if column.length else column.dtype
+    size = "" if column.length == ANY else f"{column.length} "
+    kind = f"lists of {size}{column.dtype}" if column.length else column.dtype
     return f"{kind}{' or null' if column.nullable else ''} in {column.unit!r}"
 
 
@@ -134,6 +135,9 @@ def _names_off(names: list[str], schema: Schema) -> Iterator[str]:
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
     """Convert one column, refusing what would change whole numbers or lengths."""
+    if column.length == ANY:
+        cells = [None if cell is None else np.asarray(cell, column.dtype) for cell in values]
+        return pa.array(cells, _arrow_type(column))
     if column.length:
         rows = np.stack([np.asarray(row) for row in values]) if len(values) else np.empty((0, 0))
         if len(values) and rows.shape != (len(values), column.length):
@@ -170,6 +174,8 @@ def _to_frame(table: pa.Table, schema: Schema) -> pd.DataFrame:
 
 
 def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
+    if column.length == ANY:
+        return array.to_pandas()
     if column.length:
         rows = array.flatten().to_numpy(zero_copy_only=False).reshape(len(array), column.length)
         return pd.Series(list(rows), dtype=object)

@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
+from finloop.animate.listing import edit_columns
 from finloop.animate.state import State, Stretch
-from finloop.animate.swim import Player, edit_columns
+from finloop.animate.swim import Player
 
 Floats = NDArray[np.float64]
 
@@ -37,6 +38,7 @@ class Row(NamedTuple):
     orientation: int
     rotation_deg: float
     scale: float
+    mirrored: bool
     x_px: float
     y_px: float
     partner_kind: str
@@ -44,6 +46,7 @@ class Row(NamedTuple):
     partner_orientation: int
     partner_rotation_deg: float
     partner_scale: float
+    partner_mirrored: bool
     weight: float
     heading_deg: float
     speed: float
@@ -54,11 +57,14 @@ class Row(NamedTuple):
     goal_y_px: float = math.nan
     reached: bool = False
     decided: int = 0
+    pose: Floats | None = None
 
 
 _TYPES = {str: "U10", int: "i8", float: "f8", bool: "?"}
-ROW = np.dtype([(name, _TYPES[kind]) for name, kind in get_type_hints(Row).items()])
-"""Rows in an array."""
+ROW = np.dtype([
+    (name, _TYPES[kind]) for name, kind in get_type_hints(Row).items() if name != "pose"
+])  # fmt: skip
+"""Rows in an array, without their poses."""
 _EDIT = [name for name in Row._fields if name not in Row._field_defaults]
 
 Ghost = Callable[[Row], bool]
@@ -100,8 +106,10 @@ class LiveFish:
         self._state = self._player.begin(rng)
         self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
+        self._poses = np.full(HISTORY, None, object)
         self._choices: deque[Choice] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
+        self._plan_poses = np.zeros(0, object)
         self._played = 0
         self._cut_after = 0  # ticks of it, 0 = not at all
         self._was_ghost = False
@@ -119,7 +127,7 @@ class LiveFish:
         """What was drawn at a tick; None where it is not known."""
         if not self._oldest <= tick <= self.now:
             return None
-        return Row._make(self._ring[tick % HISTORY].item())
+        return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
     def places(self, ticks: range) -> Floats:
         """Where it was, (n, 2) px, at those of the ticks that are known, all up to now."""
@@ -157,20 +165,22 @@ class LiveFish:
         if self._played == len(self._plan):
             self._decide(self.goal if not self.reached else None)
         self._played += 1
-        row = Row._make(self._plan[self._played - 1].item())
+        now = self._played - 1
+        row = Row._make((*self._plan[now].item(), self._plan_poses[now]))
         # What is gone does not come back: two unlike fish on one another look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
         last = self._choices[-1]
         if self._played == len(self._plan) and last.stretch.touched and last.goal:
             self.reached = True
         goal = self.goal
+        self._poses[self.now % HISTORY] = row.pose
         self._ring[self.now % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
             goal_y_px=goal.y_px if goal else math.nan,
             reached=self.reached,
             decided=last.tick,
-        )
+        )[:-1]
 
     def back_to(self, tick: int) -> None:
         """Swim on from a tick that is known: as it did then, if it is left alone as then."""
@@ -210,19 +220,22 @@ class LiveFish:
         self._choices.append(Choice(begins, self.mode, state, draws, goal, stretch))
         while len(self._choices) > 1 and self._choices[1].tick <= begins - HISTORY:
             self._choices.popleft()
-        self._plan, self._played = self._rows(), 0
+        (self._plan, self._plan_poses), self._played = self._rows(), 0
 
-    def _rows(self) -> NDArray[np.void]:
-        """What is drawn of the last stretch, over what of those before it may still fade out."""
+    def _rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
+        """What is drawn of the last stretch, its rows and their poses.
+
+        It depends on what of those before has not died away.
+        """
         ticks, recent = 0, deque[Choice]()
         for choice in reversed(self._choices):
             recent.appendleft(choice)
             ticks += len(choice.stretch.way)
-            if ticks - len(self._choices[-1].stretch.way) > self._player.fade:
+            if ticks - len(self._choices[-1].stretch.way) > self._player.joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]
         columns = edit_columns(stretches, names, ticks, self._player)
         rows = np.zeros(len(stretches[-1].way), ROW)
         for column in _EDIT:
             rows[column] = columns[column][ticks - len(rows) :]
-        return rows
+        return rows, columns["pose"][ticks - len(rows) :]

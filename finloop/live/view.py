@@ -16,10 +16,10 @@ from finloop.animate.search import moved
 from finloop.animate.state import Options
 from finloop.animate.words import in_words
 from finloop.live import message
-from finloop.live.fish import Choice, Row
+from finloop.live.fish import Choice
 from finloop.live.tank import LiveTank
 from finloop.render.gallery import Gallery
-from finloop.render.painter import Painter, Placed
+from finloop.render.painter import Painter
 
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # of the way behind a fish; every so many ticks
 _WAY_S, _WAY_EVERY = 1.5, 2  # of a way that was weighed
@@ -112,23 +112,13 @@ class View:
         for fish in self.tank.fish:
             row = fish.at(tick)
             if row is not None:
-                painter.draw(*self._placed(row))
+                painter.draw(*self.gallery.place(row))
         picture = painter.frame
         if picture.ndim == 3:
             picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
         coded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, _QUALITY])[1].tobytes()
         text = json.dumps(self.state(tick, took_ms), separators=(",", ":")).encode()
         return len(text).to_bytes(4, "little") + text + coded
-
-    def _placed(self, row: Row) -> Placed:
-        turned, partner = self.gallery.turned, None
-        if row.weight > 0:
-            partner = turned(
-                row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
-                row.partner_scale,
-            )  # fmt: skip
-        fish = turned(row.kind, row.source, row.orientation, row.rotation_deg, row.scale)
-        return Placed(row.x_px, row.y_px, fish, partner, row.weight)
 
     def state(self, tick: int, took_ms: float = 0.0) -> dict[str, Any]:
         """All but the picture, of a tick."""

@@ -4,9 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.distance.picture import softened
-from finloop.puppet.lay import How, lay
+from finloop.puppet.lay import How, paint, plan
 from finloop.puppet.pose import Pose
 from finloop.puppet.strip import Line
 
@@ -31,12 +32,33 @@ def draw(
 
     Drawn in its own pose at its own place it is the frame itself.
     """
-    across = float(pose.size_px / target.size_px)
-    film = softened(cutout.pixels.astype(np.float32), 1 / across)
-    canvas = np.zeros((*size, cutout.pixels.shape[2]), np.float32)
-    source = _line(pose, cutout.x0_px, cutout.y0_px)
-    lay(canvas, film, source, _line(target, 0, 0), How(across, mirrored, sharp))
-    return canvas
+    source = line(pose, cutout.x0_px, cutout.y0_px)
+    laid = Laid(cutout.pixels, source, line(target), mirrored, sharp)
+    return laid.in_box((0, 0, *size))
+
+
+class Laid:
+    """A film's picture in another pose, not drawn yet; drawn on any part of the new picture.
+
+    box: rows and columns that the animal may cover, half open: top, left, bottom, right.
+    """
+
+    def __init__(
+        self, pixels: Picture, source: Line, target: Line, mirrored: bool, sharp: bool = True
+    ) -> None:
+        """Take a picture (h, w, c), the line of its animal in it, and that in the new one."""
+        across = source.size_px / target.size_px
+        self._how = How(across, mirrored, sharp)
+        self._film = softened(pixels.astype(np.float32), 1 / across)
+        self._plan = plan(self._film, source, target, self._how)
+        self.box: tuple[int, int, int, int] = self._plan.box
+
+    def in_box(self, box: tuple[int, int, int, int]) -> Premultiplied:
+        """The part of the new picture in a box: (bottom - top, right - left, c), 0 … 1."""
+        top, left, bottom, right = box
+        canvas = np.zeros((bottom - top, right - left, self._film.shape[2]), np.float32)
+        paint(canvas, self._film, self._plan, self._how, (top, left))
+        return canvas
 
 
 def blend(one: Premultiplied, other: Premultiplied, weight: float) -> Premultiplied:
@@ -47,6 +69,7 @@ def blend(one: Premultiplied, other: Premultiplied, weight: float) -> Premultipl
     return cv2.addWeighted(one, 1 - weight, other, weight, 0)
 
 
-def _line(pose: Pose, x0_px: int, y0_px: int) -> Line:
+def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> Line:
+    """The backbone of one pose in a picture whose first pixel is at (x0_px, y0_px)."""
     x, y, heading, size = pose.x_px, pose.y_px, pose.heading_rad, pose.size_px
     return Line(float(x - x0_px), float(y - y0_px), float(heading), float(size), pose.posture)

@@ -6,9 +6,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel
 from finloop.base.sampling import keys
-from finloop.puppet.strip import HIDDEN, LEAST, Line, squeezed, strip, unsqueezed
+from finloop.puppet.strip import (
+    HIDDEN,
+    LEAST,
+    Line,
+    Strip,
+    squeezed,
+    strip,
+    unsqueezed,
+)
 
 _RIM = 1.5  # px that a soft edge reaches beyond the last pixel with alpha
 _SEAM = 1e-9  # px by which steps overlap: rounding leaves no hole between them
@@ -24,26 +33,62 @@ class How(NamedTuple):
     sharp: bool
 
 
+class Plan(NamedTuple):
+    """The strips of a film's picture and of the new one, and how far the animal reaches.
+
+    there, here: in the film and in the new picture; reach: (m - 1, 2) px beside each step of the
+    new one, left and right, 0 where nothing is seen. box: rows and columns of the new picture that
+    the animal may cover, half open: top, left, bottom, right.
+    """
+
+    there: Strip
+    here: Strip
+    reach: Floats
+    box: tuple[int, int, int, int]
+
+
 @finite_kernel
-def lay(
-    canvas: NDArray[np.float32], film: NDArray[np.float32], source: Line, target: Line, how: How
-) -> None:
-    """Draw the strip along `source` in a film's picture along `target` in the canvas.
+def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Plan:
+    """Where a film's picture, bent along `source`, comes to lie along `target`."""
+    there, here = strip(source), strip(target)
+    reach = _reach(film, there) / how.across
+    low_x = low_y = HIDDEN
+    high_x = high_y = -HIDDEN
+    for i in range(len(reach)):
+        if min(here.limits[i : i + 2].min(), there.limits[i : i + 2].min()) <= 2 * LEAST:
+            reach[i, 0] = reach[i, 1] = 0
+            continue
+        if how.mirrored:
+            reach[i, 0], reach[i, 1] = reach[i, 1], reach[i, 0]
+        for side in range(2):
+            reach[i, side] = min(reach[i, side], here.limits[i : i + 2, side].max())
+            sign = 1 - 2 * side
+            for k in range(i, i + 2):
+                x = here.points[k, 0] + sign * reach[i, side] * here.normals[k, 0]
+                y = here.points[k, 1] + sign * reach[i, side] * here.normals[k, 1]
+                low_x, high_x = min(low_x, x), max(high_x, x)
+                low_y, high_y = min(low_y, y), max(high_y, y)
+    if low_x > high_x:
+        return Plan(there, here, reach, (0, 0, 0, 0))
+    box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
+    return Plan(there, here, reach, box)
+
+
+@finite_kernel
+def paint(
+    canvas: NDArray[np.float32], film: NDArray[np.float32], to: Plan, how: How,
+    corner: tuple[int, int],
+) -> None:  # fmt: skip
+    """Draw a strip as planned in the canvas, whose first pixel is at `corner`, row and column.
 
     canvas: (H, W, c), zero; film: (h, w, c) 0 … 255, premultiplied. Where two parts of the body
     meet, the one with more alpha is seen.
     """
-    there, here = strip(source), strip(target)
-    reach = _reach(film, there) / how.across
-    for i in range(len(here.points) - 1):
-        if min(here.limits[i : i + 2].min(), there.limits[i : i + 2].min()) <= 2 * LEAST:
-            continue
-        left, right = reach[i, 0], reach[i, 1]
-        if how.mirrored:
-            left, right = right, left
-        left = min(left, max(here.limits[i, 0], here.limits[i + 1, 0]))
-        right = min(right, max(here.limits[i, 1], here.limits[i + 1, 1]))
-        _step(canvas, film, (there, here), (i, left, right), how)
+    for i in range(len(to.reach)):
+        if to.reach[i, 0] + to.reach[i, 1] > 0:
+            _step(
+                canvas, film, (to.there, to.here), (i, to.reach[i, 0], to.reach[i, 1]), how, corner
+            )
 
 
 @finite_kernel
@@ -102,7 +147,7 @@ def _span(y, one, other):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
+def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
     """Draw one step of the strip, `part`: which, and how far to its left and right."""
     height, width, channels = canvas.shape
     (there, here), (i, left, right) = strips, part
@@ -112,8 +157,10 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
     film_one, film_other = _section(there, i), _section(there, i + 1)
     xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
     ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
-    low, high = max(min(xs), 0.0), min(max(xs), width - 1.0)
-    for y in range(math.ceil(max(min(ys), 0.0)), math.floor(min(max(ys), height - 1.0)) + 1):
+    top, left_px = corner
+    low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
+    first, last = max(min(ys), top), min(max(ys), top + height - 1.0)
+    for y in range(math.ceil(first), math.floor(last) + 1):
         start, stop = _span(y, one, other)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
             before = (x - ax) * any_ - (y - ay) * anx
@@ -127,12 +174,13 @@ def _step(canvas, film, strips, part, how):  # type: ignore[no-untyped-def]
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = _cubic(film, u, v) if how.sharp else _linear(film, u, v)
-            if alpha > canvas[y, x, channels - 1]:
-                canvas[y, x, 0] = red
+            pixel = canvas[y - top, x - left_px]
+            if alpha > pixel[channels - 1]:
+                pixel[0] = red
                 if channels == 4:
-                    canvas[y, x, 1] = green
-                    canvas[y, x, 2] = blue
-                canvas[y, x, channels - 1] = alpha
+                    pixel[1] = green
+                    pixel[2] = blue
+                pixel[channels - 1] = alpha
 
 
 @finite_kernel

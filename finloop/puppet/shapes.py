@@ -15,13 +15,20 @@ from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.puppet.pose import bends, mirrored, steps
 
-_GAP = 0.99  # quantile of how far the film's postures are from the nearest other one
+_EXACT = 1e-5  # of codes, which files hold as float32
 
 
 class Nearest(NamedTuple):
     """Postures (…, d) that are possible, and whether (…) they had to be changed."""
 
     posture: Floats
+    clamped: Mask
+
+
+class NearestCodes(NamedTuple):
+    """Codes (…, c) of postures that are possible, and whether (…) they had to be changed."""
+
+    codes: Floats
     clamped: Mask
 
 
@@ -44,8 +51,10 @@ class PoseShapes:
     gap: float
 
     @classmethod
-    def fit(cls, postures: Floats, share: float = 0.99) -> "PoseShapes":
+    def fit(cls, postures: Floats, share: float, gap_quantile: float = 0.99) -> "PoseShapes":
         """The shapes of postures (k, d) that explain `share` of their variance.
+
+        gap_quantile: of how far postures are from the nearest other one; it is the gap.
 
         Raises
         ------
@@ -72,13 +81,19 @@ class PoseShapes:
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
         nearest = scipy.spatial.cKDTree(codes).query(codes, k=2)[0][:, 1]
-        gap = float(np.quantile(nearest, _GAP))
+        gap = float(np.quantile(nearest, gap_quantile))
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
 
     @property
     def explained(self) -> Floats:
-        """The share (c,) of the variance that each shape explains."""
-        return self.variance / self.total_variance
+        """The share (c,) of the variance that each shape explains; of no variance, none."""
+        return self.variance / (self.total_variance or 1.0)
+
+    @cached_property
+    def mirror(self) -> Floats:
+        """The matrix (c, c) that takes codes to those of the mirror image: codes @ mirror."""
+        both = mirrored(np.ones_like(self.mean))
+        return (self.shapes * both) @ self.shapes.T
 
     def encode(self, postures: Floats) -> Floats:
         """The codes (…, c) of postures (…, d)."""
@@ -98,9 +113,20 @@ class PoseShapes:
         A posture whose codes are within `gap` of a filmed one stays as it is. Any other one is
         moved straight towards the nearest filmed one until it is so near.
         """
-        codes = self.encode(postures)
-        apart, row = self._tree.query(codes)
-        away = np.minimum(1, self.gap / np.maximum(apart, 1e-12))[..., None]
-        near = self.codes[row] + (codes - self.codes[row]) * away
-        clamped = np.asarray(apart > self.gap)
-        return Nearest(np.where(clamped[..., None], self.decode(near), postures), clamped)
+        codes, clamped = self.nearest_codes(self.encode(postures))
+        return Nearest(np.where(clamped[..., None], self.decode(codes), postures), clamped)
+
+    def far(self, codes: Floats) -> Mask:
+        """Which codes (…, c) are as far from all filmed ones as a possible posture may be."""
+        return np.asarray(self._tree.query(codes)[0] > (1 - _EXACT) * self.gap - _EXACT)
+
+    def nearest_codes(self, codes: Floats) -> NearestCodes:
+        """The same of codes (…, c)."""
+        near, most = np.array(codes, float), self.gap + _EXACT
+        clamped = np.asarray(np.isinf(self._tree.query(near, distance_upper_bound=most)[0]))
+        if clamped.any():
+            far = near[clamped]
+            apart, row = self._tree.query(far)
+            from_film = (far - self.codes[row]) * (self.gap / apart)[:, None]
+            near[clamped] = self.codes[row] + from_film
+        return NearestCodes(near, clamped)

@@ -5,6 +5,8 @@ towards it. So the backbone is smoothed as far as the body is wide, and parted w
 the body has the same number of steps in every frame, and the tail steps of the same length.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 import pandas as pd
 
@@ -12,33 +14,59 @@ from finloop.base.arrays import Floats, Points, Reals
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.extract.backbone import resample
 
-_SMOOTHING = 0.5  # standard deviation in half widths of the body
-_BODY = 5 / 8  # of the steps
-_SEEN = 0.95  # quantile of the tails' lengths as seen that stands for the whole tail
+
+class Tail(NamedTuple):
+    """Where a body ends and its tail begins, and how both are made alike in all frames.
+
+    thin: the body ends where it has become so many times as wide as where it is widest. smoothing:
+    of the backbone, a standard deviation in half widths of the body. body: the share of the points
+    that the body has. whole: quantile of the tails' lengths that stands for the whole tail.
+    """
+
+    thin: float
+    smoothing: float
+    body: float
+    whole: float
 
 
-def trunk(tracks: pd.DataFrame, backbones: Reals, thin: float = 0.4) -> Points:
+def tail_spread(tracks: pd.DataFrame, backbones: Reals, thin: float) -> float:
+    """How much the tails of rows (k) differ in length: quantiles 0.05 to 0.95, in bodies' lengths.
+
+    tracks, backbones: as of `trunk`; thin: as of `Tail`.
+    """
+    end = _body_end(_half_widths(tracks, backbones), thin)
+    step, last = _steps(backbones.astype(float)), backbones.shape[1] - 1
+    low, high = np.quantile((last - end) * step, (0.05, 0.95))
+    return float((high - low) / max(np.median(end * step), 1e-9))
+
+
+def trunk(tracks: pd.DataFrame, backbones: Reals, how: Tail) -> Points:
     """Backbones (k, n, 2) px, head first, that have the same part of the body at every point.
 
     tracks: backbone_x_px, backbone_y_px, half_width_px of the rows. backbones: (k, n, 2) of the
-    same, head first, as `features.table.features` gives them. The body ends where it has become
-    `thin` times as wide as where it is widest; where no tail is seen, the line goes on straight.
+    same, head first, as `features.table.features` gives them. Where no tail is seen, the line goes
+    on straight.
     """
     widths = _half_widths(tracks, backbones)
     lines = np.stack([
-        _smoothed(line, width) for line, width in zip(backbones.astype(float), widths, strict=True)
+        _smoothed(line, width, how.smoothing)
+        for line, width in zip(backbones.astype(float), widths, strict=True)
     ])  # fmt: skip
     count = lines.shape[1]
-    body = max(1, round(_BODY * (count - 1)))
-    step = np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
-    end = _body_end(widths, thin)
-    tail = np.quantile((count - 1 - end) * step, _SEEN) / step  # in steps, as all that follows
+    body = max(1, round(how.body * (count - 1)))
+    step, end = _steps(lines), _body_end(widths, how.thin)
+    tail = np.quantile((count - 1 - end) * step, how.whole) / step  # in steps, as all that follows
     shares = np.arange(count - body) / max(count - 1 - body, 1)
     before = end[:, None] * np.linspace(0, 1, body + 1)[:-1]
     places = np.concatenate([before, end[:, None] + tail[:, None] * shares], 1)  # beyond n - 1 too
     low = np.minimum(places.astype(int), count - 2)[..., None]
     start, stop = (np.take_along_axis(lines, low + k, 1) for k in (0, 1))
     return start + (places[..., None] - low) * (stop - start)
+
+
+def _steps(lines: Floats) -> Floats:
+    """The mean step (k,) px of backbones (k, n, 2)."""
+    return np.hypot(*np.diff(lines, axis=1).transpose(2, 0, 1)).mean(1)
 
 
 def _half_widths(tracks: pd.DataFrame, backbones: Reals) -> Floats:
@@ -62,13 +90,13 @@ def _body_end(widths: Floats, thin: float) -> Floats:
     return first - 1 + share
 
 
-def _smoothed(line: Floats, width: Floats) -> Floats:
+def _smoothed(line: Floats, width: Floats, smoothing: float) -> Floats:
     """A backbone (n, 2) without bends that are shorter than it is wide; its ends stay."""
     count = len(line)
     step = max(np.hypot(*np.diff(line, axis=0).T).mean(), 1e-6)
     inner = width.copy()
     inner[[0, -1]] = width[[1, -2]]  # at the tips there is none
-    spread = np.clip(_SMOOTHING * inner / step, 1e-3, count / 4)
+    spread = np.clip(smoothing * inner / step, 1e-3, count / 4)
     long = np.concatenate([2 * line[0] - line[:0:-1], line, 2 * line[-1] - line[-2::-1]])
     places = np.arange(len(long)) - (count - 1)
     weight = np.exp(-0.5 * ((places - np.arange(count)[:, None]) / spread[:, None]) ** 2)

@@ -1,21 +1,30 @@
 """The pictures that an edit list names, and what its rows want drawn."""
 
+import math
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.bodies import Bodies, Body
 from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
 from finloop.features.table import orientations_of
+from finloop.puppet import Line
 from finloop.reel import sprite_row
-from finloop.render.painter import Picture, Placed, Turned, picture
+from finloop.render.painter import Bent, Picture, Placed, Turned, picture
 
 PLACE = ["x_px", "y_px"]
+_PICTURE = ["kind", "orientation", "rotation_deg", "scale", "mirrored"]
+_COLUMNS = [
+    *PLACE, "source", *_PICTURE, "partner", *(f"partner_{name}" for name in _PICTURE), "weight",
+    "pose",
+]  # fmt: skip
 
 
 class Shelf(NamedTuple):
@@ -30,28 +39,76 @@ class Shelf(NamedTuple):
 
 
 class Gallery:
-    """Pictures as an edit list names them, the most recent `keep` of them held."""
+    """Pictures as an edit list names them, the most recent `keep` of them held.
 
-    def __init__(self, shelves: Mapping[str, Shelf], keep: int = 512) -> None:
-        self.shelves = shelves
+    bodies: the film's postures, without which no frame can be drawn mirrored or in another pose.
+    """
+
+    def __init__(
+        self, shelves: Mapping[str, Shelf], bodies: Bodies | None = None, keep: int = 512
+    ) -> None:
+        self.shelves, self.bodies = shelves, bodies
         self.picture = lru_cache(keep)(self._picture)
 
-    def _picture(self, kind: str, source: int, orientation: int) -> Picture:
+    def _picture(self, kind: str, source: int, orientation: int, mirrored: bool) -> Picture:
         shelf = self.shelves[kind]
         cutout = shelf.store[sprite_row(source, orientation, shelf.orientations)]
-        x, y = shelf.centres_px[source]
-        return picture(cutout.pixels, x - cutout.x0_px, y - cutout.y0_px)
+        x_px, y_px = shelf.centres_px[source]
+        x, y = x_px - cutout.x0_px, y_px - cutout.y0_px
+        if mirrored:
+            return picture(cutout.pixels[:, ::-1], cutout.pixels.shape[1] - 1 - x, y)
+        return picture(cutout.pixels, x, y)
 
-    def frame(self, row: int) -> Picture:
-        """The picture of a row of the film."""
-        return self.picture(FRAME, row, 1)
+    def frame(self, row: int, mirrored: bool = False) -> Picture:
+        """The picture of a row of the film, mirrored: its left is its right."""
+        return self.picture(FRAME, row, 1, mirrored)
 
     def turned(
-        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float
-    ) -> Turned:
+        self, kind: str, source: int, orientation: int, rotation_deg: float, scale: float,
+        mirrored: bool = False,
+    ) -> Turned:  # fmt: skip
         """A sprite in an orientation, or a frame (its orientation does not count), turned."""
-        one = self.frame(source) if kind == FRAME else self.picture(kind, source, int(orientation))
+        if kind != FRAME:
+            one = self.picture(kind, source, int(orientation), False)
+        elif mirrored:
+            assert self.bodies is not None
+            one = self.frame(source, mirrored=True)
+            rotation_deg += 2 * self.bodies.heading_deg[source] - 180
+        else:
+            one = self.frame(source)
         return Turned(one, rotation_deg, scale)
+
+    def place(self, row: Any) -> Placed:
+        """What a row of an edit list wants drawn; it has the names of its columns."""
+        own = row.kind, row.source, row.orientation, row.rotation_deg
+        partner = None
+        if row.weight > 0:
+            partner = (
+                row.partner_kind, row.partner, row.partner_orientation, row.partner_rotation_deg,
+            )  # fmt: skip
+        if row.pose is None:
+            fish: Turned | Bent = self.turned(*own, row.scale, row.mirrored)
+            other: Turned | Bent | None = partner and self.turned(
+                *partner, row.partner_scale, row.partner_mirrored
+            )
+        else:
+            assert self.bodies is not None
+            body = self.bodies.shown(*own, row.mirrored)
+            pose = self.bodies.poses.posed(int(body.row), row.pose)
+            heading, size = math.radians(body.heading_deg), float(pose.size_px) * row.scale
+            fish = self._bent(body, pose.posture, heading, size)
+            other = partner and self._bent(
+                self.bodies.shown(*partner, row.partner_mirrored), pose.posture, heading, size
+            )
+        return Placed(row.x_px, row.y_px, fish, other, row.weight)
+
+    def _bent(self, body: Body, posture: Floats, heading_rad: float, size_px: float) -> Bent:
+        """A body of the film in a posture."""
+        assert self.bodies is not None
+        row = int(body.row)
+        own, film = self.bodies.poses.pose[row], self.frame(row)
+        source = Line(film.x_px, film.y_px, float(own.heading_rad), float(own.size_px), own.posture)
+        return Bent(film, source, posture, heading_rad, size_px, bool(body.mirrored))
 
 
 def shelves(
@@ -80,22 +137,13 @@ def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
 
     FinloopError at once, listing all that cannot be drawn.
     """
-    _refuse(edit, gallery.shelves)
-
-    def given() -> Iterator[Placed]:
-        own = ("kind", "source", "orientation", "rotation_deg", "scale")
-        other = [f"partner_{name}".removesuffix("_source") for name in own]
-        columns = (edit[list(names)].itertuples(index=False) for names in (own, other))
-        where = edit[["x_px", "y_px", "weight"]].itertuples(index=False)
-        for fish, partner, (x, y, weight) in zip(*columns, where, strict=True):
-            second = gallery.turned(*partner) if weight > 0 else None
-            yield Placed(x, y, gallery.turned(*fish), second, weight)
-
-    return given()
+    _refuse(edit, gallery)
+    return map(gallery.place, edit[_COLUMNS].itertuples(index=False))
 
 
-def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
+def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
     """Raise if an edit list cannot be drawn: every kind of problem, each with its first tick."""
+    shelves, bodies = gallery.shelves, gallery.bodies
     do = "make the edit list again: `dvc repro --force animate`"
     if edit.empty:
         raise FinloopError("the edit list is empty", "at least one tick", do)
@@ -131,9 +179,17 @@ def _refuse(edit: pd.DataFrame, shelves: Mapping[str, Shelf]) -> None:
         refuse(used & ~(np.isfinite(scale) & (scale > 0)), f"{prefix}scale", "more than 0")
         angle = edit[f"{prefix}rotation_deg"].to_numpy(float)
         refuse(used & ~np.isfinite(angle), f"{prefix}rotation_deg", "an angle")
+    codes = 0 if bodies is None else bodies.poses.codes.shape[1]
+    bad = [pose is not None and not _possible(pose, codes) for pose in edit["pose"]]
+    refuse(np.array(bad), "pose", f"{codes} codes of shapes" if codes else "none: there are none")
     if problems:
         raise FinloopError(
             "the edit list cannot be drawn:\n    " + "\n    ".join(problems),
             "pictures that exist, at places and of sizes that can be drawn",
             do,
         )
+
+
+def _possible(pose: Floats, codes: int) -> bool:
+    """Whether these are so many codes."""
+    return codes > 0 and np.shape(pose) == (codes,) and bool(np.isfinite(pose).all())

@@ -11,6 +11,8 @@ to the second degree: a shift by a part of a pixel moves the mass centre by exac
 no shift at all changes nothing. Its overshoots are cut off: 0 ≤ colour ≤ alpha ≤ 255, so that no
 fringe shines at the outline and nothing overflows.
 
+A fish in another pose than it was filmed in is drawn by the puppet, its partner in the same pose.
+
 Coordinates in px, x right, y down, pixel centres at integers; angles anticlockwise as seen.
 """
 
@@ -22,8 +24,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Floats
 from finloop.base.kernel import kernel
 from finloop.base.sampling import keys
+from finloop.puppet import Laid, Line, blend
 
 Image = NDArray[np.uint8]
 _ONE = np.float32(1)
@@ -82,6 +86,26 @@ class Turned(NamedTuple):
     scale: float = 1.0
 
 
+class Bent(NamedTuple):
+    """A picture as it is to be drawn in another posture, `finloop.puppet.pose`.
+
+    source: the animal's backbone in the picture's pixels. posture: the one to draw, headed
+    `heading_rad` on screen; size_px: of the animal there. mirrored: left is drawn as right.
+    """
+
+    picture: Picture
+    source: Line
+    posture: Floats
+    heading_rad: float
+    size_px: float
+    mirrored: bool
+
+    def laid(self, x_px: float, y_px: float) -> Laid:
+        """With its mass centre at (x_px, y_px) of the canvas."""
+        target = Line(x_px, y_px, self.heading_rad, self.size_px, self.posture)
+        return Laid(self.picture.pixels, self.source, target, self.mirrored)
+
+
 def picture(pixels: Image, x_px: float, y_px: float) -> Picture:
     """A picture from a cut-out (h, w, 2 or 4) uint8 whose mass centre is (x_px, y_px) of it."""
     rim = (_PAD, _PAD)
@@ -96,8 +120,8 @@ class Placed(NamedTuple):
 
     x_px: float
     y_px: float
-    fish: Turned
-    partner: Turned | None
+    fish: Turned | Bent
+    partner: Turned | Bent | None
     weight: float
 
 
@@ -142,25 +166,42 @@ class Painter:
         self,
         x_px: float,
         y_px: float,
-        fish: Turned,
-        partner: Turned | None = None,
+        fish: Turned | Bent,
+        partner: Turned | Bent | None = None,
         weight: float = 0.0,
     ) -> Box:
         """Draw a fish with its mass centre at (x_px, y_px); what lies outside is cut off.
 
-        `partner` is cross-faded into it with the share `weight` (0 … 1). Returns what was touched.
+        `partner`, of the same kind, is cross-faded into it with the share `weight` (0 … 1). Returns
+        what was touched.
         """
         other, share = (partner, weight) if partner is not None else (fish, 0.0)
-        if (
-            max(fish.picture.pixels.shape[2], other.picture.pixels.shape[2])
-            > self.canvas.shape[2] + 1
-        ):
+        channels = max(one.picture.pixels.shape[2] for one in (fish, other))
+        if channels > self.canvas.shape[2] + 1:
             raise ValueError("a coloured fish needs a coloured canvas")
-        shown = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
-        box = Box.around(_extent(x_px, y_px, one) for one in shown).within(self.canvas.shape)
+        if isinstance(fish, Bent) and isinstance(other, Bent):
+            box = self._bent(
+                fish.laid(x_px, y_px), other.laid(x_px, y_px) if share else None, share
+            )
+        elif isinstance(fish, Turned) and isinstance(other, Turned):
+            shown = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
+            box = Box.around(_extent(x_px, y_px, one) for one in shown).within(self.canvas.shape)
+            if not box.empty:
+                _lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
+        else:
+            raise ValueError("a fish and its partner are drawn both in a pose, or neither")
+        self.touch(box)
+        return box
+
+    def _bent(self, fish: Laid, other: Laid | None, share: float) -> Box:
+        """Draw a fish, and its partner with its share; where."""
+        boxes = [Box(*one.box) for one in (fish, other) if one is not None]
+        box = Box.around(boxes).within(self.canvas.shape)
         if not box.empty:
-            _lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
-            self.touch(box)
+            drawn = fish.in_box(box)
+            if other is not None:
+                drawn = blend(drawn, other.in_box(box), share)
+            _over(self.canvas[box.of], drawn)
         return box
 
 
@@ -267,3 +308,17 @@ def _lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
                 if canvas.shape[2] == 3:
                     pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
                     pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
+
+
+@kernel
+def _over(canvas, drawn):  # type: ignore[no-untyped-def]
+    """Lay a picture (h, w, 2 or 4), 0 … 1, premultiplied, over the canvas (h, w, 1 or 3)."""
+    height, width, channels = drawn.shape
+    for y in range(height):
+        for x in range(width):
+            alpha = drawn[y, x, channels - 1]
+            if alpha > 0:
+                through = _ONE - alpha
+                for c in range(canvas.shape[2]):
+                    level = np.float32(255) * drawn[y, x, min(c, channels - 2)]
+                    canvas[y, x, c] = np.uint8(level + through * canvas[y, x, c] + np.float32(0.5))

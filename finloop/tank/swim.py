@@ -2,19 +2,21 @@
 
 A picture of an edit list is a frame of the film or a sprite, and a sprite is a frame of the film,
 turned and perhaps mirrored. So every tick has one backbone of the film, or in a cross-fade two,
-which are mixed by their weight as the pictures are (`finloop.render.painter`).
+which are mixed by their weight as the pictures are (`finloop.render.painter`). Where the edit list
+says a pose, the backbone is bent as that pose differs from the one filmed.
 
 Coordinates of the tank are px of the film with y up (−y of the film) and z above the floor; angles
 anticlockwise as seen from above. A backbone runs from head to tail, relative to the mass centre.
 """
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.schema import lists_to_array, lists_to_points
 from finloop.features.head import tail_first
@@ -26,10 +28,14 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Film:
-    """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px."""
+    """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px.
+
+    heading_deg: (n,).
+    """
 
     backbone: Floats
     half_width: Floats
+    heading_deg: Floats
 
 
 class Cast(NamedTuple):
@@ -68,32 +74,38 @@ class Poses:
 def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
     """The film's backbones, head first, relative to the mass centre, y up.
 
-    tracks: as `extract` wrote it; features: the head of each of its rows.
+    tracks: as `extract` wrote it; features: head and heading of each of its rows.
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
     backwards = tail_first(line, features)
     line[backwards], half_width[backwards] = line[backwards, ::-1], half_width[backwards, ::-1]
     local = line - tracks[["x_px", "y_px"]].to_numpy(float)[:, None]
-    return Film(local * (1, -1), half_width)
+    return Film(local * (1, -1), half_width, features["heading_deg"].to_numpy(float))
 
 
-def poses(edit: pd.DataFrame, film: Film, sprites: pd.DataFrame) -> Poses:
+def poses(
+    edit: pd.DataFrame, film: Film, sprites: pd.DataFrame, bodies: Bodies | None = None
+) -> Poses:
     """The fish at every tick of an edit list (schema EDIT).
 
-    sprites: schema SPRITES, may be empty if the list has none.
+    sprites: schema SPRITES, may be empty if the list has none; bodies: None if it has no poses.
     """
-    first = _cast(edit, "", "source", sprites)
+    first = _cast(edit, "", "source", film, sprites)
     weight = edit["weight"].to_numpy(float)
     fades = weight > 0
     second = Cast(*(np.where(fades, b, a) for a, b in zip(
-        first, _cast(edit, "partner_", "partner", sprites), strict=True,
+        first, _cast(edit, "partner_", "partner", film, sprites), strict=True,
     )))  # fmt: skip
     (line, width), (other, other_width) = (_bodies(film, cast) for cast in (first, second))
     share = weight[:, None]
+    line = line + share[..., None] * (other - line)
+    if bodies is not None:
+        for tick in np.flatnonzero(edit["pose"].notna()):
+            line[tick] = _bent(edit.iloc[tick], film, bodies)
     return Poses(
         edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
-        line + share[..., None] * (other - line),
+        line,
         width + share * (other_width - width),
         np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
         first,
@@ -102,15 +114,37 @@ def poses(edit: pd.DataFrame, film: Film, sprites: pd.DataFrame) -> Poses:
     )
 
 
-def _cast(edit: pd.DataFrame, prefix: str, number: str, sprites: pd.DataFrame) -> Cast:
+def _bent(row: Any, film: Film, bodies: Bodies) -> Floats:
+    """The backbone (p, 2) of a row of an edit list that says a pose.
+
+    Where the pose's backbone differs from that of the row's own posture, the film's differs, too,
+    at the same arc length.
+    """
+    body = bodies.shown(row.kind, row.source, row.orientation, row.rotation_deg, row.mirrored)
+    number, side = int(body.row), -1 if body.mirrored else 1
+    own = bodies.poses.pose[number].at(0, 0, 0, bodies.poses.pose.size_px[number])
+    new = bodies.poses.posed(number, row.pose).at(0, 0, 0, own.size_px)
+    before, after = (pose.backbone_px() * (1, -1) for pose in (own, new))
+    before[:, 1] *= side
+    angle = np.radians(film.heading_deg[number])
+    back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    line = film.backbone[number] @ back.T * (1, side)  # headed right
+    arcs = [np.append(0, np.cumsum(np.hypot(*np.diff(one, axis=0).T))) for one in (before, line)]
+    moved = [np.interp(arcs[1], arcs[0], change) for change in (after - before).T]
+    turn = np.radians(float(body.heading_deg))
+    ahead = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
+    return row.scale * (line + np.stack(moved, -1)) @ ahead.T
+
+
+def _cast(edit: pd.DataFrame, prefix: str, number: str, film: Film, sprites: pd.DataFrame) -> Cast:
     """Every tick's picture as a body of the film; where there is none, any."""
     source = edit[number].fillna(0).to_numpy(int)
     turn = edit[f"{prefix}rotation_deg"].fillna(0).to_numpy(float).copy()
     scale = edit[f"{prefix}scale"].fillna(1).to_numpy(float)
     kind = edit[f"{prefix}kind"].fillna(FRAME)
     is_sprite = (kind == SPRITE).to_numpy()
-    row, axis = np.where(is_sprite, 0, source), np.zeros(len(edit))
-    mirrored = np.zeros(len(edit), bool)
+    row = np.where(is_sprite, 0, source)
+    axis, mirrored = film.heading_deg[row], edit[f"{prefix}mirrored"].to_numpy(bool, copy=True)
     if is_sprite.any():
         which = sprites.iloc[source[is_sprite]]
         row[is_sprite] = which["row"]

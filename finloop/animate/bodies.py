@@ -1,0 +1,124 @@
+"""The body of the film behind every picture: a frame is a row of the film, and so is a sprite.
+
+A sprite is a row that was turned and perhaps mirrored; a frame may be mirrored, too, about the line
+through its mass centre in the direction of its heading.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import FRAME
+from finloop.base.arrays import Floats, Mask
+from finloop.features.table import direction_deg, orientations_of, wrap_deg
+from finloop.pose.film import FilmPoses
+
+Rows = NDArray[np.intp]
+
+
+class Body(NamedTuple):
+    """Rows (…) of the film as they are drawn: mirrored or not, heading on screen, degrees."""
+
+    row: Rows
+    mirrored: Mask
+    heading_deg: Floats
+
+    def some(self, which: Any) -> "Body":
+        """Some of them."""
+        return Body(self.row[which], self.mirrored[which], self.heading_deg[which])
+
+
+@dataclass(frozen=True)
+class Bodies:
+    """The film's postures, which rows go on, and the rows behind the sprites.
+
+    poses: of n rows; goes_on (n,): whether the next row is the next frame of the same track;
+    sprites: columns row, mirrored, heading_deg, turn_deg, orientations, or an empty table.
+    """
+
+    poses: FilmPoses
+    goes_on: Mask
+    sprites: pd.DataFrame
+
+    @cached_property
+    def heading_deg(self) -> Floats:
+        """The heading (n,) of every row as filmed."""
+        return np.degrees(self.poses.pose.heading_rad)
+
+    @cached_property
+    def _of_sprites(self) -> tuple[Rows, Mask, Floats, Floats]:
+        """Row, whether mirrored, the line's direction as filmed, its turn to the next frame."""
+        if not len(self.sprites):
+            return np.zeros(1, np.intp), np.zeros(1, bool), np.zeros(1), np.zeros(1)
+        row = self.sprites["row"].to_numpy(np.intp)
+        turn = self.sprites["turn_deg"].to_numpy(float) * self.goes_on[row]
+        axis = self.sprites["heading_deg"].to_numpy(float)
+        return row, self.sprites["mirrored"].to_numpy(bool), axis, turn
+
+    @cached_property
+    def _speed(self) -> Floats:
+        """How the codes (n, c) of every row change a frame, over the frames beside it."""
+        codes, more = self.poses.codes, self.goes_on
+        after = np.arange(len(codes)) + more
+        before = np.arange(len(codes)) - np.append(False, more[:-1])
+        return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
+
+    def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
+        """The direction of a sprite's line on screen: as stored, and turned on."""
+        return direction_deg(orientation, orientations_of(self.sprites)) + rotation_deg
+
+    def of(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
+        """The bodies of pictures (…).
+
+        frame: whether it is one; number: of the frame or sprite; turn_deg: by which a frame is
+        turned, or the direction of a sprite's line; mirrored: whether a frame is.
+        """
+        rows, flips, axis, _ = self._of_sprites
+        sprite = np.where(frame, 0, number)
+        row, mirror = (
+            np.where(frame, number, rows[sprite]),
+            np.where(frame, mirrored, flips[sprite]),
+        )
+        heading = self.heading_deg[row]
+        sway = np.where(mirror, -1, 1) * wrap_deg(heading - axis[sprite])
+        return Body(row, mirror, turn_deg + np.where(frame, heading, sway))
+
+    def shown(
+        self, kind: str, source: int, orientation: int, rotation_deg: float, mirrored: bool
+    ) -> Body:
+        """The body of one picture of an edit list."""
+        turn = rotation_deg if kind == FRAME else self.line_deg(int(orientation), rotation_deg)
+        frame = np.array(kind == FRAME)
+        return self.of(frame, np.array(source), np.asarray(turn, float), np.array(mirrored))
+
+    def after(self, body: Body) -> Body:
+        """What the film shows next; where nothing is next, the same."""
+        row = body.row + self.goes_on[body.row]
+        side = np.where(body.mirrored, -1, 1)
+        turn = side * wrap_deg(self.heading_deg[row] - self.heading_deg[body.row])
+        return Body(row, body.mirrored, body.heading_deg + turn)
+
+    def line_turn_deg(self, frame: Mask, number: Rows) -> Floats:
+        """By how much the line of sprites turns to the next frame; 0 of frames."""
+        return np.where(frame, 0.0, self._of_sprites[3][np.where(frame, 0, number)])
+
+    def same_moment(self, one: Body, other: Body, frames: int) -> Mask:
+        """Whether two bodies are of the same track, and at most so many frames apart."""
+        track = np.append(0, np.cumsum(~self.goes_on[:-1]))
+        near = np.abs(one.row - other.row) <= frames
+        return near & (track[one.row] == track[other.row]) & (one.mirrored == other.mirrored)
+
+    def codes(self, body: Body) -> Floats:
+        """The codes (…, c) of bodies, as they are drawn."""
+        return self._mirrored(self.poses.codes[body.row], body.mirrored)
+
+    def speed(self, body: Body) -> Floats:
+        """How the codes (…, c) change a frame."""
+        return self._mirrored(self._speed[body.row], body.mirrored)
+
+    def _mirrored(self, codes: Floats, mirrored: Mask) -> Floats:
+        return np.where(mirrored[..., None], codes @ self.poses.shapes.mirror, codes)

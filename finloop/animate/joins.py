@@ -1,0 +1,182 @@
+"""Joins: how one picture follows on another that the film does not show before it.
+
+A *join* is a tick whose picture is not the film's next one. By inertialization (Bollo 2018) the
+posture, its velocity and the heading go on as they were: the difference between what the old
+picture would have shown and the new one,
+
+    x(τ) = (x₀ (1 + a τ) + v₀ τ) exp(−a τ),    τ ticks after the join,
+
+decays as a critically damped spring and is added to the new picture's own. It is linear, so what is
+left of one join adds to the next. Light and skin go over by a cross-fade in that pose. FADE mixes
+the two pictures as they are, CUT changes at once.
+
+D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+from numpy.typing import NDArray
+
+from finloop.animate.bodies import Bodies, Body
+from finloop.animate.edit_list import CUT, FRAME, INERTIAL, SPRITE
+from finloop.animate.settings import Settings
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.features.table import wrap_deg
+
+_DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
+_REACH = 2.0  # times the time of a join; less than 0.1 % of its offset is left then
+
+
+@dataclass(frozen=True)
+class Joins:
+    """kind: INERTIAL, FADE or CUT. fade: ticks of a cross-fade.
+
+    decay: ticks after which 5 % of an offset are left; bodies: the film's.
+    """
+
+    kind: str
+    fade: int
+    decay: float
+    bodies: Bodies
+
+    @property
+    def reach(self) -> int:
+        """Ticks that a join is seen for, with those before it that it depends on."""
+        return max(self.fade, self._ticks) + 3
+
+    @property
+    def _ticks(self) -> int:
+        return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
+
+    def spring(self) -> tuple[Floats, Floats]:
+        """What is left after 0, 1, 2 … ticks of an offset of 1, and of a velocity of 1 a tick."""
+        rate, ticks = _DECAY / self.decay, np.arange(self._ticks)
+        left = np.exp(-rate * ticks)
+        return (1 + rate * ticks) * left, ticks * left
+
+
+def joins(p: Settings, bodies: Bodies, rate_hz: float) -> Joins:
+    """The joins of the parameters, their times in ticks."""
+    memory = bodies.poses.memory_frames / rate_hz
+    seconds = p.join_s
+    if seconds == "auto":
+        seconds = min(max(memory, p.join_least_s), p.join_most_s)
+    fade = 0 if p.join == CUT else round(p.fade_s * rate_hz)
+    return Joins(p.join, fade, max(float(seconds) * rate_hz, 1.0), bodies)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Pictures (ticks,): whether it is a frame, its number, by how much a frame is turned.
+
+    mirrored: whether a frame is.
+    """
+
+    frame: Mask
+    number: Ints
+    rot: Floats
+    mirrored: Mask
+
+
+class Inertial(NamedTuple):
+    """What inertialization adds to pictures (ticks,).
+
+    begins: ticks of joins between pictures of different moments, whose light may differ; codes
+    (ticks, c): of the pose to draw in; posed: where there is one; turn_deg: by which the picture is
+    turned on.
+    """
+
+    begins: Ints
+    codes: NDArray[np.float32]
+    posed: Mask
+    turn_deg: Floats
+
+
+def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
+    """The poses of pictures. line_deg (ticks,): the direction that a sprite is drawn for."""
+    bodies, frame, number = how.bodies, shown.frame, shown.number
+    own = bodies.of(frame, number, np.where(frame, shown.rot, line_deg), shown.mirrored)
+    last, new = own.some(np.s_[:-1]), own.some(np.s_[1:])
+    follows = _expected(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
+    natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
+    natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
+    at = np.flatnonzero(~natural) + 1
+    old = follows.some(at - 1)
+    before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
+    offset, velocity = _jumps(own, old, at, before, bodies)
+    springs = how.spring()
+    left = scipy.signal.lfilter(springs[0], [1.0], offset, axis=0)
+    left += scipy.signal.lfilter(springs[1], [1.0], velocity, axis=0)
+    since = np.arange(len(frame)) - np.maximum.accumulate(_last(at, len(frame)))
+    posed, codes = since < len(springs[0]), bodies.codes(own)
+    if posed.any():
+        wanted = codes[posed] + left[posed, :-1]
+        codes[posed] = bodies.poses.shapes.nearest_codes(wanted).codes
+    begins = at[~bodies.same_moment(old, own.some(at), how.fade)]
+    return Inertial(begins, codes.astype(np.float32), posed, left[:, -1])
+
+
+def _expected(
+    last: Body, pictures: tuple[Mask, Ints], line_turn_deg: Floats, bodies: Bodies
+) -> Body:
+    """What would be drawn next after each picture; a sprite's line turns as the fish does."""
+    after = bodies.after(last)
+    turn = np.where(pictures[0], 0.0, line_turn_deg - bodies.line_turn_deg(*pictures))
+    return after._replace(heading_deg=after.heading_deg + turn)
+
+
+def _jumps(
+    own: Body, old: Body, at: Ints, before_deg: Floats, bodies: Bodies
+) -> tuple[Floats, Floats]:
+    """The differences (ticks, c + 1) at the ticks `at`: of codes and heading; of their velocities.
+
+    own: of all ticks; old: what was expected at these; before_deg: how it turned.
+    """
+    here, ticks = own.some(at), len(own.row)
+    ahead = np.minimum(at + 1, ticks - 1)
+    plays = (ahead > at) & ~np.isin(ahead, at)
+    turns = np.where(plays, wrap_deg(own.heading_deg[ahead] - here.heading_deg), before_deg)
+    made = []
+    for codes, heading in (
+        (bodies.codes(old) - bodies.codes(here), wrap_deg(old.heading_deg - here.heading_deg)),
+        (bodies.speed(old) - bodies.speed(here), before_deg - turns),
+    ):
+        jump = np.zeros((ticks, codes.shape[1] + 1))
+        jump[at] = np.column_stack([codes, heading])
+        made.append(jump)
+    return made[0], made[1]
+
+
+def _last(at: Ints, ticks: int) -> Ints:
+    """The ticks themselves where they are in `at`, else one that is long gone."""
+    last = np.full(ticks, -(2**31))
+    last[at] = at
+    return last
+
+
+def cross_fades(
+    shown: Shown, begins: Ints, fade: int, following: Callable[[str, int], int]
+) -> tuple[Shown, Floats]:
+    """The pictures (ticks,) that fade out, and their shares, 0 where none does.
+
+    Where something else begins, the old plays on for `fade` ticks and loses its share. following:
+    the picture after one of a kind.
+    """
+    ticks = len(shown.number)
+    partner = Shown(
+        np.zeros(ticks, bool), np.zeros(ticks, np.int64), np.zeros(ticks), np.zeros(ticks, bool)
+    )
+    weight = np.zeros(ticks)
+    for first in begins:
+        frame, old = bool(shown.frame[first - 1]), int(shown.number[first - 1])
+        for tick in range(first, min(first + fade, ticks)):
+            old = following(FRAME if frame else SPRITE, old)
+            partner.frame[tick], partner.number[tick] = frame, old
+            partner.rot[tick] = shown.rot[first - 1]
+            partner.mirrored[tick] = shown.mirrored[first - 1]
+            weight[tick] = 1 - (tick - first + 1) / (fade + 1)
+    return partner, weight

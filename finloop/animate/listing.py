@@ -1,0 +1,134 @@
+"""Stretches → edit list: the columns of what is drawn at every tick, and why."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
+from finloop.animate.joins import INERTIAL, Shown, cross_fades, inertialized
+from finloop.animate.motion import STATES
+from finloop.animate.state import Decision, Stretch
+from finloop.animate.swim import Player, Swim, swim
+from finloop.base.arrays import Floats, Ints
+from finloop.features.table import direction_deg, orientation, wrap_deg
+
+
+def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
+    """The first `ticks` ticks as an edit list with the columns of `EDIT`."""
+    table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, player))
+    faded = table["weight"] > 0
+    table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
+    table.loc[~faded, ["partner_kind", "partner"]] = None
+    table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
+    for side in ("", "partner_"):
+        table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
+    table = table.assign(**decision_columns(swum.stretches, ticks))
+    return table[EDIT.names]
+
+
+def play(
+    player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
+) -> pd.DataFrame:
+    """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
+    return edit_list(swim(player, goals, ticks, rng), ticks, player)
+
+
+def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
+    """The columns (ticks,) that say why, filled on the first tick of each stretch."""
+    start = np.cumsum([0] + [len(s.way) for s in stretches])[:-1]
+    first = start[start < ticks]
+    decisions = [s.decision for s in stretches[: len(first)]]
+    columns: dict[str, Any] = {}
+    for name, values in zip(Decision._fields, zip(*decisions, strict=True), strict=True):
+        if isinstance(values[0], str):
+            text = np.full(ticks, None, dtype=object)
+            text[first] = [value or None for value in values]
+            columns[name] = text
+        elif isinstance(values[0], int):
+            whole, missing = np.zeros(ticks, np.int16), np.ones(ticks, bool)
+            whole[first], missing[first] = values, False
+            columns[name] = pd.arrays.IntegerArray(whole, missing)
+        else:
+            columns[name] = np.full(ticks, np.nan)
+            columns[name][first] = values
+    return columns
+
+
+def edit_columns(
+    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, player: Player
+) -> dict[str, NDArray[Any]]:
+    """What is drawn, (ticks,) each; of the partner only where `weight` > 0."""
+    motion = player.waters.motion
+    lengths = np.array([len(s.way) for s in stretches])
+    owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
+    way = np.concatenate([s.way for s in stretches])[:ticks]
+    rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
+    shown = Shown(
+        np.array([s.kind == FRAME for s in stretches])[owner],
+        np.concatenate([s.number for s in stretches])[:ticks],
+        np.concatenate(rots)[:ticks],
+        np.zeros(ticks, bool),
+    )
+    start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+    first = start[start < ticks]
+    heading = wrap_deg(way[:, 2])
+    step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
+    speed = step / motion.body_length_px * motion.rate_hz
+    speed[:1] = speed[1:2]
+    new = np.array([s.new for s in stretches])[: len(first)] & (first > 0)
+    aims = np.array([s.aim for s in stretches])
+    return {
+        "tick": np.arange(ticks),
+        "time_s": np.arange(ticks) / motion.rate_hz,
+        **joined(shown, heading, first[new], player),
+        "x_px": way[:, 0],
+        "y_px": way[:, 1],
+        "heading_deg": heading,
+        "speed": speed,
+        "motion_area": np.array([s.area for s in stretches])[owner],
+        "mode": np.where(shown.frame, LOOPS, NETWORK),
+        "state": np.array(STATES)[np.array([s.state for s in stretches])][owner],
+        "goal": np.array(names)[owner],
+        "aim_x_px": aims[owner, 0],
+        "aim_y_px": aims[owner, 1],
+    }
+
+
+def joined(shown: Shown, heading: Floats, new: Ints, player: Player) -> dict[str, NDArray[Any]]:
+    """The columns (ticks,) of pictures, partners and poses.
+
+    heading (ticks,): of the fish; new: ticks whose picture begins something else. Where pictures
+    are inertialized, the pictures themselves say where that is.
+    """
+    how, own = player.joins, drawn(shown, heading, player)
+    pose = np.full(len(heading), None, object)
+    if how.kind == INERTIAL and len(heading):
+        made = inertialized(shown, heading, how)
+        new = made.begins
+        for tick in np.flatnonzero(made.posed):
+            pose[tick] = made.codes[tick]
+        own["rotation_deg"] = wrap_deg(own["rotation_deg"] + made.turn_deg).astype(np.float32)
+    partner, weight = cross_fades(shown, new, how.fade, player.following)
+    other = {f"partner_{name}": column for name, column in drawn(partner, heading, player).items()}
+    return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
+
+
+def drawn(shown: Shown, heading: Floats, player: Player) -> dict[str, NDArray[Any]]:
+    """The columns kind, source, orientation (a frame's is 0), rotation_deg, scale, mirrored."""
+    waters, count = player.waters, player.waters.sprites.orientations
+    sector = orientation(heading, count)
+    residual = wrap_deg(heading - direction_deg(sector, count))
+    sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
+    return {
+        "kind": np.where(shown.frame, FRAME, SPRITE),
+        "source": shown.number,
+        "orientation": np.where(shown.frame, 0, sector),
+        "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
+        "scale": np.where(
+            shown.frame, waters.film.scale[frame], player.cast.sprites["scale"].to_numpy()[sprite]
+        ),
+        "mirrored": shown.frame & shown.mirrored,
+    }

@@ -1,0 +1,33 @@
+"""Picture of `pose`: what the first principal shapes look like on an animal of the film."""
+
+import numpy as np
+
+from finloop.base.cutout import Cutouts
+from finloop.plots.parts import Picture, in_rows, on_grey, write
+from finloop.pose.film import FilmPoses
+from finloop.puppet import draw
+
+_INK = (150, 30, 30)
+SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
+
+
+def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
+    """A row a shape: the mean posture and so many standard deviations of the shape to both sides.
+
+    The animal is that of the row whose posture is nearest to the mean.
+    """
+    shapes = poses.shapes
+    row = int((poses.codes**2).sum(1).argmin())
+    middle, length = (size - 1) / 2, size / 1.5
+    tiles = []
+    for number in range(min(SHAPES, len(shapes.shapes))):
+        share = 100 * shapes.explained[number]
+        for times in TIMES:
+            codes = np.zeros(len(shapes.shapes))
+            codes[number] = times * np.sqrt(shapes.variance[number])
+            pose = poses.posed(row, codes).at(middle, middle, 0, length)
+            drawn = 255 * draw(film[row], poses.pose[row], pose, (size, size))
+            tile = on_grey(drawn[..., :-1], drawn[..., -1:] / 255)
+            write(tile, f"{number + 1}: {share:.1f} %, {times:+d} sd", (4, 12), _INK, 0.35)
+            tiles.append(tile)
+    return np.vstack(in_rows(tiles, len(TIMES)))

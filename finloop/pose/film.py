@@ -1,0 +1,158 @@
+"""All postures of a film: as codes of its few principal shapes, and back."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats
+from finloop.base.schema import ANY, Column, Schema, lists_to_array, lists_to_points
+from finloop.distance.picture import typical_length
+from finloop.features.head import tail_first
+from finloop.pose.settings import Settings
+from finloop.puppet.pose import Pose, filmed
+from finloop.puppet.shapes import PoseShapes
+from finloop.puppet.tail import Tail, tail_spread, trunk
+
+POSES = Schema(
+    Column("track_id", "int32", "1"),
+    Column("frame", "int32", "1"),
+    Column("codes", "float32", "1", length=ANY),
+)
+"""The codes of every row of the feature table, in its order; as many as there are shapes."""
+
+USED = ("backbone_x_px", "backbone_y_px", "half_width_px")
+"""The columns of a table of tracks that poses are made of."""
+
+_HALF = 0.5  # of their spread; when postures differ so much, they have forgotten each other
+
+
+@dataclass(frozen=True)
+class ShapeFacts:
+    """What `FilmPoses` holds beside its codes, in plain lists: the content of shapes.json.
+
+    mean (d), shapes (c, d), weights (d), variance (c), total_variance, gap: of `PoseShapes`. trunk:
+    whether body and tail are counted apart; tail_spread: the number that decides. memory_frames: of
+    `FilmPoses`.
+    """
+
+    mean: list[float]
+    shapes: list[list[float]]
+    weights: list[float]
+    variance: list[float]
+    total_variance: float
+    gap: float
+    trunk: bool
+    tail_spread: float
+    memory_frames: float
+
+
+@dataclass(frozen=True)
+class FilmPoses:
+    """The postures of a film (n rows). codes: (n, c); shapes: what they mean.
+
+    pose: places, headings and sizes of the rows, and the postures that their codes stand for.
+    trunk, tail_spread: of `ShapeFacts`. memory_frames: after so many frames a posture is half as
+    far from itself, in mean squares, as any two postures of the film are.
+    """
+
+    pose: Pose
+    codes: Floats
+    shapes: PoseShapes
+    trunk: bool
+    tail_spread: float
+    memory_frames: float
+
+    @cached_property
+    def facts(self) -> ShapeFacts:
+        """What `restored` needs beside the codes."""
+        shapes = self.shapes
+        return ShapeFacts(
+            shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),
+            shapes.variance.tolist(), shapes.total_variance, shapes.gap, self.trunk,
+            self.tail_spread, self.memory_frames,
+        )  # fmt: skip
+
+    def posed(self, row: int, codes: Floats) -> Pose:
+        """A row's pose with the posture of these codes (c,)."""
+        return replace(self.pose[row], posture=self.shapes.decode(codes))
+
+    def table(self, features: pd.DataFrame) -> pd.DataFrame:
+        """The table of `POSES`; features: of the same rows."""
+        codes = pd.Series(list(self.codes.astype(np.float32)), features.index, dtype=object)
+        return features[["track_id", "frame"]].assign(codes=codes)
+
+
+def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> FilmPoses:
+    """The postures of a film.
+
+    tracks: columns `USED`; features: of the same rows, columns of `FEATURES`.
+
+    Raises
+    ------
+    FinloopError
+        If the film has fewer than two rows.
+    """
+    lines = lists_to_points(tracks, "backbone").astype(float)
+    lines = np.where(tail_first(lines, features)[:, None, None], lines[:, ::-1], lines)
+    spread = tail_spread(tracks, lines, p.thin)
+    apart = p.trunk == "yes" or (p.trunk == "auto" and spread > p.tail_spread)
+    if apart:
+        lines = trunk(tracks, lines, Tail(p.thin, p.tail_smoothing, p.tail_body, p.tail_whole))
+    pose = filmed(features, lines)
+    shapes = PoseShapes.fit(pose.posture, p.share, p.gap_quantile)
+    codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
+    return _poses(features, codes, shapes, (apart, spread, memory_frames(codes, features)))
+
+
+def restored(features: pd.DataFrame, table: pd.DataFrame, facts: dict[str, Any]) -> FilmPoses:
+    """The postures as the stage `pose` stored them.
+
+    features: x_px, y_px, heading_deg, body_length_px, track_id; table: columns of `POSES`; facts:
+    the fields of `ShapeFacts`. ValueError where they do not belong together.
+    """
+    codes, one = lists_to_array(table["codes"]).astype(float), ShapeFacts(**facts)
+    mean, shapes = np.array(one.mean), np.array(one.shapes)
+    if len(codes) != len(features) or codes.shape[1:] != shapes.shape[:1]:
+        raise ValueError(f"{codes.shape} codes, {len(features)} rows, {len(shapes)} shapes")
+    bare = PoseShapes(
+        mean, shapes, np.array(one.weights), np.array(one.variance), one.total_variance,
+        np.zeros((0, len(shapes))), one.gap,
+    )  # fmt: skip
+    return _poses(features, codes, bare, (one.trunk, one.tail_spread, one.memory_frames))
+
+
+def _poses(
+    features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float]
+) -> FilmPoses:
+    both = np.concatenate([codes, codes @ shapes.mirror])
+    whole = PoseShapes(
+        shapes.mean, shapes.shapes, shapes.weights, shapes.variance, shapes.total_variance, both,
+        shapes.gap,
+    )  # fmt: skip
+    pose = Pose(
+        features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
+        np.radians(features["heading_deg"].to_numpy(float)),
+        typical_length(features).to_numpy(float), whole.decode(codes),
+    )  # fmt: skip
+    return FilmPoses(pose, codes, whole, *facts)
+
+
+def memory_frames(codes: Floats, features: pd.DataFrame) -> float:
+    """After how many frames postures (k, c) are half as far from themselves as from any other.
+
+    From the mean square of codes(t + τ) − codes(t) over all tracks (features: track_id), linear
+    between whole frames τ; the longest track's length where that never happens.
+    """
+    track = features["track_id"].to_numpy()
+    most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
+    half, before = _HALF * 2 * float(codes.var(0).sum()), 0.0
+    for lag in range(1, most if half > 0 else 1):
+        same = track[lag:] == track[:-lag]
+        square = float(((codes[lag:] - codes[:-lag]) ** 2).sum(1)[same].mean())
+        if square >= half:
+            return lag - 1 + (half - before) / max(square - before, 1e-12)
+        before = square
+    return float(most)

@@ -1,0 +1,26 @@
+"""Parameters of `pose`: how a film's postures become a few codes."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from finloop.base.settings import NotNegative, Positive, Share
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The principal shapes of the postures, and where a body ends and a thin tail begins."""
+
+    share: Share  # of the postures' variance that the principal shapes explain
+    # of the distances from postures to the nearest other one: so far a pose may be from filmed ones
+    gap_quantile: Annotated[float, Field(gt=0, le=1)]
+
+    # Whether body and tail are counted apart, for an animal whose tail is not always seen; auto: if
+    # the film shows tails whose lengths differ by more than `tail_spread`.
+    trunk: Literal["auto", "yes", "no"]
+    tail_spread: NotNegative  # lengths of the body, from the 5 % shortest to the 5 % longest tail
+    thin: Share  # a body ends where it is so many times as wide as where it is widest
+    tail_smoothing: Positive  # of such a backbone, standard deviation in half widths of the body
+    tail_body: Share  # of its points that the body has; the tail has the others
+    tail_whole: Share  # quantile of the tails' lengths that stands for the whole tail

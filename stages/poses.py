@@ -1,0 +1,23 @@
+"""The film's postures, where the stage `pose` left them."""
+
+from pathlib import Path
+
+import pandas as pd
+
+from finloop.io.record import load_json, made_by
+from finloop.io.table import load_table
+from finloop.pose.film import POSES, FilmPoses, restored
+
+DATA = Path("data")
+
+
+def load_poses(features: pd.DataFrame) -> FilmPoses:
+    """The postures of all rows of the feature table.
+
+    FinloopError if a file is missing, damaged, or of another film.
+    """
+    folder = DATA / "pose"
+    table = load_table(folder / "poses.parquet", POSES)
+    return load_json(
+        folder / "shapes.json", lambda facts: restored(features, table, facts), *made_by("pose")
+    )

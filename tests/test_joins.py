@@ -1,0 +1,170 @@
+"""Joins by inertialization: laws on made-up postures; fades and cuts beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from toy_film import RATE, bodies_of, players_of, rich_film, waters_of
+
+from finloop.animate.edit_list import CUT, FADE, HYBRID, INERTIAL, LOOPS, NETWORK, Goal
+from finloop.animate.joins import Joins, Shown, inertialized, joins
+from finloop.animate.listing import play
+from finloop.base.settings import settings
+from finloop.features.table import wrap_deg
+
+DECAY = 5.0
+HOW = Joins(INERTIAL, 3, DECAY, bodies_of(rich_film()))
+BODIES = HOW.bodies
+
+
+def frames(*runs, mirrored=False, rot=0.0):
+    """Runs (first row, ticks) of the film, one after the other."""
+    rows = np.concatenate([np.arange(first, first + ticks) for first, ticks in runs])
+    n = len(rows)
+    return Shown(
+        np.ones(n, bool), rows, np.broadcast_to(np.array(rot, float), n), np.full(n, mirrored)
+    )
+
+
+def own(shown):
+    return BODIES.of(shown.frame, shown.number, shown.rot, shown.mirrored)
+
+
+def made(shown, how=HOW):
+    return inertialized(shown, np.zeros(len(shown.number)), how)
+
+
+def heading(shown, found):
+    return own(shown).heading_deg + found.turn_deg
+
+
+FREE = replace(
+    BODIES, poses=replace(BODIES.poses, shapes=replace(BODIES.poses.shapes, gap=1e9))
+)  # fmt: skip
+"""The same film, in which every posture is possible."""
+
+
+def test_the_film_itself_is_in_no_pose():
+    found = made(frames((10, 60)))
+    assert not found.posed.any() and not found.turn_deg.any() and not len(found.begins)
+    assert not made(frames((10, 5), (15, 40))).posed.any()  # a jump to the very next row
+
+
+def test_posture_velocity_and_heading_go_on_across_a_join_and_die_away():
+    how = replace(HOW, bodies=FREE)
+    shown = frames((10, 30), (310, 40))
+    found, codes = made(shown, how), BODIES.codes(own(shown))
+    assert list(np.flatnonzero(found.posed)) == list(range(30, 30 + how.reach - 3))
+    assert list(found.begins) == [30]
+    film = BODIES.poses.codes
+    assert found.codes[30] == pytest.approx(film[40], abs=1e-5)  # what would have come
+    step = found.codes[31] - found.codes[30]
+    plain = codes[31] - film[40]
+    going_on = film[41] - film[40]
+    assert np.linalg.norm(step - going_on) < 0.4 * np.linalg.norm(plain - going_on)
+    turned = heading(shown, found)
+    assert wrap_deg(turned[30] - turned[29]) == pytest.approx(
+        wrap_deg(BODIES.heading_deg[40] - BODIES.heading_deg[39]), abs=1e-6
+    )
+    left = np.linalg.norm(found.codes - codes, axis=1)
+    assert left[30 + int(DECAY) :].max() < 0.25 * left[30]
+    assert left[found.posed][-1] < 0.01 * left[30] and left[~found.posed].max() < 1e-6
+
+
+def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
+    offset, velocity = replace(HOW, decay=5.0).spring()
+    assert offset[0] == 1 and velocity[0] == 0
+    assert offset[5] == pytest.approx(0.05, abs=1e-4)
+    assert offset[-1] < 0.002 and (np.diff(offset) < 0).all()
+    twice = (offset[2] - 2 * offset[1] + offset[0]) / (offset[1] - offset[0])
+    assert abs(twice) < 1  # it begins smoothly
+
+
+def test_two_joins_in_a_row_carry_the_rest():
+    how = replace(HOW, bodies=FREE)
+    shown = frames((10, 30), (310, 3), (700, 40))
+    found, alone = made(shown, how), made(frames((10, 30), (310, 40)), how)
+    # What would have come: the second run's next row, bent by what was left of the first join.
+    expected = alone.codes[33]
+    assert found.codes[33] == pytest.approx(expected, abs=1e-5)
+    assert np.linalg.norm(expected - BODIES.poses.codes[313]) > 0.05
+    plain = made(frames((310, 3), (700, 40)), how)
+    assert not np.allclose(found.codes[34], plain.codes[4], atol=1e-3)
+
+
+def test_mirrored_frames_are_mirrored_and_twice_is_themselves():
+    how = replace(HOW, bodies=FREE)
+    mirror = BODIES.poses.shapes.mirror
+    assert mirror @ mirror == pytest.approx(np.eye(len(mirror)), abs=1e-9)
+    plain, other = (frames((10, 30), (310, 40), mirrored=flip) for flip in (False, True))
+    one, two = made(plain, how), made(other, how)
+    assert two.codes[one.posed] == pytest.approx(one.codes[one.posed] @ mirror, abs=1e-5)
+    mixed = replace(plain, mirrored=np.arange(70) >= 30)
+    assert made(mixed, how).codes[30] == pytest.approx(one.codes[30], abs=1e-5)
+    flipped = frames((10, 60))
+    flipped = replace(flipped, mirrored=np.arange(60) >= 30)
+    assert made(flipped, how).begins.tolist() == [30]  # the same row, but the other way round
+
+
+def test_what_no_animal_of_the_film_can_do_is_not_drawn():
+    shown = frames((10, 30), (310, 40))
+    found = made(shown)
+    codes = found.codes[found.posed].astype(float)
+    assert not BODIES.poses.shapes.nearest_codes(codes).clamped.any()
+    far = found.codes[30] + 50.0
+    assert BODIES.poses.shapes.nearest_codes(far[None]).clamped.all()
+    assert BODIES.poses.shapes.far(BODIES.poses.shapes.nearest_codes(far[None]).codes).all()
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_joins_change_how_pictures_are_drawn_and_nothing_else(mode):
+    lists = {
+        kind: play(players_of(waters_of(join=kind))[mode], [], 600, np.random.default_rng(2))
+        for kind in (INERTIAL, FADE, CUT)
+    }
+    inertial, fade, cut = lists.values()
+    same = [name for name in cut if not name.startswith("partner") and name != "weight"]
+    assert fade[same].equals(cut[same])
+    assert cut["pose"].isna().all() and not cut["weight"].any()
+    assert (fade["weight"] > 0).any()
+    same = [name for name in same if name not in ("pose", "rotation_deg")]
+    assert inertial[same].equals(cut[same])
+    posed = inertial["pose"].notna()
+    assert posed.any() and (inertial["weight"] > 0)[posed].any()
+    assert not (inertial["weight"] > 0)[~posed].any()
+    assert inertial["rotation_deg"][~posed].equals(cut["rotation_deg"][~posed])
+
+
+def test_sprites_and_frames_join_alike():
+    edit = play(
+        players_of(waters_of())[HYBRID], [Goal("A", 200.0, 200.0)], 1500, np.random.default_rng(2)
+    )
+    kind = edit["kind"].to_numpy()
+    switches = np.flatnonzero(kind[1:] != kind[:-1]) + 1
+    assert len(switches) > 3
+    for tick in switches:
+        bodies = [
+            BODIES.shown(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
+                         row.rotation_deg, row.mirrored)
+            for row in edit.iloc[tick - 1 : tick + 1].itertuples()
+        ]  # fmt: skip
+        assert edit["pose"][tick] is not None
+        assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 25
+
+
+def test_a_fish_that_never_bends_joins_too():
+    poses = BODIES.poses
+    stiff = replace(BODIES, poses=replace(poses, codes=np.zeros_like(poses.codes)))
+    found = made(frames((10, 30), (310, 40)), replace(HOW, bodies=stiff))
+    assert found.posed.any() and not found.codes.any()
+
+
+def test_the_time_of_a_join_is_measured_or_said():
+    def decay(memory, **changes):
+        film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
+        return joins(settings("animate", **changes), film, RATE).decay / RATE
+
+    assert decay(0.25) == pytest.approx(0.25)
+    assert decay(0.01) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
+    assert decay(0.25, join_s=0.8) == pytest.approx(0.8)
+    assert joins(settings("animate", join="cut"), BODIES, RATE).fade == 0
