@@ -37,7 +37,7 @@ def load(word: str) -> Any:
 def read() -> dict[str, Any]:
     """params.yaml, composed from the present conf/; FinloopError where it is not."""
     try:
-        values = yaml.safe_load(PARAMS.read_text(encoding="utf-8"))
+        values = yaml.load(PARAMS.read_text(encoding="utf-8"), yaml.CSafeLoader)
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise FinloopError(
             f"{PARAMS} cannot be read: {error}", "what `make params` writes", "make params"

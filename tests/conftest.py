@@ -11,6 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+os.environ.setdefault("FINLOOP_THREADS", "1")  # a second thread only waits for the other worker
+import stages.run  # isort: skip  # noqa: F401  (sets the threads of all libraries, before numpy)
+
 import psutil
 import pytest
 from matplotlib.figure import Figure
@@ -135,6 +138,14 @@ def wait_for(look: Callable[[], Any], seconds: float) -> Any:
     while not (result := look()) and time.monotonic() < end:
         time.sleep(0.005)
     return result
+
+
+@pytest.fixture(scope="session", autouse=True)
+def no_waiting_for_the_disk() -> Iterator[None]:
+    """Nothing a test writes in this process must outlast a failure of power."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "fsync", lambda _: None)
+        yield
 
 
 @pytest.fixture

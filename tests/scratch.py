@@ -37,7 +37,9 @@ def _composed(overrides: tuple[str, ...]) -> str:
 def _params(overrides: tuple[str, ...]) -> str:
     """Options and the clip's values go by Hydra; plain values are laid over, and checked, here."""
     plain = [one for one in overrides if "." in one.partition("=")[0] and one[:5] != "clip."]
-    values = yaml.safe_load(_composed(tuple(one for one in overrides if one not in plain)))
+    values = yaml.load(
+        _composed(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
+    )
     parser = OverridesParser.create()
     for one in plain:
         asked = parser.parse_override(one)
@@ -45,13 +47,14 @@ def _params(overrides: tuple[str, ...]) -> str:
         values[word][key] = asked.value()
     if problems := all_problems(values):
         raise refusal(problems)
-    return yaml.safe_dump(values, sort_keys=False)
+    return yaml.dump(values, Dumper=yaml.CSafeDumper, sort_keys=False)
 
 
 def prepare(folder: Path, *overrides: str) -> None:
-    """Give `folder` a copy of conf/ and the params.yaml that `overrides` compose to."""
+    """Give `folder` conf/ and the params.yaml that `overrides` compose to."""
     (folder / PARAMS).write_text(_params(overrides), encoding="utf-8")
-    shutil.copytree(ROOT / CONF, folder / CONF, dirs_exist_ok=True)
+    if not (folder / CONF).exists():
+        (folder / CONF).symlink_to(ROOT / CONF)
 
 
 def put_clip(

@@ -10,7 +10,7 @@ import tracemalloc
 import weakref
 from collections import Counter
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 
 import cv2
 import numpy as np
@@ -72,6 +72,7 @@ SIZE = (120, 160)
 LONG, WIDE = 30.0, 7.0  # half axes of a toy fish
 
 
+@cache
 def coverage(x, y, degrees=0.0, long=LONG, wide=WIDE, size=SIZE):
     """Share of each pixel that an ellipse covers."""
     fine = (np.arange(8) - 3.5) / 8

@@ -1,6 +1,7 @@
 """Outlines in the frame of the body and their beat, on a fish drawn from its known motion."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pandas as pd
@@ -39,6 +40,7 @@ def drawn(line: np.ndarray) -> np.ndarray:
     return np.concatenate([(line + side)[::-1], (line - side)[1:-1]])
 
 
+@cache
 def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Outlines and midlines in px of a carp that beats its tail and goes its way, head right."""
     time = np.arange(FRAMES) / RATE
@@ -46,6 +48,12 @@ def swimming(speed: float = 0.0, turn: float = 0.0) -> tuple[np.ndarray, np.ndar
         [midline(speed * t, 0.0, turn * t, b, 1.0, 0.0) for t, b in zip(time, BEAT, strict=True)]
     )
     return np.stack([drawn(line) for line in lines]) * LENGTH, lines * LENGTH
+
+
+@cache
+def swum(speed: float = 0.0, turn: float = 0.0) -> Swim:
+    """What is measured of `swimming`."""
+    return swim(*swimming(speed, turn), RATE)
 
 
 def off(found: np.ndarray, true: np.ndarray | float) -> np.ndarray:
@@ -66,7 +74,7 @@ def test_contours_begin_at_the_snout_and_run_clockwise() -> None:
 
 
 def test_the_beat_of_a_drawn_fish_is_found() -> None:
-    found = swim(*swimming(), RATE)
+    found = swum()
     assert found.period.frequency_hz == pytest.approx(2.2, rel=0.01)
     assert found.period.confidence > 0.98
     assert found.period.steady.all()
@@ -81,35 +89,34 @@ def test_the_beat_of_a_drawn_fish_is_found() -> None:
 
 def test_the_way_is_dropped_and_the_beat_kept() -> None:
     """Swimming ahead and in a wide turn gives the contours of swimming in place."""
-    here = swim(*swimming(), RATE)
+    here = swum()
     for way in ({"speed": 1.5}, {"speed": 1.0, "turn": 0.4}):
-        there = swim(*swimming(**way), RATE)
+        there = swum(**way)
         assert np.sqrt(((there.points - here.points) ** 2).sum(-1).mean()) < 0.005
         np.testing.assert_allclose(off(there.period.phase, here.period.phase), 0, atol=0.02)
 
 
 def test_the_yaw_of_the_head_is_kept() -> None:
     """The head swings in the body frame as it does on the film of a fish that stays in place."""
-    outline, line = swimming()
-    found = swim(outline, line, RATE)
+    found, (_, line) = swum(), swimming()
     wanted = line[:, 0, 1] / LENGTH
     np.testing.assert_allclose(found.points[:, 0, 1], wanted - wanted.mean(), atol=0.004)
     assert np.ptp(wanted) > 0.02
 
 
 def test_place_direction_and_size_on_the_screen_do_not_matter() -> None:
-    outline, line = swimming(speed=1.0)
+    outline, line = swimming(speed=1.0, turn=0.4)
     cos, sin = np.cos(2.1), np.sin(2.1)
     turn = 3 * np.array([[cos, sin], [-sin, cos]])
-    one = swim(outline, line, RATE)
+    one = swum(speed=1.0, turn=0.4)
     other = swim(outline @ turn + [700, -20], line @ turn + [700, -20], RATE)
     np.testing.assert_allclose(one.points, other.points, atol=1e-9)
     np.testing.assert_allclose(one.period.phase, other.period.phase, atol=1e-9)
 
 
 def test_in_a_mirror_it_is_half_a_beat_later() -> None:
-    outline, line = swimming(speed=1.0)
-    one, other = swim(outline, line, RATE), swim(outline * [1, -1], line * [1, -1], RATE)
+    outline, line = swimming(speed=1.0, turn=0.4)
+    one, other = swum(speed=1.0, turn=0.4), swim(outline * [1, -1], line * [1, -1], RATE)
     image = one.points[:, -np.arange(one.points.shape[1])] * [1, -1]
     np.testing.assert_allclose(image, other.points, atol=1e-9)
     np.testing.assert_allclose(off(one.period.phase + 0.5, other.period.phase), 0, atol=1e-9)
@@ -125,7 +132,7 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
     assert far[1] > 0.03
 
 
-@pytest.mark.parametrize("seed", [3, 9, 11])
+@pytest.mark.parametrize("seed", [3, 11])
 def test_the_beat_of_the_carp_is_found_where_it_swims_straight(seed: int) -> None:
     """Cruises, glides, bursts and turns, as its script has them; outlines from its true midline."""
     carp = motion(settings("clip", source="carp", frames=200, seed=seed))
@@ -158,7 +165,7 @@ def test_a_glide_has_no_beat() -> None:
 
 
 def test_steady_frames_of_several_tracks_follow_each_other() -> None:
-    one = swim(*swimming(), RATE)
+    one = swum()
     gap = one.period.steady.copy()
     gap[30:40] = False
     holed = replace(one, period=replace(one.period, steady=gap))

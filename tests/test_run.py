@@ -140,7 +140,8 @@ def test_a_metric_is_a_number(tmp_path):
 
 
 def in_stage(code: str, **env: str) -> subprocess.CompletedProcess[str]:
-    clean = {key: value for key, value in os.environ.items() if key not in door.THREAD_VARIABLES}
+    threads = {*door.THREAD_VARIABLES, "FINLOOP_THREADS"}
+    clean = {key: value for key, value in os.environ.items() if key not in threads}
     return subprocess.run(
         [sys.executable, "-c", code], env=clean | env, cwd=ROOT, capture_output=True, text=True
     )

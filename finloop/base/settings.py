@@ -14,6 +14,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import fields
 from difflib import get_close_matches
+from functools import cache
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from types import ModuleType
@@ -99,7 +100,7 @@ def values_of(word: str, option: str) -> dict[str, Any]:
 
 
 def _load(path: Path) -> dict[str, Any]:
-    return yaml.safe_load(path.read_text(encoding="utf-8"))
+    return yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
 
 
 def check(
@@ -116,14 +117,19 @@ def check(
             return None, [f"{word}.source: should be one of {', '.join(options)}, got {name!r}"]
         option = options[name]
     names = [field.name for field in fields(option)]
-    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
-    adapter: TypeAdapter[Any] = TypeAdapter(checked(option, frozen=True, config=strict))
     try:  # as JSON, where strict still lets a list be a tuple and a name an Enum
-        group = adapter.validate_json(json.dumps(values, default=str))
+        group = _adapter(option).validate_json(json.dumps(values, default=str))
     except ValidationError as error:
         return None, [_problem(word, names, dict(detail)) for detail in error.errors()]
     # The dataclass itself, not pydantic's copy of the class, which cannot be pickled.
     return option(**{name: getattr(group, name) for name in names}), []
+
+
+@cache
+def _adapter(option: type) -> TypeAdapter[Any]:
+    """What checks the values of a dataclass, strictly."""
+    strict = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
 def _problem(word: str, known: list[str], detail: dict[str, Any]) -> str:
