@@ -1,0 +1,222 @@
+"""How good the forecasts are, on rows that were not learnt from, and on fish that swim by them.
+
+Against persistence (nothing changes), and, for motion area Δ later, against the paper's network
+(`finloop.bpn`), which is told the same control.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.schema import Column, Schema, columns
+from finloop.features.area import bend
+from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.learning import Sides
+from finloop.forecast.model import Forecast
+from finloop.forecast.sampling import Sampler, at_row, step
+from finloop.puppet.pose import Pose, steps
+
+HELD_OUT = Schema(
+    Column("row", "int32", "1"),
+    *columns("float32", "1", "pose_rank", "forward_rank", "sideways_rank", "turning_rank"),
+)
+"""Rows held out: the share of foretold next states below the true one, 0 … 1, of the first code
+and of the three speeds."""
+
+FREE = Schema(
+    Column("row", "int32", "1"),
+    *columns("float32", "body length/s", "forward", "sideways"),
+    Column("turning", "float32", "rad/s"),
+    Column("pose", "float32", "1"),
+)
+"""A fish that swims freely, tick by tick: its speeds, its first code, and the row that it follows
+(of 2 n, or n where there are no mirror images)."""
+
+_TRIALS = 400  # rows from which it is tried how a fish obeys
+_REPEATS = 25  # tries from each of them
+_PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in its spread
+_LEAST = 5  # members of an ensemble
+
+
+class Ensemble(NamedTuple):
+    """Forecasts of held-out rows (k,). mean, spread: (k, d); rank: (k, d) of the true state, the
+    share of its members below that; rows: (k,)."""
+
+    rows: Ints
+    mean: Floats
+    spread: Floats
+    rank: Floats
+
+
+def ensembles(
+    film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator
+) -> Ensemble:
+    """The next states of held-out rows, foretold from what was learnt from alone.
+
+    A member is the mean and the departure of a similar row that was learnt from. rng: where the
+    truth lies between two members.
+    """
+    known = np.zeros(len(film.states), bool)
+    known[sides.train] = True
+    rest = np.zeros_like(film.states)
+    rest[film.rows] = film.states[film.rows + 1] - swim.mean[film.rows]
+    whole = rest[known].var(0)
+    rows, means, spreads, ranks = [], [], [], []
+    for row in sides.held_out.tolist():
+        similar = swim.to[swim.start[row] : swim.start[row + 1]]
+        similar = similar[known[similar]]
+        if len(similar) < _LEAST:
+            continue
+        members = rest[similar]
+        below = (members < rest[row]).sum(0) + rng.random(members.shape[1])
+        variance = (len(similar) * members.var(0) + _PRIOR * whole) / (len(similar) + _PRIOR)
+        rows.append(row)
+        means.append(swim.mean[row] + members.mean(0))
+        spreads.append(np.sqrt(variance))
+        ranks.append(below / (len(similar) + 1))
+    d = len(film.scale)
+    return Ensemble(
+        np.array(rows, np.int64),
+        *(np.array(part).reshape(-1, d) for part in (means, spreads, ranks)),
+    )
+
+
+def of_forecasts(film: FilmStates, told: Ensemble, swim: Sampler, sides: Sides) -> dict[str, float]:
+    """Errors, log likelihoods [nats per number of the state] and coverage of held-out forecasts."""
+    held, true = sides.held_out, film.states[sides.held_out + 1]
+    numbers = {}
+    parts = {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}
+    for name, part in parts.items():
+        unit = film.scale[part]
+        error, still = (
+            float(np.sqrt(np.mean(((one[held] - true)[:, part] / unit) ** 2)))
+            for one in (swim.mean, film.states)
+        )
+        numbers[f"{name}_error"] = error
+        numbers[f"persistence_{name}_error"] = still
+        numbers[f"{name}_skill_against_persistence"] = 1 - error / still
+    change = film.states[sides.train + 1] - film.states[sides.train]
+    if len(told.rows):
+        later = film.states[told.rows + 1]
+        norm = scipy.stats.norm
+        numbers["held_out_log_likelihood"] = float(
+            norm.logpdf(later / film.scale, told.mean / film.scale, told.spread / film.scale).mean()
+        )
+        numbers["persistence_log_likelihood"] = float(
+            norm.logpdf(
+                later / film.scale, film.states[told.rows] / film.scale, change.std(0) / film.scale
+            ).mean()
+        )
+        for share in (50, 80):
+            inner = np.abs(told.rank - 0.5) <= share / 200
+            numbers[f"truth_in_inner_{share}_pct"] = float(100 * inner.mean())
+    return numbers
+
+
+def ahead(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
+    """The means (k, d) of the states Δ after rows (k,), each foretold from the one before."""
+    deep = int(film.lags[-1])
+    past = film.states[rows[:, None] - np.arange(deep + 1)]
+    for _ in range(film.delta):
+        later = model.mean(past[:, film.lags], film.control[rows])
+        past = np.concatenate([later[:, None], past[:, :-1]], 1)
+    return past[:, 0]
+
+
+def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
+    """How far a fish does over Δ what it is told: slopes of what it does against what is wanted.
+
+    From random rows of the film; wanted is what the film does in a state like theirs.
+    """
+    wanted, done = [], []
+    delta, step_s = film.delta, 1 / film.rate_hz
+    for row in rng.choice(film.rows, _TRIALS).tolist():
+        similar = swim.to[swim.start[row] : swim.start[row + 1]]
+        if not len(similar):
+            continue
+        control = swim.control[rng.choice(similar)]
+        state, way = at_row(swim, row), []
+        for _ in range(delta):
+            state = step(swim, state, control, rng)
+            way.append(state.past[0, -MOTION:] * step_s)
+        wanted.append(control)
+        done.append(_covered(np.array(way)))
+    names = ("displacement_slope", "angle_slope")
+    x, y = np.array(wanted), np.array(done)
+    return {
+        name: float(np.polyfit(x[:, i], y[:, i], 1)[0])
+        for i, name in enumerate(names)
+        if np.ptp(x[:, i]) > 0
+    }
+
+
+def _covered(way: Floats) -> tuple[float, float]:
+    """Displacement and included angle of steps (t, 3): ahead, to the left, turned."""
+    turned = np.cumsum(way[:, 2])
+    before = np.append(0.0, turned[:-1])
+    z = ((way[:, 0] + 1j * way[:, 1]) * np.exp(1j * before)).sum()
+    return float(abs(z)), float(turned[-1])
+
+
+def motion_area(postures: Floats) -> Floats:
+    """The motion areas (k,) [squared body length] of postures (k, 2 + 2 n)."""
+    none = np.zeros(len(postures))
+    lines = Pose(none, none, none, none + 1, postures).backbone_px()
+    return np.abs(bend(lines, steps(postures).sum(1)))
+
+
+def held_out_table(told: Ensemble) -> pd.DataFrame:
+    """The table of `HELD_OUT`."""
+    ranks = dict(zip(HELD_OUT.names[1:], told.rank[:, [0, -3, -2, -1]].T, strict=True))
+    return pd.DataFrame({"row": told.rows, **ranks})
+
+
+def free_table(states: Floats, rows: Ints) -> pd.DataFrame:
+    """The table of `FREE`."""
+    return pd.DataFrame({
+        "row": rows, "forward": states[:, -3], "sideways": states[:, -2], "turning": states[:, -1],
+        "pose": states[:, 0],
+    })  # fmt: skip
+
+
+def of_free_run(states: Floats, rows: Ints, film: FilmStates, swim: Sampler) -> dict[str, float]:
+    """Of a fish that swims freely: how its spread compares with the film's, and what repeats."""
+    usual = film.states[film.rows]
+    clamped = (states <= swim.low) | (states >= swim.high)
+    spread = states.std(0) / usual.std(0)
+    return {
+        "free_pose_spread_of_film": float(np.sqrt((spread[:-MOTION] ** 2).mean())),
+        "free_forward_spread_of_film": float(spread[-3]),
+        "free_turning_spread_of_film": float(spread[-1]),
+        "free_clamped_pct": float(100 * clamped.any(1).mean()),
+        "free_longest_exact_repeat_s": longest_repeat(states.round(9)) / film.rate_hz,
+        "free_longest_row_repeat_s": longest_repeat(rows[:, None]) / film.rate_hz,
+    }
+
+
+def longest_repeat(values: NDArray[np.generic]) -> int:
+    """The longest run of rows (n, k) that comes twice, the second after the first."""
+    number = np.unique(values, axis=0, return_inverse=True)[1].ravel()
+    longest = 0
+    for lag in range(1, len(number)):
+        equal = np.concatenate([[False], number[lag:] == number[:-lag], [False]])
+        if equal.any():
+            edges = np.flatnonzero(equal[1:] != equal[:-1])
+            longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
+    return longest
+
+
+def autocorrelation(values: Floats, follows: Mask, lags: int) -> Floats:
+    """The autocorrelation (lags,) of a series (n,); follows (n - 1,): whether i + 1 is after i."""
+    centred, run = values - values.mean(), np.append(0, np.cumsum(~follows))
+    square = float((centred**2).mean())
+    return np.array([
+        float((centred[lag:] * centred[: len(centred) - lag])[
+            run[lag:] == run[: len(run) - lag]
+        ].mean()) / square
+        for lag in range(lags)
+    ])  # fmt: skip

@@ -1,0 +1,149 @@
+"""What the film teaches: the states of all rows and of their mirror images, and their controls.
+
+Glossary: a *state* is the posture's codes, and forward, sideways [body lengths/s] and turning speed
+[rad/s, + = left] from the frame before; the *past* of a row are its states at the lags, the present
+one first; the *control* of a row is what its fish then did (Eqs. 1, 3): displacement [body lengths]
+and included angle [rad] over the next Δ.
+
+Rows n … 2 n − 1 are the mirror images of rows 0 … n − 1. An animal whose sides differ, as a mouse
+that is filmed running round one way, has none: its left is not drawn as its right.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.errors import FinloopError
+from finloop.distance.picture import typical_length
+from finloop.features.table import delta_of
+from finloop.forecast.settings import Settings
+
+MOTION = 3
+"""Numbers of a state beside the codes: forward, sideways and turning speed."""
+
+CONTROL = 2
+"""Numbers of a control: displacement and included angle."""
+
+LEAST_ROWS = 100
+_LEAST = 1e-6  # of a standard deviation
+
+
+@dataclass(frozen=True)
+class FilmStates:
+    """All rows (m) of a film: its n rows, and their n mirror images if its sides are alike.
+
+    states: (m, d); control: (m, 2); both NaN where the track does not reach. usable: (m,), whether
+    the past, the control and the next state exist. mirror: (d, d), states @ mirror are those of the
+    mirror image; the identity where the sides differ, and side (2,), for controls, ones. lags: (l,)
+    frames, rising from 0. scale: (d,), control_scale: (2,) standard deviations. frame: (m,). delta:
+    Δ in frames. count: n. handedness: how far the mean of what changes sides is off 0, in standard
+    deviations, at most.
+    """
+
+    states: Floats
+    control: Floats
+    usable: Mask
+    mirror: Floats
+    side: Floats
+    lags: Ints
+    scale: Floats
+    control_scale: Floats
+    frame: Ints
+    delta: int
+    rate_hz: float
+    count: int
+    handedness: float
+
+    @property
+    def rows(self) -> Ints:
+        """The rows (m,) that can be learnt from."""
+        return np.flatnonzero(self.usable)
+
+    def past(self, rows: Ints) -> Floats:
+        """The pasts (m, l, d) of rows."""
+        return self.states[np.asarray(rows)[:, None] - self.lags]
+
+
+def film_states(
+    features: pd.DataFrame, codes: Reals, mirror: Reals, rate_hz: float, p: Settings
+) -> FilmStates:
+    """The states of a film.
+
+    features: columns of `FEATURES` (n rows); codes: (n, c) of their postures, the most important
+    first; mirror: (c, c), codes @ mirror are those of the mirror image.
+
+    Raises
+    ------
+    FinloopError
+        If too few rows have a past and a future, or no fish of them turns or none moves.
+    """
+    delta, n = delta_of(features), len(features)
+    track, frame = (features[name].to_numpy(np.int64) for name in ("track_id", "frame"))
+    lags = np.unique(np.round(np.array(p.lags) * delta)).astype(np.int64)
+    square = (np.asarray(codes, float) ** 2).mean(0).cumsum()
+    c = 1 + int(np.searchsorted(square, p.share * square[-1]))
+    states = np.concatenate([np.asarray(codes, float)[:, :c], _motion(features, rate_hz)], 1)
+    angle = np.radians(features["included_angle_deg"].to_numpy(float))
+    control = np.stack([features["displacement"].to_numpy(float), angle], 1)
+    place = np.arange(n) - np.searchsorted(track, track)
+    next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
+    usable = (place > lags[-1]) & next_row & np.isfinite(control).all(1)
+    _check(control[usable])
+    whole, side = np.eye(c + MOTION), np.array([1.0, -1.0])
+    whole[:c, :c] = np.asarray(mirror)[:c, :c]
+    whole[range(c, c + MOTION), range(c, c + MOTION)] = 1, -1, -1
+    scale = np.maximum(np.nanstd(states, axis=0), _LEAST)
+    handedness = _handedness(states[usable], whole, scale)
+    if handedness > p.handed:
+        whole, side = np.eye(c + MOTION), np.ones(2)
+    both = np.arange(2 * n if handedness <= p.handed else n) % n
+    turned = (np.arange(len(both)) >= n)[:, None]
+    return FilmStates(
+        np.where(turned, (states @ whole)[both], states[both]),
+        np.where(turned, (control * side)[both], control[both]), usable[both], whole, side, lags,
+        scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n, handedness,
+    )  # fmt: skip
+
+
+def _handedness(states: Floats, mirror: Floats, scale: Floats) -> float:
+    """The largest mean of what the mirror reverses (m, d), in standard deviations."""
+    reversed_part = (states - states @ mirror).mean(0) / 2
+    return float(np.abs(reversed_part / scale).max())
+
+
+def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
+    """Forward, sideways and turning speed (n, 3) from the row before; NaN at a track's first."""
+    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    heading = np.radians(features["heading_deg"].to_numpy(float))
+    length = typical_length(features).to_numpy(float)
+    dx, dy, turn = (np.diff(values, prepend=values[:1]) for values in (x, y, heading))
+    before = np.append(heading[:1], heading[:-1])
+    cos, sin = np.cos(before), np.sin(before)
+    motion = np.stack([
+        (dx * cos - dy * sin) / length, (-dx * sin - dy * cos) / length,
+        np.angle(np.exp(1j * turn)),
+    ], 1) * rate_hz  # fmt: skip
+    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
+    first = np.append(True, (np.diff(track) != 0) | (np.diff(frame) != 1))
+    motion[first] = np.nan
+    return motion
+
+
+def _check(control: Floats) -> None:
+    """Refuse a film that shows too little to learn from; control: (m, 2) of its usable rows."""
+    what = ""
+    if len(control) < LEAST_ROWS:
+        what = f"{len(control)} rows with a past, a next frame and a control"
+    elif np.ptp(control[:, 0]) < 1e-6:
+        what = "no fish that moves"
+    elif np.ptp(control[:, 1]) < 1e-6:
+        what = "no fish that turns"
+    if what:
+        raise FinloopError(
+            f"the film has {what}",
+            f"at least {LEAST_ROWS} rows of tracks of some seconds, in which a fish moves and "
+            "turns",
+            "take a longer film, or animate.sprites=paper, which needs less",
+        )

@@ -1,0 +1,190 @@
+"""How the network learns the mean of the next state (mean squares, AdamW), with early stopping.
+
+The error of each number of the state counts in units of that of persistence, which says that
+nothing changes. While it learns, the past is disturbed and the next state is not, so the network
+leads back to the film's states from beside them (as a denoising autoencoder; Vincent 2008).
+"""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+import torch
+from torch import Tensor, nn
+
+from finloop.base.arrays import Ints
+from finloop.base.errors import FinloopError
+from finloop.forecast.film import CONTROL, FilmStates
+from finloop.forecast.model import Forecast
+from finloop.forecast.settings import Settings
+
+_FLOOR = 0.02  # of a variance: what hardly changes at all must not count more than the rest
+_STEADY = 0.3  # of the noise is different at every lag; the rest moves the whole past
+
+
+@dataclass(frozen=True)
+class Sides:
+    """Rows to learn from and rows held out, (m,) and (k,)."""
+
+    train: Ints
+    held_out: Ints
+
+
+def split(film: FilmStates, p: Settings) -> Sides:
+    """By stretches of time across all fish: a held-out row has no part of its past in the others.
+
+    Raises
+    ------
+    FinloopError
+        If the film is shorter than two such stretches.
+    """
+    block = max(1, round(p.block_s * film.rate_hz))
+    rows = film.rows
+    first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
+    blocks = np.unique(first)
+    count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
+    chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
+    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
+    sides = Sides(rows[~begins & ~ends], rows[begins & ends])
+    if min(len(sides.train), len(sides.held_out)) == 0:
+        raise FinloopError(
+            f"{len(sides.train)} rows to learn from and {len(sides.held_out)} held out, by "
+            f"stretches of {block} frames",
+            "some of both",
+            "a smaller forecast.block_s, or a longer film",
+        )
+    return sides
+
+
+class _Network(nn.Module):
+    """g, and its mean with its mirror image; states and controls in units of their scales."""
+
+    def __init__(self, film: FilmStates, hidden: int) -> None:
+        super().__init__()
+        d = len(film.scale)
+        sizes = (len(film.lags) * d + CONTROL, hidden, hidden, d)
+        self.layers = nn.ModuleList(
+            nn.Linear(before, after) for before, after in zip(sizes, sizes[1:], strict=False)
+        )
+        nn.init.zeros_(self.layers[2].bias)
+        self.layers[2].weight.data *= 0.1  # at first nothing changes
+        mirror = film.mirror * film.scale[:, None] / film.scale
+        self.mirror = torch.tensor(mirror, dtype=torch.float64)
+        self.side = torch.tensor(film.side, dtype=torch.float64)
+        self.double()
+
+    def forward(self, past: Tensor, control: Tensor) -> Tensor:
+        mirrored = self.change(past @ self.mirror, control * self.side) @ self.mirror
+        return past[:, 0] + 0.5 * (self.change(past, control) + mirrored)
+
+    def change(self, past: Tensor, control: Tensor) -> Tensor:
+        x = torch.cat([past.flatten(1), control], 1)
+        for layer in self.layers[:2]:
+            x = nn.functional.silu(layer(x))
+        return self.layers[2](x)
+
+
+def learn(
+    film: FilmStates, sides: Sides, p: Settings, advance: Callable[[], object] = lambda: None
+) -> tuple[Forecast, pd.DataFrame]:
+    """Train on the first of the sides; the second says when to stop.
+
+    advance: called after each epoch. Returns the model, and per epoch the errors of both sides in
+    units of that of persistence (mean squares).
+    """
+    with _one_thread(p.seed) as chance:
+        network = _Network(film, p.hidden)
+        known, held = (_tensors(film, rows) for rows in (sides.train, sides.held_out))
+        weight = 1 / (_mean_square(known[0][:, 0] - known[2]) + _FLOOR)
+        adam = torch.optim.AdamW(
+            network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
+        )
+        curve = [_errors(network, weight, known, held)]
+        best, wait = _copy(network), 0
+        for _ in range(p.epochs):
+            _epoch(network, adam, (known, weight), p, chance)
+            curve.append(_errors(network, weight, known, held))
+            advance()
+            wait += 1
+            if curve[-1]["held_out_error"] < min(one["held_out_error"] for one in curve[:-1]):
+                best, wait = _copy(network), 0
+            if wait >= p.patience:
+                break
+    layers = tuple(np.ascontiguousarray(best[f"layers.{i}.weight"].numpy().T) for i in range(3))
+    biases = tuple(best[f"layers.{i}.bias"].numpy() for i in range(3))
+    model = Forecast(
+        layers, biases, film.lags, film.scale, film.control_scale, film.mirror, film.side  # type: ignore[arg-type]
+    )  # fmt: skip
+    return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
+
+
+Sample = tuple[Tensor, Tensor, Tensor]
+"""Pasts (m, l, d), controls (m, 2) and next states (m, d), in units of their scales."""
+
+
+def _tensors(film: FilmStates, rows: Ints) -> Sample:
+    parts = (
+        film.past(rows) / film.scale, film.control[rows] / film.control_scale,
+        film.states[rows + 1] / film.scale,
+    )  # fmt: skip
+    past, control, later = (torch.tensor(part, dtype=torch.float64) for part in parts)
+    return past, control, later
+
+
+def _mean_square(x: Tensor) -> Tensor:
+    return x.square().mean(0)
+
+
+def _epoch(
+    network: _Network, adam: torch.optim.Optimizer, sample: tuple[Sample, Tensor], p: Settings,
+    chance: torch.Generator,
+) -> None:  # fmt: skip
+    """Learn from every row once."""
+    (past, control, later), weight = sample
+    size = min(p.batch_size, len(past))
+    order = torch.randperm(len(past), generator=chance)
+    for first in range(0, len(past) - size + 1, size):
+        lot = order[first : first + size]
+        noise = p.noise * _noise(past[lot].shape, chance)
+        error = network(past[lot] + noise, control[lot]) - later[lot]
+        loss = (error.square() * weight).mean()
+        adam.zero_grad()
+        loss.backward()
+        adam.step()
+
+
+def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
+    """Disturbances (m, l, d) of pasts: a shift of all lags, and one of each; some rows have less."""
+    m, lags, d = shape
+    shift, each = (torch.randn(m, count, d, generator=chance, dtype=torch.float64) for count in (1, lags))
+    most = torch.rand(2, m, 1, 1, generator=chance, dtype=torch.float64)
+    return most[0] * shift + most[1] * _STEADY * each
+
+
+def _errors(network: _Network, weight: Tensor, known: Sample, held: Sample) -> dict[str, float]:
+    """Mean squares of the errors in units of those of persistence, a number of the state each."""
+    errors = {}
+    with torch.inference_mode():
+        for name, (past, control, later) in (("train", known), ("held_out", held)):
+            mean = _mean_square(network(past, control) - later) * weight
+            errors[f"{name}_error"] = float(mean.mean())
+    return errors
+
+
+def _copy(network: _Network) -> dict[str, Tensor]:
+    return {name: value.detach().clone() for name, value in network.state_dict().items()}
+
+
+@contextmanager
+def _one_thread(seed: int) -> Iterator[torch.Generator]:
+    """Torch on one thread, which gives the same sums again, its first weights drawn by the seed."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        with torch.random.fork_rng(devices=[]):
+            torch.manual_seed(seed)
+            yield torch.Generator().manual_seed(seed)
+    finally:
+        torch.set_num_threads(before)

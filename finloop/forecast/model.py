@@ -1,0 +1,150 @@
+"""The network in use: the mean of the next state, by numpy or, tick by tick, by a kernel.
+
+With x the past (l, d) and u the control, both in units of their scales, and M the mirror:
+
+    mean(x, u) = x₀ + ½ (g(x, u) + g(x M, u M) M),   g: two hidden layers of SiLU units
+
+so the mirrored past and control give the mirrored mean, whatever was learnt. M is folded into the
+weights of a second, mirrored network g M.
+"""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Ints, Reals
+
+Weights = NDArray[np.float32]
+KERNEL = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
+_LAYERS = ("first", "second", "third")
+_UNITS = ("lags", "scale", "control_scale", "mirror", "side")
+
+
+class Net(NamedTuple):
+    """Layers of g and of its mirror image, (2, in, out), and their biases (2, out)."""
+
+    first: Weights
+    second: Weights
+    third: Weights
+    first_bias: Weights
+    second_bias: Weights
+    third_bias: Weights
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """The trained network: weights of g, and what its numbers mean.
+
+    layers: (l d + 2, h), (h, h), (h, d); biases: (h,), (h,), (d,); lags: (l,) frames; scale: (d,)
+    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) of states and
+    controls, ones on the diagonal where nothing is mirrored.
+    """
+
+    layers: tuple[Reals, Reals, Reals]
+    biases: tuple[Reals, Reals, Reals]
+    lags: Ints
+    scale: Floats
+    control_scale: Floats
+    mirror: Floats
+    side: Floats
+
+    def net(self) -> Net:
+        """The kernel's weights: raw states in and out, the mirror image beside."""
+        (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
+        d, l = len(self.scale), len(self.lags)
+        unit = np.concatenate([np.tile(self.scale, l), self.control_scale])
+        fold = np.zeros((len(unit), len(unit)))
+        for lag in range(l):
+            fold[lag * d : (lag + 1) * d, lag * d : (lag + 1) * d] = self.mirror
+        fold[-2, -2], fold[-1, -1] = self.side
+        out = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
+        both = (
+            [first / unit[:, None], fold @ (first / unit[:, None])], [second] * 2,
+            [out[0], out[0] @ self.mirror], [first_bias] * 2, [second_bias] * 2,
+            [out[1], out[1] @ self.mirror],
+        )  # fmt: skip
+        return Net(*(np.ascontiguousarray(np.stack(pair), np.float32) for pair in both))
+
+    def mean(self, past: Reals, control: Reals) -> Floats:
+        """The means (m, d) of the next states; past: (m, l, d), control: (m, 2)."""
+        net = self.net()
+        x = np.concatenate([past.reshape(len(past), -1), control], 1)
+        mean = past[:, 0].astype(float)
+        for side in range(2):
+            one = silu(x @ net.first[side] + net.first_bias[side])
+            two = silu(one @ net.second[side] + net.second_bias[side])
+            mean = mean + two @ net.third[side] + net.third_bias[side]
+        return mean
+
+    def record(self) -> dict[str, Any]:
+        """Every number as plain values; `forecast_model` reads them."""
+        weights = dict(zip(_LAYERS, self.layers, strict=True))
+        weights |= {
+            f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)
+        }
+        rest = {name: getattr(self, name) for name in _UNITS}
+        return {
+            "format": _FORMAT,
+            **{name: np.asarray(value).tolist() for name, value in (weights | rest).items()},
+        }
+
+
+_FORMAT = "finloop forecast 1"
+
+
+def forecast_model(**content: Any) -> Forecast:
+    """The model that `Forecast.record` described.
+
+    KeyError, TypeError or ValueError if the content is none: missing, of another size, not finite.
+    """
+    if content["format"] != _FORMAT:
+        raise ValueError(f"no forecast: {_FORMAT!r} is wanted, got {content['format']!r}")
+    lags = np.array(content["lags"], np.int64)
+    scale, control_scale, mirror, side = (np.array(content[name], float) for name in _UNITS[1:])
+    layers = [np.array(content[name], np.float32) for name in _LAYERS]
+    biases = [np.array(content[f"{name}_bias"], np.float32) for name in _LAYERS]
+    d, h = len(scale), len(biases[0])
+    sizes = [len(lags) * d + 2, h, h, d]
+    shapes = [layer.shape == (sizes[i], sizes[i + 1]) for i, layer in enumerate(layers)]
+    shapes += [bias.shape == (sizes[i + 1],) for i, bias in enumerate(biases)]
+    shapes += [mirror.shape == (d, d), control_scale.shape == side.shape == (2,), lags.ndim == 1]
+    if not all(shapes) or not all(np.isfinite(one).all() for one in (*layers, *biases, mirror)):
+        raise ValueError("weights of other sizes, or not finite")
+    return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
+
+
+def silu(x: Reals) -> Reals:
+    """x · sigmoid(x) (Elfwing 2018)."""
+    return x / (1 + np.exp(-x))
+
+
+@KERNEL
+def next_mean(net: Net, past: Weights, out: Floats) -> None:
+    """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last."""
+    d, h = out.size, net.second_bias.shape[1]
+    one, two = np.empty(h, np.float32), np.empty(h, np.float32)
+    for j in range(d):
+        out[j] = past[j]
+    for side in range(2):
+        _layer(past, net.first[side], net.first_bias[side], one)
+        _layer(one, net.second[side], net.second_bias[side], two)
+        for j in range(d):
+            out[j] += net.third_bias[side, j]
+        for i in range(h):
+            for j in range(d):
+                out[j] += two[i] * net.third[side, i, j]
+
+
+@KERNEL
+def _layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
+    """SiLU(x weights + bias) into `out`."""
+    for j in range(out.size):
+        out[j] = bias[j]
+    for i in range(x.size):
+        for j in range(out.size):
+            out[j] += x[i] * weights[i, j]
+    for j in range(out.size):
+        out[j] = out[j] / (1 + np.exp(-out[j]))

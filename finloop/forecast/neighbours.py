@@ -1,0 +1,85 @@
+"""Rows in similar states: to which rows of the film a fish may go over (delay embedding).
+
+Two rows are similar if their pasts are: their postures, and their speeds in units of their standard
+deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969).
+
+A fish that goes over to similar rows at random would end where the film is densest, in rest. So the
+relation is made symmetric, and a step to a row with more neighbours is taken less often (Metropolis
+1953): then, in the long run, all rows are visited alike, as in the film.
+"""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Ints
+from finloop.base.schema import Schema, columns
+from finloop.forecast.film import MOTION, FilmStates
+
+NEIGHBOURS = Schema(*columns("int32", "1", "row", "neighbour"))
+"""The graph of similar rows, sorted; each of its edges is there in both directions."""
+
+_LOT = 512  # rows at a time
+_NEAR = 8  # times `count` nearest rows are looked at for `count` of different passages
+
+
+def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
+    """The pasts (m, l d) of rows in which Euclidean distance says how similar they are.
+
+    fade: in Δ; a state so long ago counts half.
+    """
+    unit = film.scale.copy()
+    unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
+    weight = 0.5 ** (film.lags / (fade * film.delta))
+    return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
+
+
+def neighbours(film: FilmStates, count: int, fade: float) -> tuple[Ints, Ints]:
+    """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
+
+    count: so many of different passages, each at least Δ from the others and from the row itself;
+    then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
+    """
+    rows, n, m = film.rows, film.count, len(film.states)
+    space = embedding(film, rows, fade).astype(np.float32)
+    space -= space.mean(0)
+    square = (space**2).sum(1)
+    ours = rows[rows < n]
+    near = min(_NEAR * count, len(rows) - 1)
+    pairs: list[tuple[int, int]] = []
+    for first in range(0, len(ours), _LOT):
+        lot = slice(first, min(first + _LOT, len(ours)))
+        apart = square - 2 * space[lot] @ space.T  # + what all of a row share
+        best = np.argpartition(apart, near, axis=1)[:, :near]
+        order = np.take_along_axis(best, np.take_along_axis(apart, best, 1).argsort(1), 1)
+        for row, others in zip(ours[lot].tolist(), rows[order].tolist(), strict=True):
+            pairs += ((row, other) for other in _passages(row, others, count, film.delta))
+    there = np.array(pairs, np.int64).reshape(-1, 2)
+    image = (there + n) % m if m > n else there
+    every = np.concatenate([there, image, there[:, ::-1], image[:, ::-1]])
+    one, other = np.divmod(np.unique(every[:, 0] * m + every[:, 1]), m)
+    return np.searchsorted(one, np.arange(m + 1)), other
+
+
+def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
+    """The table of `NEIGHBOURS`."""
+    start, to = graph
+    return pd.DataFrame({"row": np.repeat(np.arange(len(start) - 1), np.diff(start)), "neighbour": to})
+
+
+def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:
+    """The graph that `table` gave, of so many rows; ValueError if it is of others."""
+    one, other = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
+    if len(edges) and max(one.max(), other.max()) >= rows:
+        raise ValueError(f"row {max(one.max(), other.max())} of {rows}")
+    return np.searchsorted(one, np.arange(rows + 1)), other
+
+
+def _passages(row: int, others: list[int], count: int, apart: int) -> list[int]:
+    """The first `count` of other rows that are of different passages of the film."""
+    chosen: list[int] = [row]
+    for other in others:
+        if all(abs(other - one) >= apart for one in chosen):
+            chosen.append(other)
+            if len(chosen) > count:
+                break
+    return chosen[1:]

@@ -1,0 +1,160 @@
+"""Swimming on: the next state is the network's mean and a departure from it that the film shows.
+
+A fish follows a row: from tick to tick it takes the departures of successive rows, whose states are
+like its own. Now and then it goes over to a similar row of another passage of the film. With F the
+film's states, r the row, f the network, x the fish's state and u the control:
+
+    x(t + 1) = F(r + 1) + s · (f(past, u) − f(past of r, u of r))
+
+So a fish in a row's own state and under its own control swims as filmed; elsewhere the network says
+how the difference goes on, and it settles (s < 1). Another control than the row's turns the fish as
+the network has learnt.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.model import KERNEL, Forecast, Net, next_mean
+from finloop.forecast.settings import Settings
+
+
+class Sampler(NamedTuple):
+    """All that is needed to swim on; kernels take it whole. Rows are as in `FilmStates`.
+
+    states, mean: (m, d) of rows, and the means foretold from them; control: (m, 2); usable: (m,);
+    low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) what is left of a
+    difference after a tick; start, to: the graph of similar rows; follow: ticks, on average, for
+    which a row is followed; obey: (2,) a row whose control differs by so much from the one that is
+    wanted is taken with a likelihood of exp(−1/2).
+    """
+
+    net: Net
+    states: Floats
+    mean: Floats
+    control: Floats
+    usable: Mask
+    low: Floats
+    high: Floats
+    lags: Ints
+    settle: Floats
+    start: Ints
+    to: Ints
+    follow: float
+    obey: Floats
+
+
+class State(NamedTuple):
+    """A fish's past (L + 1, d), the present first, and the row that it follows."""
+
+    past: Floats
+    row: int
+
+
+def sampler(
+    film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings
+) -> Sampler:
+    """Bring together what a fish swims by. graph: of `neighbours.neighbours`."""
+    rows, d = film.rows, len(film.scale)
+    mean = np.zeros_like(film.states)
+    mean[rows] = model.mean(film.past(rows), film.control[rows])
+    source = np.repeat(np.arange(len(film.states)), np.diff(graph[0]))
+    differ = film.control[source] - film.control[graph[1]]
+    half_s = np.repeat([p.settle_pose_s, p.settle_motion_s], [d - MOTION, MOTION])
+    return Sampler(
+        model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
+        film.states[rows].min(0), film.states[rows].max(0), film.lags,
+        0.5 ** (1 / (half_s * film.rate_hz)), *graph, max(1.0, p.follow_s * film.rate_hz),
+        _OBEY * np.sqrt((differ**2).mean(0)),
+    )  # fmt: skip
+
+
+_OBEY = 0.25  # of how much the controls of similar rows differ
+
+
+def begin(swim: Sampler, rng: np.random.Generator) -> State:
+    """The state of a row of the film, all equally likely."""
+    return at_row(swim, int(rng.choice(np.flatnonzero(swim.usable))))
+
+
+def at_row(swim: Sampler, row: int) -> State:
+    """The state of a row."""
+    return State(swim.states[row - np.arange(swim.lags[-1] + 1)], row)
+
+
+def step(swim: Sampler, state: State, control: Floats | None, rng: np.random.Generator) -> State:
+    """One tick on, under a control (2,), or freely.
+
+    Nothing but `rng` is changed: the same state, control and draws give the same next state.
+    """
+    row = state.row
+    if not swim.usable[row] or rng.random() < 1 / swim.follow:
+        row = go_over(swim, row, control, rng)
+    here = swim.control[row] if control is None else np.asarray(control, float)
+    later = follow(swim, state.past, row, 1, here)
+    return State(np.concatenate([later, state.past[:-1]]), row + 1)
+
+
+def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
+    """A row like this one, or this one; under a control rather one whose own control is like it."""
+    rows, chance = ways(swim, row)
+    if control is not None:
+        square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
+        chance = chance * np.exp(-0.5 * (square - square.min()))
+    return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
+
+
+def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
+    """Rows (k,) that a fish at a row may follow next, itself the last, and how likely (Metropolis).
+
+    Where the film ends these are those of the last row before that goes on.
+    """
+    while not swim.usable[row]:
+        row -= 1
+    rows = swim.to[swim.start[row] : swim.start[row + 1]]
+    degree = swim.start[rows + 1] - swim.start[rows]
+    chance = 1 / np.maximum(degree, max(len(rows), 1))
+    return np.append(rows, row), np.append(chance, max(1 - chance.sum(), 0.0))
+
+
+def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
+    """Swim freely: states (ticks, d) and the rows (ticks,) whose they would be in the film."""
+    (past, row), states, rows, n = begin(swim, rng), [], [], 0
+    while n < ticks:
+        row = go_over(swim, row, None, rng)
+        later = follow(swim, past, row, int(rng.geometric(1 / swim.follow)), swim.control[row])
+        past = np.concatenate([later, past])[: len(past)]
+        states.append(later[::-1])
+        rows.append(row + 1 + np.arange(len(later)))
+        row += len(later)
+        n += len(later)
+    return np.concatenate(states)[:ticks], np.concatenate(rows)[:ticks]
+
+
+@KERNEL
+def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
+    """The states (ticks, d), the last one first, of following a row; fewer where its film ends.
+
+    control: (2,) of the first tick; afterwards it is as far from the rows' own as at first.
+    """
+    d, lags, deep = swim.states.shape[1], swim.lags, len(past)
+    while ticks > 1 and not swim.usable[row : row + ticks].all():
+        ticks -= 1
+    states = np.empty((ticks + deep, d))
+    states[ticks:] = past
+    x, mean = np.empty(lags.size * d + 2, np.float32), np.empty(d)
+    for t in range(ticks):
+        now = ticks - t
+        for i in range(lags.size):
+            for j in range(d):
+                x[i * d + j] = states[now + lags[i], j]
+        for j in range(2):
+            x[lags.size * d + j] = swim.control[row + t, j] + control[j] - swim.control[row, j]
+        next_mean(swim.net, x, mean)
+        for j in range(d):
+            value = swim.states[row + t + 1, j]
+            value += swim.settle[j] * (mean[j] - swim.mean[row + t, j])
+            states[now - 1, j] = min(max(value, swim.low[j]), swim.high[j])
+    return states[:ticks]

@@ -1,0 +1,43 @@
+"""Parameters of `forecast`: the network, how it learns, and how its forecasts are sampled."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from finloop.base.settings import Count, NotNegative, Positive, Seed, Share
+
+
+@dataclass(frozen=True)
+class Settings:
+    """The network of the next pose and motion, how it learns, and what is sampled beside it."""
+
+    # The state.
+    share: Share  # of the variance of the postures' codes that those of a state explain
+    # an animal whose mean bend, or the like, is so many standard deviations off 0 has sides that
+    # differ: it is not mirrored
+    handed: NotNegative
+    # the past: states so many Δ ago, from 0
+    lags: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=1)]
+
+    # The network and how it learns.
+    hidden: Count  # units in each of its two hidden layers
+    learning_rate: Positive  # of AdamW
+    weight_decay: NotNegative  # of AdamW
+    batch_size: Count  # rows a step
+    epochs: Count  # at most; learning stops sooner where the error held out no longer falls ...
+    patience: Count  # ... for so many epochs
+    # standard deviations by which the past is disturbed while the network learns: it then leads a
+    # fish whose state the film does not show back to those that it does
+    noise: NotNegative
+    seed: Seed  # for the split, the first weights, the order of rows and the noise
+    block_s: Positive  # s; stretches of time, of all fish, that are held out together
+    held_out: Share  # share of the rows that is never learnt from
+
+    # The spread: the film's departures from the mean, of rows in similar states.
+    neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
+    fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
+    follow_s: Positive  # s, on average, for which the departures of successive rows are taken
+    # s in which a difference to the row that is followed halves, beside what the network foretells:
+    settle_pose_s: Positive  # of the posture
+    settle_motion_s: Positive  # of forward, sideways and turning speed

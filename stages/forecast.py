@@ -1,0 +1,109 @@
+"""Stage `forecast`: the network of the next pose and motion, and the film's spread about it."""
+
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.errors import FinloopError
+from finloop.bpn.model import INPUTS, motion_model
+from finloop.features.table import FEATURES
+from finloop.forecast import assess
+from finloop.forecast.film import FilmStates, film_states
+from finloop.forecast.learning import learn, split
+from finloop.forecast.model import Forecast
+from finloop.forecast.neighbours import NEIGHBOURS, neighbours, table
+from finloop.forecast.sampling import Sampler, free_run, sampler
+from finloop.forecast.settings import Settings
+from finloop.io.atomic import whole_folder
+from finloop.io.record import load_record, save_json
+from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.pose.film import FilmPoses
+from stages.poses import load_poses
+from stages.settings import load
+
+DATA, OUT, REPORT = Path("data"), Path("data/forecast"), Path("reports/forecast")
+CURVE = ["epoch", "train_error", "held_out_error"]
+
+
+def area_numbers(
+    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, held: np.ndarray
+) -> dict[str, float]:
+    """Errors of the relative motion area Δ later, on held-out rows of the film itself."""
+    rows = held[held < film.count]
+    rows = rows[film.usable[rows + film.delta]]
+    if not len(rows):
+        return {}
+    paper = load_record(DATA / "bpn/model.json", motion_model, "bpn")
+    true = features["motion_area_rel"].to_numpy(float)
+    codes = poses.codes[rows].copy()
+    foretold = assess.ahead(film, model, rows)[:, : -assess.MOTION]
+    codes[:, : foretold.shape[1]] = foretold
+    own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
+    inputs = features[list(INPUTS)].to_numpy(float)[rows]
+    guesses = {"": own, "persistence_": true[rows], "paper_": paper.predict(inputs)[:, 0]}
+    return {
+        f"{name}area_rmse": float(np.sqrt(np.mean((guess - true[rows + film.delta]) ** 2)))
+        for name, guess in guesses.items()
+    }
+
+
+def measured(film: FilmStates, model: Forecast, swim: Sampler, folder: Path) -> dict[str, float]:
+    """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
+    p: Settings = load("forecast")
+    sides, rng = split(film, p), np.random.default_rng((p.seed, 1))
+    told = assess.ensembles(film, swim, sides, rng)
+    states, rows = free_run(swim, film.count, rng)
+    save_table(folder / "held_out.parquet", assess.held_out_table(told), assess.HELD_OUT)
+    save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
+    return {
+        **assess.of_forecasts(film, told, swim, sides),
+        **assess.of_free_run(states, rows, film, swim),
+        **assess.obedience(swim, film, rng),
+    }
+
+
+def main() -> None:
+    """Make data/forecast/, reports/forecast/; without a model where the film shows too little."""
+    p: Settings = load("forecast")
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
+    poses = load_poses(features)
+    with whole_folder(OUT) as folder:
+        try:
+            film = film_states(features, poses.codes, poses.shapes.mirror, rate_hz, p)
+            sides = split(film, p)
+        except FinloopError as error:
+            print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
+            save_json(folder / "reason.json", {"reason": str(error)})
+            save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE))
+            save_metrics(REPORT / "metrics.json", {"models": 0})
+            return
+        with progress("forecast", p.epochs, "epochs") as advance:
+            model, curve = learn(film, sides, p, advance)
+        graph = neighbours(film, p.neighbours, p.fade)
+        save_json(folder / "model.json", model.record())
+        save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
+        numbers = measured(film, model, sampler(film, model, graph, p), folder)
+    save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
+    save_metrics(REPORT / "metrics.json", {
+        "models": 1,
+        "state_numbers": len(film.scale),
+        "handedness": film.handedness,
+        "mirrored": int(len(film.states) > film.count),
+        "train_rows": len(sides.train),
+        "held_out_rows": len(sides.held_out),
+        "epochs": len(curve) - 1,
+        "best_epoch": int(curve["held_out_error"].argmin()),
+        "neighbours_per_row": len(graph[1]) / len(film.rows),
+        **area_numbers(features, poses, film, model, sides.held_out),
+        **numbers,
+    })  # fmt: skip
+
+
+if __name__ == "__main__":
+    run(main)
