@@ -12,8 +12,8 @@ from finloop.base.errors import FinloopError
 from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
-from finloop.forecast.film import FilmStates, film_states
-from finloop.forecast.learning import learn, split
+from finloop.forecast.film import MOTION, FilmStates, film_states
+from finloop.forecast.learning import Sides, learn, split
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import NEIGHBOURS, neighbours, table
 from finloop.forecast.sampling import Sampler, free_run, sampler
@@ -31,19 +31,18 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def area_numbers(
-    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, held: np.ndarray
+    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, sides: Sides
 ) -> dict[str, float]:
-    """Errors of the relative motion area Δ later, on held-out rows of the film itself."""
-    rows = held[held < film.count]
-    rows = rows[film.usable[rows + film.delta]]
+    """Errors of the relative motion area Δ later, on rows of the film itself that were held out."""
+    rows = sides.held_out[sides.held_out < film.count]
+    rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
     if not len(rows):
         return {}
-    paper = load_record(DATA / "bpn/model.json", motion_model, "bpn")
-    true = features["motion_area_rel"].to_numpy(float)
-    codes = poses.codes[rows].copy()
-    foretold = assess.ahead(film, model, rows)[:, : -assess.MOTION]
-    codes[:, : foretold.shape[1]] = foretold
+    states, codes = assess.ahead(film, model, rows), poses.codes[rows].copy()
+    codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
     own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
+    true = features["motion_area_rel"].to_numpy(float)
+    paper = load_record(DATA / "bpn/model.json", motion_model, "bpn")
     inputs = features[list(INPUTS)].to_numpy(float)[rows]
     guesses = {"": own, "persistence_": true[rows], "paper_": paper.predict(inputs)[:, 0]}
     return {
@@ -52,10 +51,10 @@ def area_numbers(
     }
 
 
-def measured(film: FilmStates, model: Forecast, swim: Sampler, folder: Path) -> dict[str, float]:
+def measured(
+    film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator, folder: Path
+) -> dict[str, float]:
     """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
-    p: Settings = load("forecast")
-    sides, rng = split(film, p), np.random.default_rng((p.seed, 1))
     told = assess.ensembles(film, swim, sides, rng)
     states, rows = free_run(swim, film.count, rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(told), assess.HELD_OUT)
@@ -80,7 +79,7 @@ def main() -> None:
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})
-            save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE))
+            save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
         with progress("forecast", p.epochs, "epochs") as advance:
@@ -88,7 +87,9 @@ def main() -> None:
         graph = neighbours(film, p.neighbours, p.fade)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
-        numbers = measured(film, model, sampler(film, model, graph, p), folder)
+        swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
+        numbers = measured(film, swim, sides, rng, folder)
+        numbers |= area_numbers(features, poses, film, model, sides)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {
         "models": 1,
@@ -100,7 +101,6 @@ def main() -> None:
         "epochs": len(curve) - 1,
         "best_epoch": int(curve["held_out_error"].argmin()),
         "neighbours_per_row": len(graph[1]) / len(film.rows),
-        **area_numbers(features, poses, film, model, sides.held_out),
         **numbers,
     })  # fmt: skip
 

@@ -1,4 +1,4 @@
-"""The pose and motion of the next frame, foretold with their spread: the paper's idea taken further.
+"""The next pose and motion, foretold with their spread: the paper's idea taken further.
 
 Eq. 4 of the fish paper foretells motion area and swimming type. Here the state is the pose itself
 with forward, sideways and turning speed; the control stays displacement and included angle (Eqs.

@@ -17,7 +17,7 @@ from finloop.features.area import bend
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.learning import Sides
 from finloop.forecast.model import Forecast
-from finloop.forecast.sampling import Sampler, at_row, step
+from finloop.forecast.sampling import Sampler, State, at_row, go_over, step
 from finloop.puppet.pose import Pose, steps
 
 HELD_OUT = Schema(
@@ -37,7 +37,6 @@ FREE = Schema(
 (of 2 n, or n where there are no mirror images)."""
 
 _TRIALS = 400  # rows from which it is tried how a fish obeys
-_REPEATS = 25  # tries from each of them
 _PRIOR = 4.0  # rows of the whole film that count beside an ensemble's own, in its spread
 _LEAST = 5  # members of an ensemble
 
@@ -52,9 +51,7 @@ class Ensemble(NamedTuple):
     rank: Floats
 
 
-def ensembles(
-    film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator
-) -> Ensemble:
+def ensembles(film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator) -> Ensemble:
     """The next states of held-out rows, foretold from what was learnt from alone.
 
     A member is the mean and the departure of a similar row that was learnt from. rng: where the
@@ -118,11 +115,10 @@ def of_forecasts(film: FilmStates, told: Ensemble, swim: Sampler, sides: Sides) 
 
 
 def ahead(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
-    """The means (k, d) of the states Δ after rows (k,), each foretold from the one before."""
-    deep = int(film.lags[-1])
-    past = film.states[rows[:, None] - np.arange(deep + 1)]
-    for _ in range(film.delta):
-        later = model.mean(past[:, film.lags], film.control[rows])
+    """States (k, d) Δ after rows (k,) whose next Δ can be learnt from: means, of means before."""
+    past = film.states[rows[:, None] - np.arange(film.lags[-1] + 1)]
+    for tick in range(film.delta):
+        later = model.mean(past[:, film.lags], film.control[rows + tick])
         past = np.concatenate([later[:, None], past[:, :-1]], 1)
     return past[:, 0]
 
@@ -139,7 +135,7 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
         if not len(similar):
             continue
         control = swim.control[rng.choice(similar)]
-        state, way = at_row(swim, row), []
+        state, way = State(at_row(swim, row).past, go_over(swim, row, control, rng)), []
         for _ in range(delta):
             state = step(swim, state, control, rng)
             way.append(state.past[0, -MOTION:] * step_s)

@@ -8,6 +8,7 @@ leads back to the film's states from beside them (as a denoising autoencoder; Vi
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -65,11 +66,10 @@ class _Network(nn.Module):
         super().__init__()
         d = len(film.scale)
         sizes = (len(film.lags) * d + CONTROL, hidden, hidden, d)
-        self.layers = nn.ModuleList(
-            nn.Linear(before, after) for before, after in zip(sizes, sizes[1:], strict=False)
-        )
-        nn.init.zeros_(self.layers[2].bias)
-        self.layers[2].weight.data *= 0.1  # at first nothing changes
+        one, two, three = (nn.Linear(before, after) for before, after in pairwise(sizes))
+        nn.init.zeros_(three.bias)
+        three.weight.data *= 0.1  # at first nothing changes
+        self.layers = nn.ModuleList([one, two, three])
         mirror = film.mirror * film.scale[:, None] / film.scale
         self.mirror = torch.tensor(mirror, dtype=torch.float64)
         self.side = torch.tensor(film.side, dtype=torch.float64)
@@ -112,8 +112,9 @@ def learn(
                 best, wait = _copy(network), 0
             if wait >= p.patience:
                 break
-    layers = tuple(np.ascontiguousarray(best[f"layers.{i}.weight"].numpy().T) for i in range(3))
-    biases = tuple(best[f"layers.{i}.bias"].numpy() for i in range(3))
+    weights = {name: value.numpy().astype(np.float32) for name, value in best.items()}
+    layers = tuple(np.ascontiguousarray(weights[f"layers.{i}.weight"].T) for i in range(3))
+    biases = tuple(weights[f"layers.{i}.bias"] for i in range(3))
     model = Forecast(
         layers, biases, film.lags, film.scale, film.control_scale, film.mirror, film.side  # type: ignore[arg-type]
     )  # fmt: skip
@@ -156,9 +157,11 @@ def _epoch(
 
 
 def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
-    """Disturbances (m, l, d) of pasts: a shift of all lags, and one of each; some rows have less."""
+    """Disturbances (m, l, d) of pasts: a shift of all lags, and one of each, of various sizes."""
     m, lags, d = shape
-    shift, each = (torch.randn(m, count, d, generator=chance, dtype=torch.float64) for count in (1, lags))
+    shift, each = (
+        torch.randn(m, count, d, generator=chance, dtype=torch.float64) for count in (1, lags)
+    )
     most = torch.rand(2, m, 1, 1, generator=chance, dtype=torch.float64)
     return most[0] * shift + most[1] * _STEADY * each
 

@@ -39,8 +39,8 @@ class Forecast:
     """The trained network: weights of g, and what its numbers mean.
 
     layers: (l d + 2, h), (h, h), (h, d); biases: (h,), (h,), (d,); lags: (l,) frames; scale: (d,)
-    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) of states and
-    controls, ones on the diagonal where nothing is mirrored.
+    and control_scale: (2,) units of states and controls; mirror: (d, d) and side: (2,) of states
+    and controls, ones on the diagonal where nothing is mirrored.
     """
 
     layers: tuple[Reals, Reals, Reals]
@@ -54,10 +54,10 @@ class Forecast:
     def net(self) -> Net:
         """The kernel's weights: raw states in and out, the mirror image beside."""
         (first, second, third), (first_bias, second_bias, third_bias) = self.layers, self.biases
-        d, l = len(self.scale), len(self.lags)
-        unit = np.concatenate([np.tile(self.scale, l), self.control_scale])
+        d, lags = len(self.scale), len(self.lags)
+        unit = np.concatenate([np.tile(self.scale, lags), self.control_scale])
         fold = np.zeros((len(unit), len(unit)))
-        for lag in range(l):
+        for lag in range(lags):
             fold[lag * d : (lag + 1) * d, lag * d : (lag + 1) * d] = self.mirror
         fold[-2, -2], fold[-1, -1] = self.side
         out = 0.5 * third * self.scale, 0.5 * third_bias * self.scale
@@ -82,9 +82,7 @@ class Forecast:
     def record(self) -> dict[str, Any]:
         """Every number as plain values; `forecast_model` reads them."""
         weights = dict(zip(_LAYERS, self.layers, strict=True))
-        weights |= {
-            f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)
-        }
+        weights |= {f"{name}_bias": bias for name, bias in zip(_LAYERS, self.biases, strict=True)}
         rest = {name: getattr(self, name) for name in _UNITS}
         return {
             "format": _FORMAT,

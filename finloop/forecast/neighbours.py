@@ -63,7 +63,8 @@ def neighbours(film: FilmStates, count: int, fade: float) -> tuple[Ints, Ints]:
 def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
     """The table of `NEIGHBOURS`."""
     start, to = graph
-    return pd.DataFrame({"row": np.repeat(np.arange(len(start) - 1), np.diff(start)), "neighbour": to})
+    rows = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    return pd.DataFrame({"row": rows, "neighbour": to})
 
 
 def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:

@@ -53,9 +53,7 @@ class State(NamedTuple):
     row: int
 
 
-def sampler(
-    film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings
-) -> Sampler:
+def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings) -> Sampler:
     """Bring together what a fish swims by. graph: of `neighbours.neighbours`."""
     rows, d = film.rows, len(film.scale)
     mean = np.zeros_like(film.states)
@@ -67,11 +65,8 @@ def sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
         film.states[rows].min(0), film.states[rows].max(0), film.lags,
         0.5 ** (1 / (half_s * film.rate_hz)), *graph, max(1.0, p.follow_s * film.rate_hz),
-        _OBEY * np.sqrt((differ**2).mean(0)),
+        p.obey * np.sqrt((differ**2).mean(0)),
     )  # fmt: skip
-
-
-_OBEY = 0.25  # of how much the controls of similar rows differ
 
 
 def begin(swim: Sampler, rng: np.random.Generator) -> State:
@@ -101,9 +96,14 @@ def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Gene
     """A row like this one, or this one; under a control rather one whose own control is like it."""
     rows, chance = ways(swim, row)
     if control is not None:
-        square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
-        chance = chance * np.exp(-0.5 * (square - square.min()))
+        chance = chance * likeness(swim, rows, control)
     return int(rows[np.searchsorted(np.cumsum(chance), rng.random() * chance.sum())])
+
+
+def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
+    """How like a control those of rows (k,) are, 1 for the most similar one."""
+    square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
+    return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:

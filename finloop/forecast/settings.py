@@ -38,6 +38,7 @@ class Settings:
     neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
     fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
     follow_s: Positive  # s, on average, for which the departures of successive rows are taken
+    obey: Positive  # of how much the controls of similar rows differ; so well is a control followed
     # s in which a difference to the row that is followed halves, beside what the network foretells:
     settle_pose_s: Positive  # of the posture
     settle_motion_s: Positive  # of forward, sideways and turning speed

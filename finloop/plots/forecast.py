@@ -1,0 +1,73 @@
+"""Pictures of the forecast: how it learnt, its spread, and a fish that swims freely."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from finloop.base.arrays import Floats
+from finloop.forecast.assess import autocorrelation
+from finloop.forecast.film import FilmStates
+
+_FILM, _OWN, _OTHER = "0.35", "#D55E00", "#0072B2"
+_CHANNELS = (
+    ("forward", -3, "forward speed (body lengths/s)"),
+    ("turning", -1, "turning speed (rad/s)"),
+    ("pose", 0, "first code of the posture (rad, root mean square)"),
+)
+_RANKS = ("pose_rank", "forward_rank", "sideways_rank", "turning_rank")
+_SPAN_S = 1.0  # of the autocorrelations
+
+
+def learning_figure(curve: pd.DataFrame, held_out: pd.DataFrame) -> Figure:
+    """Errors per epoch; and how often the truth has which rank among its forecasts."""
+    figure = Figure(figsize=(10, 4.2), layout="constrained")
+    errors, ranks = figure.subplots(1, 2)
+    for side, colour, label in (
+        ("train", _OTHER, "learnt from"), ("held_out", _OWN, "held out"),
+    ):  # fmt: skip
+        errors.plot(curve["epoch"], curve[f"{side}_error"], color=colour, label=label)
+    errors.set(xlabel="epoch", ylabel="mean square / that of persistence", ylim=(0, 1.2))
+    errors.grid(alpha=0.3)
+    errors.legend(frameon=False)
+    bins = np.linspace(0, 1, 11)
+    for name in _RANKS:
+        share = 10 * np.histogram(held_out[name], bins)[0] / max(len(held_out), 1)
+        ranks.plot((bins[1:] + bins[:-1]) / 2, share, "o-", ms=3, label=name.removesuffix("_rank"))
+    ranks.axhline(1, color=_FILM, lw=0.9)
+    ranks.set(
+        xlabel="share of the foretold next states below the true one",
+        ylabel="how often, of what is expected", ylim=(0, 2.5), title="held-out rows (line: true)",
+    )  # fmt: skip
+    ranks.legend(frameon=False)
+    return figure
+
+
+def free_figure(film: FilmStates, free: pd.DataFrame) -> Figure:
+    """A fish that swims freely beside the film: distributions above, autocorrelations below."""
+    figure = Figure(figsize=(12, 6.5), layout="constrained")
+    panels = figure.subplots(2, 3)
+    rows = film.rows[film.rows < film.count] + 1
+    follows = np.diff(rows) == 1
+    lags = max(2, round(_SPAN_S * film.rate_hz))
+    for (name, number, label), above, below in zip(_CHANNELS, *panels, strict=True):
+        filmed, own = film.states[rows, number], free[name].to_numpy(float)
+        _distributions(above, filmed, own)
+        above.set(xlabel=label, ylabel="density")
+        times = np.arange(lags) / film.rate_hz
+        below.plot(times, autocorrelation(filmed, follows, lags), color=_FILM, label="film")
+        whole = np.ones(len(own) - 1, bool)
+        below.plot(times, autocorrelation(own, whole, lags), color=_OWN, label="free")
+        below.axhline(0, color="0.8", lw=0.8)
+        below.set(xlabel="s", ylabel=f"autocorrelation of {name}")
+        below.legend(frameon=False)
+    return figure
+
+
+def _distributions(axes: Axes, filmed: Floats, own: Floats) -> None:
+    low, high = np.quantile(filmed, [0.002, 0.998])
+    bins = np.linspace(low, high, 60).tolist()
+    axes.hist(filmed, bins, density=True, color=_FILM, alpha=0.35, label="film")
+    axes.hist(own, bins, density=True, histtype="step", color=_OWN, lw=1.6, label="free")
+    axes.set_yscale("log")
+    axes.legend(frameon=False)

@@ -1,0 +1,353 @@
+"""The forecast: states, learning, similar rows, sampling; laws on drawn series, then the stage.
+
+A drawn fish bends by an autoregressive law that is written down in the test; its spread is known.
+"""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
+from finloop.features.table import wrap_deg
+from finloop.forecast.assess import (
+    ahead,
+    autocorrelation,
+    ensembles,
+    longest_repeat,
+    obedience,
+    of_forecasts,
+    of_free_run,
+)
+from finloop.forecast.film import MOTION, film_states
+from finloop.forecast.learning import learn, split
+from finloop.forecast.model import forecast_model
+from finloop.forecast.neighbours import from_table, neighbours, table
+from finloop.forecast.sampling import (
+    begin,
+    follow,
+    free_run,
+    go_over,
+    sampler,
+    step,
+    ways,
+)
+
+RATE, DELTA, NOISE = 25.0, 5, 0.3
+MIRROR = np.diag([-1.0, 1.0])
+HOW = settings("forecast", epochs=12, hidden=24, share=0.999)
+
+
+def swum(count=3000, seed=0, tracks=1, drift=0.0):
+    """A fish (features, codes) whose bend and speed are autoregressive, and whose bend turns it."""
+    rng = np.random.default_rng(seed)
+    bend, speed = np.zeros(count), np.full(count, 1.5)
+    for t in range(1, count):
+        bend[t] = 0.9 * bend[t - 1] + NOISE * rng.normal() + drift
+        speed[t] = 1.5 + 0.8 * (speed[t - 1] - 1.5) + 0.1 * rng.normal()
+    turning = 4 * bend  # rad/s
+    heading = np.cumsum(turning) / RATE
+    before = np.append(0.0, heading[:-1])
+    length = 60.0
+    slip = 0.1 * rng.normal(size=count)
+    x = np.cumsum(speed * np.cos(before) - slip * np.sin(before)) / RATE * length
+    y = -np.cumsum(speed * np.sin(before) + slip * np.cos(before)) / RATE * length
+    track = np.arange(count) * tracks // count
+    ends = np.append(track[DELTA:], np.full(DELTA, -1)) != track
+    moved = np.hypot(np.roll(x, -DELTA) - x, np.roll(y, -DELTA) - y) / length
+    turned = wrap_deg(np.degrees(np.roll(heading, -DELTA) - heading))
+    features = pd.DataFrame(
+        {
+            "track_id": track, "frame": np.arange(count), "x_px": x, "y_px": y,
+            "heading_deg": wrap_deg(np.degrees(heading)), "body_length_px": length,
+            "displacement": np.where(ends, np.nan, moved),
+            "included_angle_deg": np.where(ends, np.nan, turned),
+        }
+    )  # fmt: skip
+    codes = np.stack([bend, 0.2 * bend**2 + 0.05 * rng.normal(size=count)], 1)
+    return features, codes
+
+
+@pytest.fixture(scope="module")
+def film():
+    return film_states(*swum(), MIRROR, RATE, HOW)
+
+
+@pytest.fixture(scope="module")
+def learnt(film):
+    sides = split(film, HOW)
+    return learn(film, sides, HOW)[0], sides
+
+
+@pytest.fixture(scope="module")
+def swim(film, learnt):
+    return sampler(film, learnt[0], neighbours(film, HOW.neighbours, HOW.fade), HOW)
+
+
+def rng(seed=0):
+    return np.random.default_rng(seed)
+
+
+# --- states
+
+
+def test_a_state_is_the_posture_and_how_the_fish_came_here(film):
+    features, codes = swum()
+    row = 700
+    assert np.allclose(film.states[row, :2], codes[row])
+    forward, sideways, turning = film.states[row, -MOTION:]
+    assert turning == pytest.approx(4 * codes[row, 0])
+    moved = np.hypot(*np.diff(features[["x_px", "y_px"]].to_numpy()[row - 1 : row + 1], axis=0)[0])
+    assert np.hypot(forward, sideways) == pytest.approx(moved / 60 * RATE)
+    assert forward > abs(sideways)
+
+
+def test_the_mirror_image_turns_the_other_way(film):
+    row, image = 700, 700 + film.count
+    assert np.allclose(film.states[image], film.states[row] * [-1, 1, 1, -1, -1])
+    assert np.allclose(film.control[image], film.control[row] * [1, -1])
+
+
+def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
+    film = film_states(*swum(tracks=3), MIRROR, RATE, HOW)
+    last = film.lags[-1]
+    for begins in (0, 1000, 2000):
+        assert not film.usable[begins : begins + last + 1].any()
+        assert film.usable[begins + last + 1 : begins + 1000 - DELTA].all()
+        assert not film.usable[begins + 1000 - DELTA : begins + 1000].any()
+
+
+def test_a_fish_whose_sides_differ_is_not_mirrored():
+    film = film_states(*swum(drift=0.1), MIRROR, RATE, HOW)
+    assert film.handedness > HOW.handed
+    assert len(film.states) == film.count
+    assert np.array_equal(film.mirror, np.eye(len(film.scale)))
+
+
+@pytest.mark.parametrize("fault", ["short", "still", "straight"])
+def test_a_film_that_shows_too_little_is_refused_in_a_sentence(fault):
+    features, codes = swum(80 if fault == "short" else 400)
+    if fault == "still":
+        features["displacement"] *= 0
+    if fault == "straight":
+        features["included_angle_deg"] *= 0
+    what = {"short": "rows with a past", "still": "moves", "straight": "turns"}[fault]
+    with pytest.raises(FinloopError, match=what):
+        film_states(features, codes, MIRROR, RATE, HOW)
+
+
+# --- learning
+
+
+def test_the_network_learns_the_law_that_the_fish_swims_by(film, learnt):
+    model, sides = learnt
+    held = sides.held_out
+    error = model.mean(film.past(held), film.control[held]) - film.states[held + 1]
+    persistence = film.states[held] - film.states[held + 1]
+    skill = 1 - (error**2).mean(0) / (persistence**2).mean(0)
+    assert skill[0] > 0.1  # the control tells of the noise to come, so more than the law does
+    assert (error[:, 0] ** 2).mean() < 1.05 * NOISE**2
+
+
+def test_the_mirrored_past_and_control_give_the_mirrored_mean(film, learnt):
+    model, _ = learnt
+    rows = rng().choice(film.rows, 50)
+    past, control = film.past(rows), film.control[rows]
+    mean, image = model.mean(past, control), model.mean(past @ film.mirror, control * film.side)
+    assert np.allclose(image, mean @ film.mirror, atol=1e-4)
+
+
+def test_the_seed_determines_the_network(film, learnt):
+    how = replace(HOW, epochs=2)
+    one, again, other = (
+        learn(film, learnt[1], replace(how, seed=seed))[0].layers[0] for seed in (0, 0, 1)
+    )
+    assert np.array_equal(one, again)
+    assert not np.allclose(one, other)
+
+
+def test_nothing_that_is_held_out_is_learnt_from(film, learnt):
+    sides, reach = learnt[1], film.lags[-1]
+    used = {int(f) for frame in film.frame[sides.train] for f in range(frame - reach, frame + 2)}
+    assert not used & set(film.frame[sides.held_out].tolist())
+
+
+def test_learning_stops_when_the_error_held_out_no_longer_falls(film, learnt):
+    curve = learn(film, learnt[1], replace(HOW, epochs=60, patience=2, learning_rate=0.02))[1]
+    best = int(curve["held_out_error"].argmin())
+    assert len(curve) - 1 == min(best + 2, 60)
+
+
+def test_a_model_is_read_as_it_was_written(film, learnt):
+    model = learnt[0]
+    again = forecast_model(**json.loads(json.dumps(model.record())))
+    rows = film.rows[:20]
+    past, control = film.past(rows), film.control[rows]
+    assert np.array_equal(again.mean(past, control), model.mean(past, control))
+
+
+@pytest.mark.parametrize("fault", ["format", "scale", "first"])
+def test_a_damaged_model_is_refused(learnt, fault):
+    content = learnt[0].record()
+    content[fault] = "x" if fault == "format" else content[fault][:-1]
+    with pytest.raises(ValueError, match=r"wanted|sizes"):
+        forecast_model(**content)
+
+
+# --- similar rows
+
+
+def test_whoever_has_a_neighbour_is_its_neighbour_and_so_are_the_mirror_images(film, swim):
+    edges = table((swim.start, swim.to)).to_numpy().tolist()
+    pairs = {(row, neighbour) for row, neighbour in edges}
+    n, m = film.count, len(film.states)
+    assert pairs == {(b, a) for a, b in pairs}
+    assert pairs == {((a + n) % m, (b + n) % m) for a, b in pairs}
+
+
+def test_neighbours_are_of_other_passages_and_nearer_than_others(film, swim):
+    r = rng()
+    for row in r.choice(film.rows, 20).tolist():
+        near = swim.to[swim.start[row] : swim.start[row + 1]]
+        assert (np.abs(near - row) >= DELTA).all()
+        apart = np.abs(film.states[near] - film.states[row]) / film.scale
+        other = np.abs(film.states[r.choice(film.rows, 200)] - film.states[row]) / film.scale
+        assert apart.mean() < 0.7 * other.mean()
+
+
+def test_a_graph_is_read_as_it_was_written(film, swim):
+    start, to = from_table(table((swim.start, swim.to)), len(film.states))
+    assert np.array_equal(start, swim.start)
+    assert np.array_equal(to, swim.to)
+    with pytest.raises(ValueError, match="row"):
+        from_table(table((swim.start, swim.to)), 10)
+
+
+def test_in_the_long_run_all_rows_are_visited_alike(swim):
+    """The transitions between rows are symmetric, so none of them fills up."""
+    m = len(swim.states)
+    there = np.zeros(m)
+    for row in np.flatnonzero(swim.usable):
+        rows, chance = ways(swim, row)
+        assert chance.sum() == pytest.approx(1)
+        np.add.at(there, rows, chance)
+    assert np.allclose(there[swim.usable], 1)
+
+
+# --- sampling
+
+
+def test_in_a_rows_own_state_under_its_own_control_a_fish_swims_as_filmed(film, swim):
+    row = int(film.rows[300])
+    past = film.states[row - np.arange(film.lags[-1] + 1)]
+    states = follow(swim, past, row, 8, film.control[row])[::-1]
+    assert np.allclose(states, film.states[row + 1 : row + 9], atol=1e-4)
+
+
+def test_a_difference_settles(film, swim):
+    row = int(film.rows[300])
+    past = film.states[row - np.arange(film.lags[-1] + 1)] + 0.5 * film.scale
+    states = follow(swim, past, row, 25, film.control[row])[::-1]
+    off = np.abs(states - film.states[row + 1 : row + 26]) / film.scale
+    assert off[-1].max() < 0.02
+    assert off[0, -MOTION:].max() < off[0, :-MOTION].max() < 0.5
+
+
+def test_the_same_draws_give_the_same_path_and_others_another(swim):
+    paths = [free_run(swim, 200, rng(seed))[0] for seed in (1, 1, 2)]
+    assert np.array_equal(paths[0], paths[1])
+    assert not np.allclose(paths[0], paths[2])
+
+
+def test_a_step_changes_nothing_but_the_draws(swim):
+    state = begin(swim, rng())
+    past = state.past.copy()
+    one, again = (step(swim, state, None, rng(3)) for _ in range(2))
+    assert np.array_equal(state.past, past)
+    assert np.array_equal(one.past, again.past)
+    assert np.array_equal(one.past[1:], past[:-1])
+
+
+def test_the_mirrored_state_and_control_give_the_mirrored_distribution(film, swim):
+    n = film.count
+    for row in rng().choice(film.rows[film.rows < n], 10).tolist():
+        ends = []
+        for side, here in ((np.ones(2), row), (film.side, row + n)):
+            rows, chance = ways(swim, here)
+            control = film.control[row] * side
+            past = swim.states[here - np.arange(film.lags[-1] + 1)]
+            states = np.array([follow(swim, past, int(r), 1, control)[0] for r in rows])
+            if here != row:
+                states = states @ film.mirror
+            order = np.argsort(states[:, 0])
+            ends.append((states[order], chance[order]))
+        assert np.allclose(ends[0][0], ends[1][0], atol=1e-3)
+        assert np.allclose(ends[0][1], ends[1][1])
+
+
+def test_a_fish_stays_within_the_films_states(film, swim):
+    states, rows = free_run(swim, 3000, rng())
+    usual = film.states[film.rows]
+    assert (states >= usual.min(0)).all() and (states <= usual.max(0)).all()
+    assert of_free_run(states, rows, film, swim)["free_clamped_pct"] < 2
+
+
+def test_a_fish_that_is_left_free_moves_as_the_film_does(film, swim):
+    states, _ = free_run(swim, 6000, rng())
+    filmed = film.states[film.rows]
+    assert np.allclose(states.std(0), filmed.std(0), rtol=0.15)
+    whole = np.ones(len(states) - 1, bool)
+    known = autocorrelation(filmed[: len(filmed) // 2, 0], whole[: len(filmed) // 2 - 1], 20)
+    assert np.allclose(autocorrelation(states[:, 0], whole, 20), known, atol=0.15)
+
+
+def test_no_second_is_swum_twice(film, swim):
+    states, rows = free_run(swim, 3000, rng())
+    numbers = of_free_run(states, rows, film, swim)
+    assert numbers["free_longest_exact_repeat_s"] <= 1.0
+
+
+def test_a_fish_turns_and_moves_as_it_is_told(film, swim):
+    slopes = obedience(swim, film, rng())
+    assert 0.5 < slopes["angle_slope"] < 1.3
+    assert slopes["displacement_slope"] > 0.3
+
+
+def test_where_the_film_ends_a_fish_goes_over(swim):
+    last = int(np.flatnonzero(swim.usable[:3000])[-1]) + 1
+    assert not swim.usable[last]
+    assert all(swim.usable[go_over(swim, last, None, rng(seed))] for seed in range(20))
+
+
+# --- measures
+
+
+def test_the_spread_is_that_of_the_law(film, learnt, swim):
+    """The truth lies in the inner half of its forecasts half of the time."""
+    told = ensembles(film, swim, learnt[1], rng())
+    numbers = of_forecasts(film, told, swim, learnt[1])
+    assert numbers["truth_in_inner_50_pct"] == pytest.approx(50, abs=6)
+    assert numbers["truth_in_inner_80_pct"] == pytest.approx(80, abs=6)
+    assert numbers["held_out_log_likelihood"] > numbers["persistence_log_likelihood"]
+    assert numbers["motion_skill_against_persistence"] > 0
+
+
+def test_ahead_of_one_tick_is_the_mean(film, learnt):
+    model, sides = learnt
+    rows = sides.held_out[:10]
+    one = ahead(replace(film, delta=1), model, rows)
+    assert np.allclose(one, model.mean(film.past(rows), film.control[rows]))
+
+
+def test_the_longest_repeat_is_that_of_a_drawn_series():
+    assert longest_repeat(np.array([[1], [2], [3], [4], [2], [3], [9]])) == 2
+    assert longest_repeat(np.arange(5)[:, None]) == 0
+
+
+def test_the_autocorrelation_of_a_wave_is_a_cosine():
+    wave = np.cos(2 * np.pi * np.arange(2000) / 20)
+    known = autocorrelation(wave, np.ones(1999, bool), 21)
+    assert np.allclose(known, np.cos(2 * np.pi * np.arange(21) / 20), atol=0.01)
