@@ -21,7 +21,8 @@ from finloop.io.table import load_table
 
 EXAMPLE = ROOT / "examples/ten_lines.py"
 STAGES = (
-    "clip", "extract", "features", "pose", "bpn", "sprites", "distance", "loops", "gateways", "animate",
+    "clip", "extract", "features", "pose", "bpn", "forecast", "sprites", "distance", "loops",
+    "gateways", "animate",
 )  # fmt: skip
 
 
