@@ -15,7 +15,7 @@ from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates, film_states
 from finloop.forecast.learning import Sides, learn, split
 from finloop.forecast.model import Forecast
-from finloop.forecast.neighbours import NEIGHBOURS, neighbours, table
+from finloop.forecast.neighbours import NEIGHBOURS, similar_rows, table
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
 from finloop.io.atomic import whole_folder
@@ -84,7 +84,7 @@ def main() -> None:
             return
         with progress("forecast", p.epochs, "epochs") as advance:
             model, curve = learn(film, sides, p, advance)
-        graph = neighbours(film, p.neighbours, p.fade)
+        graph = similar_rows(film, p.neighbours, p.fade)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))

@@ -25,7 +25,7 @@ from finloop.forecast.assess import (
 from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import learn, split
 from finloop.forecast.model import forecast_model
-from finloop.forecast.neighbours import from_table, neighbours, table
+from finloop.forecast.neighbours import from_table, similar_rows, table
 from finloop.forecast.sampling import (
     begin,
     follow,
@@ -84,7 +84,7 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return sampler(film, learnt[0], neighbours(film, HOW.neighbours, HOW.fade), HOW)
+    return sampler(film, learnt[0], similar_rows(film, HOW.neighbours, HOW.fade), HOW)
 
 
 def rng(seed=0):

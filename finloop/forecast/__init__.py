@@ -12,6 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "film": ["FilmStates", "film_states"],
     "learning": ["learn"],
     "model": ["Forecast"],
-    "neighbours": ["neighbours"],
+    "neighbours": ["similar_rows"],
     "sampling": ["State", "begin", "step"],
 })  # fmt: skip

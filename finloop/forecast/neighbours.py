@@ -33,7 +33,7 @@ def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
     return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
 
 
-def neighbours(film: FilmStates, count: int, fade: float) -> tuple[Ints, Ints]:
+def similar_rows(film: FilmStates, count: int, fade: float) -> tuple[Ints, Ints]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
     count: so many of different passages, each at least Δ from the others and from the row itself;

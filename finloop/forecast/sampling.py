@@ -54,7 +54,7 @@ class State(NamedTuple):
 
 
 def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings) -> Sampler:
-    """Bring together what a fish swims by. graph: of `neighbours.neighbours`."""
+    """Bring together what a fish swims by. graph: of `neighbours.similar_rows`."""
     rows, d = film.rows, len(film.scale)
     mean = np.zeros_like(film.states)
     mean[rows] = model.mean(film.past(rows), film.control[rows])
