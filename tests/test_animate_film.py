@@ -167,7 +167,7 @@ def random_film(rng, most_rows=24):
 def test_endless_is_what_reaches_a_cycle_of_the_graph():
     rng = np.random.default_rng(0)
     seen = np.zeros(2, int)
-    for _ in range(300):
+    for _ in range(150):
         table, pairs, barred = random_film(rng)
         reel = film_of(table, pairs, barred=barred)
         graph = nx.DiGraph()
@@ -185,12 +185,12 @@ def test_endless_is_what_reaches_a_cycle_of_the_graph():
         wanted = [bool(({row} | nx.descendants(graph, row)) & cyclic) for row in graph]
         assert list(reel.endless) == wanted
         seen += np.bincount(reel.endless, minlength=2)
-    assert seen.min() > 500  # both happen
+    assert seen.min() > 250  # both happen
 
 
 def test_the_film_goes_on_where_the_graph_of_loops_says_so():
     rng = np.random.default_rng(1)
-    for _ in range(200):
+    for _ in range(100):
         table, pairs, _ = random_film(rng)
         track = table["track_id"].to_numpy()
         reel = film_of(table, pairs)

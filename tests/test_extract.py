@@ -569,7 +569,6 @@ SHOT = settings(
 )
 FILMS = {
     "one fish": SHOT,
-    "another": replace(SHOT, seed=2),
     "colour": replace(SHOT, seed=7, colour=True),
     "fins open": replace(SHOT, seed=1, fins=1.0),
     "light drift": replace(SHOT, seed=5, light_drift=0.15),

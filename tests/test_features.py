@@ -797,9 +797,7 @@ def test_the_most_doubtful_come_first(known):
 
 
 VARIANTS = {
-    "two tracks": lambda: [swim(40, 3.0, 4.0, wag_deg=60), swim(30, 3.0, -6.0, 90, -40)],
     "one row": lambda: [swim(1)],
-    "one track": lambda: [swim(12, 3.0, 8.0, arc_deg=60)],
     "no turning": lambda: [swim(12), swim(7, heading_deg=90)],
     "thirty tracks": lambda: [swim(3, heading_deg=12 * k) for k in range(30)],
 }
