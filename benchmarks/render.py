@@ -17,14 +17,18 @@ import pandas as pd
 
 from benchmarks.pipeline import ROOT, prepare, stage
 from benchmarks.speed import paired, timed
-from finloop.animate.edit_list import Goal
+from finloop.animate.bodies import Bodies
+from finloop.animate.edit_list import FRAME, Goal
+from finloop.base.settings import settings
 from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.features.table import USED, features
 from finloop.io.cutouts import open_cutouts
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import THREADS
+from finloop.pose import film_poses
 from finloop.render.gallery import Gallery, Shelf
 from finloop.render.marks import COLOURS, Marks
 from finloop.render.painter import Painter, Placed
@@ -33,20 +37,27 @@ SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
 TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
 
 
-def swim(gallery: Gallery, count: int, fades: bool, seed: int) -> list[Placed]:
-    """A fish on a wide circle, in the film's own order of pictures, turned as it goes."""
+def swim(
+    gallery: Gallery, count: int, fades: bool = False, seed: int = 0, bends: bool = False
+) -> list[Placed]:
+    """A fish on a wide circle, in the film's own order of pictures, turned as it goes.
+
+    fades: with a partner; bends: in the posture of the partner.
+    """
     rng = np.random.default_rng(seed)
     at, turn = rng.uniform(0, 2 * np.pi, 2)
-    placed = []
-    for tick in range(TICKS):
-        angle = at + 0.01 * tick
-        x, y = 640 + 300 * np.cos(angle), 360 - 200 * np.sin(angle)
-        one, other = (
-            gallery.turned("frame", (tick + n) % count, 0, np.degrees(turn + angle), 1.02)
-            for n in (0, 9)
-        )
-        placed.append(Placed(x, y, one, other if fades else None, 0.4 if fades else 0.0))
-    return placed
+    angle = at + 0.01 * np.arange(TICKS)
+    row, other = (np.arange(TICKS) + n for n in (0, 9))
+    codes = gallery.bodies.poses.codes[other % count]
+    edit = pd.DataFrame({
+        "x_px": 640 + 300 * np.cos(angle), "y_px": 360 - 200 * np.sin(angle), "kind": FRAME,
+        "source": row % count, "orientation": 0, "rotation_deg": np.degrees(turn + angle),
+        "scale": 1.02, "mirrored": False, "weight": 0.4 * fades, "partner_kind": FRAME,
+        "partner": other % count, "partner_orientation": 0,
+        "partner_rotation_deg": np.degrees(turn + angle), "partner_scale": 1.02,
+        "partner_mirrored": False, "pose": pd.Series(list(codes) if bends else None, range(TICKS)),
+    })  # fmt: skip
+    return [gallery.place(one) for one in edit.replace({np.nan: None}).itertuples()]
 
 
 def journey(way: list[Placed]) -> pd.DataFrame:
@@ -68,8 +79,9 @@ def ways_to_draw(
     background: np.ndarray, gallery: Gallery, count: int
 ) -> dict[str, Callable[[], None]]:
     """Name → draw all ticks."""
-    school = [swim(gallery, count, False, seed) for seed in range(8)]
-    fading = swim(gallery, count, True, 0)
+    school = [swim(gallery, count, seed=seed) for seed in range(8)]
+    joined = [swim(gallery, count, True, seed, True) for seed in range(8)]
+    fading, bent = swim(gallery, count, True), swim(gallery, count, bends=True)
     painter = Painter(background)
 
     def draw(fish: list[list[Placed]]) -> None:
@@ -89,8 +101,11 @@ def ways_to_draw(
     return {
         "one fish": lambda: draw(school[:1]),
         "one fish, cross-faded": lambda: draw([fading]),
+        "one fish, in another pose": lambda: draw([bent]),
+        "one fish, joined": lambda: draw(joined[:1]),
         "one fish, with marks": marked,
         "eight fish": lambda: draw(school),
+        "eight fish, all joined": lambda: draw(joined),
     }
 
 
@@ -125,10 +140,14 @@ def main() -> None:
         extract = folder / "data/extract"
         points = load_record(extract / "scene.json", SceneFacts, "extract").points
         background = load_picture(extract / "background.png")
-        tracks = load_table(extract / "tracks.parquet", tracks_schema(points), ["x_px", "y_px"])
+        tracks = load_table(extract / "tracks.parquet", tracks_schema(points), USED)
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
         with open_cutouts(extract / "cutouts.arrow") as store:
-            gallery = Gallery({"frame": Shelf(store, tracks[["x_px", "y_px"]].to_numpy())})
+            table, _ = features(tracks, float(RATE), settings("features"))
+            poses = film_poses(tracks, table, settings("pose"))
+            bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
+            shelf = Shelf(store, tracks[["x_px", "y_px"]].to_numpy())
+            gallery = Gallery({FRAME: shelf}, bodies)
 
             def copies() -> None:
                 for _ in range(TICKS):
@@ -137,7 +156,7 @@ def main() -> None:
             for what, work in ways_to_draw(background, gallery, len(store)).items():
                 ours, limit, ratio, _ = paired(work, copies)
                 rows.append((what, TICKS / ours, TICKS / limit, ratio))
-            coders(background, swim(gallery, len(store), False, 0), folder)
+            coders(background, swim(gallery, len(store)), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
     table = pd.DataFrame(rows, columns=columns).round(
         {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}

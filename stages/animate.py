@@ -5,13 +5,14 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from finloop.animate import measures
-from finloop.animate.edit_list import CONSIDERED, EDIT, LOOPS, Goal
+from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal
 from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
@@ -66,7 +67,8 @@ def bring(p: Settings) -> Iterator[Planner]:
 
 
 def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
-    """The measures of further animations, to random goals, on average."""
+    """The measures of further animations, to random goals, on average; none looks at a picture."""
+    player = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
     waters = player.waters
     ticks, goal_reach = waters.ticks(p.seconds), waters.touch_px + waters.head_px
     numbers = []

@@ -11,6 +11,7 @@ from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.animate.pictures import (
     Pictures,
+    drawn,
     drawn_steps,
     film_next,
     seams,
@@ -298,6 +299,46 @@ def test_a_switch_between_sprite_and_frame_is_a_jump(shown):
     assert list(ticks) == [1]
     wrong = edit_of(shown, (FRAME, 0, 40.0), (SPRITE, 1, 90.0))
     assert found[0] < 0.3 * seams(wrong, shown)[0][0]
+
+
+# --- poses
+
+
+def in_own_pose(edit: pd.DataFrame, shown: Pictures) -> pd.DataFrame:
+    """The edit list, every tick posed as it was filmed."""
+    edit = edit.copy()
+    for tick, row in enumerate(edit.itertuples()):
+        body = shown.bodies.shown(*row[1:5], row.mirrored)
+        edit.at[tick, "pose"] = shown.bodies.codes(body)
+    return edit
+
+
+def test_in_its_own_pose_a_picture_is_drawn_as_without_one(shown):
+    edit = edit_of(shown, *((FRAME, row, 33.0 * row) for row in range(5)))
+    edit["mirrored"] = [False, True, False, True, False]
+    for one, posed in zip(drawn(edit, shown), drawn(in_own_pose(edit, shown), shown), strict=True):
+        assert np.abs(one - posed).max() < 0.02
+    assert len(seams(in_own_pose(edit, shown), shown)[0]) == 4
+
+
+def test_a_sprite_in_its_own_pose_is_its_row_turned(shown):
+    edit = edit_of(shown, *((SPRITE, number, 40.0 * number) for number in range(4)))
+    step = drawn_steps(edit_of(shown, (FRAME, 0, 0.0), (FRAME, 1, 0.0)), shown)[0]
+    for one, posed in zip(drawn(edit, shown), drawn(in_own_pose(edit, shown), shown), strict=True):
+        assert np.linalg.norm(one - posed) < 2 * step  # the stored one was sampled twice
+
+
+def test_a_mirrored_picture_is_mirrored_about_its_heading(shown):
+    one, other, back = (
+        shown(FRAME, 3, pd.NA, -30.0, 1.0, mirrored) for mirrored in (False, True, False)
+    )
+    assert np.abs(one[::-1] - other).max() < 0.2  # its heading is 30°: both head right
+    assert np.array_equal(one, back)
+
+
+def test_what_joins_help_is_seen_in_the_pictures(shown):
+    assert not shown.helps(0, 0, False, False)
+    assert shown.helps is shown.helps
 
 
 # --- ghosts

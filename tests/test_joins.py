@@ -13,7 +13,7 @@ from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
-HOW = Joins(INERTIAL, 3, DECAY, bodies_of(rich_film()))
+HOW = Joins(INERTIAL, 3, DECAY, bodies_of(rich_film()), lambda *_: True)
 BODIES = HOW.bodies
 
 
@@ -78,6 +78,24 @@ def test_a_spring_has_five_per_cent_left_when_its_time_is_over():
     assert offset[-1] < 0.002 and (np.diff(offset) < 0).all()
     twice = (offset[2] - 2 * offset[1] + offset[0]) / (offset[1] - offset[0])
     assert abs(twice) < 1  # it begins smoothly
+
+
+def test_a_posture_that_says_little_is_left_as_it_is():
+    shown = frames((10, 30), (310, 40))
+    found = made(shown, replace(HOW, bodies=FREE, helps=lambda *_: False))
+    assert found.posed.any()
+    assert np.allclose(found.codes, BODIES.codes(own(shown)), atol=1e-6)
+    assert np.allclose(found.turn_deg, made(shown, replace(HOW, bodies=FREE)).turn_deg)
+
+
+def test_a_picture_that_is_held_does_not_bend_on_and_on():
+    rows = np.r_[10:20, np.full(30, 19), 20:30]
+    n = len(rows)
+    shown = Shown(np.ones(n, bool), rows, np.zeros(n), np.zeros(n, bool))
+    found = made(shown, replace(HOW, bodies=FREE))
+    apart = np.linalg.norm(found.codes - BODIES.codes(own(shown)), axis=1)
+    step = np.linalg.norm(np.diff(BODIES.poses.codes[10:30], axis=0), axis=1).max()
+    assert apart.max() < 3 * step and not found.posed[25:39].any()
 
 
 def test_two_joins_in_a_row_carry_the_rest():
@@ -162,9 +180,9 @@ def test_a_fish_that_never_bends_joins_too():
 def test_the_time_of_a_join_is_measured_or_said():
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
-        return joins(settings("animate", **changes), film, RATE).decay / RATE
+        return joins(settings("animate", **changes), film, RATE, HOW.helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     assert decay(0.01) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
     assert decay(0.25, join_s=0.8) == pytest.approx(0.8)
-    assert joins(settings("animate", join="cut"), BODIES, RATE).fade == 0
+    assert joins(settings("animate", join="cut"), BODIES, RATE, HOW.helps).fade == 0

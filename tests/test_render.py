@@ -44,9 +44,11 @@ from finloop.plots.render import (
     trajectory,
     window,
 )
+from finloop.puppet import Line
 from finloop.render.gallery import Gallery, Shelf, placed
+from finloop.render.lay import _sample
 from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
-from finloop.render.painter import Box, Painter, Picture, Turned, _sample, picture
+from finloop.render.painter import Bent, Box, Painter, Picture, Turned, picture
 from finloop.render.steps import Steps, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
 
@@ -338,6 +340,50 @@ def gallery(count=3, keep=512):
     return Gallery(
         {"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep=keep
     )
+
+
+# --- poses
+
+
+def straight(size=20.0, count=6):
+    """The posture of an animal that does not bend."""
+    return np.concatenate([[0.5, 0], np.zeros(count), np.full(count, 1 / count)])
+
+
+def bent(one, heading=0.0, posture=None, mirrored=False, scale=1.0):
+    """A fish headed right, drawn headed there in a posture."""
+    source = Line(one.picture.x_px, one.picture.y_px, 0.0, 20.0, straight())
+    posture = straight() if posture is None else posture
+    return Bent(one.picture, source, posture, np.radians(heading), 20.0 * scale, mirrored)
+
+
+@pytest.mark.parametrize(("angle", "scale"), [(0.0, 1.0), (33.0, 1.0), (-140.0, 1.3)])
+def test_a_fish_in_its_own_pose_is_drawn_as_without_one(angle, scale):
+    plain = seen(61.3, 44.8, fish(rotation_deg=angle, scale=scale)).astype(int)
+    posed = seen(61.3, 44.8, bent(fish(), angle, scale=scale)).astype(int)
+    assert plain.max() > 100 and np.abs(plain - posed).max() <= 2
+    both = seen(61.3, 44.8, bent(fish(), angle, scale=scale), bent(fish(), angle, scale=scale), 0.5)
+    assert np.abs(both.astype(int) - posed).max() <= 1
+
+
+def test_a_bend_moves_the_tail_and_what_is_off_the_canvas_is_cut_off():
+    curl = straight()
+    curl[2:8] = np.linspace(0, 1.5, 6)
+    plain, other = (seen(60, 45, bent(fish(), 0.0, posture)) for posture in (straight(), curl))
+    assert (plain != other).any()
+    painter = Painter(BLACK)
+    assert painter.draw(-500, 40, bent(fish())).empty
+    painter.draw(2, 2, bent(fish(), 0.0, curl))
+    painter.wipe()
+    assert not painter.frame.any()
+    with pytest.raises(ValueError, match="both in a pose"):
+        painter.draw(20, 20, fish(), bent(fish()), 0.5)
+
+
+def test_an_edit_list_with_poses_wants_the_shapes_of_the_film():
+    shelf = gallery()
+    with pytest.raises(FinloopError, match="pose is"):
+        placed(edit_list(2, pose=[None, np.zeros(3)]), shelf)
 
 
 def test_rows_are_drawn_as_they_say():

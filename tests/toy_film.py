@@ -264,7 +264,7 @@ def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]
     waters = waters_of() if waters is None else waters
     frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
     cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
-    how = joins(waters.settings, bodies_of(waters.film), RATE)
+    how = joins(waters.settings, bodies_of(waters.film), RATE, lambda *_: True)
     return players(waters, cast, Model(), gateways() if gates is None else gates, 1.0, how)
 
 

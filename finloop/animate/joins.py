@@ -7,8 +7,9 @@ picture would have shown and the new one,
     x(τ) = (x₀ (1 + a τ) + v₀ τ) exp(−a τ),    τ ticks after the join,
 
 decays as a critically damped spring and is added to the new picture's own. It is linear, so what is
-left of one join adds to the next. Light and skin go over by a cross-fade in that pose. FADE mixes
-the two pictures as they are, CUT changes at once.
+left of one join adds to the next. Where the two pictures are no more alike in one posture than each
+in its own, as backbones of fat bodies say little, the posture is left as it is. Light and skin go
+over by a cross-fade in that pose. FADE mixes the two pictures as they are, CUT changes at once.
 
 D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
 """
@@ -31,17 +32,22 @@ _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
 _REACH = 2.0  # times the time of a join; less than 0.1 % of its offset is left then
 
 
+Helps = Callable[[int, int, bool, bool], bool]
+
+
 @dataclass(frozen=True)
 class Joins:
     """kind: INERTIAL, FADE or CUT. fade: ticks of a cross-fade.
 
-    decay: ticks after which 5 % of an offset are left; bodies: the film's.
+    decay: ticks after which 5 % of an offset are left; bodies: the film's; helps: whether a row is
+    more like another one in the other's posture, of their numbers and whether each is mirrored.
     """
 
     kind: str
     fade: int
     decay: float
     bodies: Bodies
+    helps: Helps
 
     @property
     def reach(self) -> int:
@@ -59,14 +65,14 @@ class Joins:
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: Settings, bodies: Bodies, rate_hz: float) -> Joins:
+def joins(p: Settings, bodies: Bodies, rate_hz: float, helps: Helps) -> Joins:
     """The joins of the parameters, their times in ticks."""
     memory = bodies.poses.memory_frames / rate_hz
     seconds = p.join_s
     if seconds == "auto":
         seconds = min(max(memory, p.join_least_s), p.join_most_s)
     fade = 0 if p.join == CUT else round(p.fade_s * rate_hz)
-    return Joins(p.join, fade, max(float(seconds) * rate_hz, 1.0), bodies)
+    return Joins(p.join, fade, max(float(seconds) * rate_hz, 1.0), bodies, helps)
 
 
 @dataclass(frozen=True)
@@ -104,19 +110,26 @@ def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
     follows = _expected(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
+    natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # it is held
     at = np.flatnonzero(~natural) + 1
     old = follows.some(at - 1)
     before = wrap_deg(old.heading_deg - last.heading_deg[at - 1])
     offset, velocity = _jumps(own, old, at, before, bodies)
+    here = own.some(at)
+    pairs = np.stack([here.row, old.row, here.mirrored, old.mirrored], -1).tolist()
+    plain = at[[not how.helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
+    offset[plain, :-1] = velocity[plain, :-1] = 0
     springs = how.spring()
     left = scipy.signal.lfilter(springs[0], [1.0], offset, axis=0)
     left += scipy.signal.lfilter(springs[1], [1.0], velocity, axis=0)
     since = np.arange(len(frame)) - np.maximum.accumulate(_last(at, len(frame)))
     posed, codes = since < len(springs[0]), bodies.codes(own)
-    if posed.any():
-        wanted = codes[posed] + left[posed, :-1]
-        codes[posed] = bodies.poses.shapes.nearest_codes(wanted).codes
-    begins = at[~bodies.same_moment(old, own.some(at), how.fade)]
+    codes[posed] += left[posed, :-1]
+    shapes = bodies.poses.shapes  # what is so near to a filmed posture is possible
+    doubtful = posed & (np.linalg.norm(left[:, :-1], axis=1) > shapes.gap)
+    if doubtful.any():
+        codes[doubtful] = shapes.nearest_codes(codes[doubtful]).codes
+    begins = at[~bodies.same_moment(old, here, how.fade)]
     return Inertial(begins, codes.astype(np.float32), posed, left[:, -1])
 
 
@@ -140,10 +153,11 @@ def _jumps(
     ahead = np.minimum(at + 1, ticks - 1)
     plays = (ahead > at) & ~np.isin(ahead, at)
     turns = np.where(plays, wrap_deg(own.heading_deg[ahead] - here.heading_deg), before_deg)
+    held = (own.row[ahead] == here.row) & (ahead > at)
     made = []
     for codes, heading in (
         (bodies.codes(old) - bodies.codes(here), wrap_deg(old.heading_deg - here.heading_deg)),
-        (bodies.speed(old) - bodies.speed(here), before_deg - turns),
+        (bodies.speed(old) - bodies.speed(here) * ~held[:, None], before_deg - turns),
     ):
         jump = np.zeros((ticks, codes.shape[1] + 1))
         jump[at] = np.column_stack([codes, heading])

@@ -1,8 +1,8 @@
 """Pictures behind an edit list: what is drawn from tick to tick, and how well it joins (Eq. 5)."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -18,6 +18,7 @@ from finloop.puppet import Pose, blend, draw
 from finloop.reel import Reel
 
 Picture = NDArray[np.float32]
+_HELPS = 100_000  # pairs of rows that are remembered
 
 
 @dataclass(frozen=True)
@@ -56,6 +57,28 @@ class Pictures:
         row, size = int(body.row), (self.size, self.size)
         cutout, pose = self.reel.film[row], self.bodies.poses.pose[row]
         return draw(cutout, pose, target, size, mirrored=bool(body.mirrored), sharp=False)
+
+    @cached_property
+    def helps(self) -> Callable[[int, int, bool, bool], bool]:
+        """Whether a row is more like another one if it is drawn in the other's posture.
+
+        Of the rows' numbers, and whether each is mirrored.
+        """
+        return lru_cache(_HELPS)(self._helps)
+
+    def _helps(self, row: int, other: int, mirrored: bool, other_mirrored: bool) -> bool:
+        middle, size = (self.size - 1) / 2, self.size / SPAN
+        one, two = (
+            Body(np.array(number), np.array(flip), np.zeros(()))
+            for number, flip in ((row, mirrored), (other, other_mirrored))
+        )
+        own, its = (
+            self.bodies.poses.posed(int(body.row), self.bodies.codes(body)) for body in (one, two)
+        )
+        there = its.at(middle, middle, 0, size)
+        wanted = self.posed(two, there)
+        plain = self.posed(one, own.at(middle, middle, 0, size))
+        return bool(apart(self.posed(one, there), wanted) < apart(plain, wanted))
 
     @cached_property
     def headed(self) -> Picture:

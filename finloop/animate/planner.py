@@ -101,7 +101,7 @@ def planner(made: Material, p: Settings) -> Planner:
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
     waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
-    how = joins(p, bodies, rate_hz)
+    how = joins(p, bodies, rate_hz, pictures.helps)
     company = players(waters, cast, made.model, made.gateways, facts.step_median, how)
     return Planner(waters, company, pictures, facts.step_median)
 

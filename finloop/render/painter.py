@@ -25,12 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.base.kernel import kernel
-from finloop.base.sampling import keys
 from finloop.puppet import Laid, Line, blend
+from finloop.render.lay import lay, over
 
 Image = NDArray[np.uint8]
-_ONE = np.float32(1)
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
 
 
@@ -187,7 +185,7 @@ class Painter:
             shown = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
             box = Box.around(_extent(x_px, y_px, one) for one in shown).within(self.canvas.shape)
             if not box.empty:
-                _lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
+                lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
         else:
             raise ValueError("a fish and its partner are drawn both in a pose, or neither")
         self.touch(box)
@@ -201,7 +199,7 @@ class Painter:
             drawn = fish.in_box(box)
             if other is not None:
                 drawn = blend(drawn, other.in_box(box), share)
-            _over(self.canvas[box.of], drawn)
+            over(self.canvas[box.of], drawn)
         return box
 
 
@@ -211,7 +209,7 @@ def _axes(fish: Turned) -> tuple[float, float]:
     return math.cos(angle), math.sin(angle)
 
 
-class _Layer(NamedTuple):
+class Layer(NamedTuple):
     """A picture, see `Picture`, and where it is drawn.
 
     Its pixel (u, v) is seen at (x, y): u = m0 x + m1 y + m2, v = m3 x + m4 y + m5.
@@ -222,11 +220,11 @@ class _Layer(NamedTuple):
     m: tuple[float, float, float, float, float, float]
 
 
-def _layer(x_px: float, y_px: float, fish: Turned) -> _Layer:
+def _layer(x_px: float, y_px: float, fish: Turned) -> Layer:
     """A fish with its mass centre at (x_px, y_px)."""
     cos, sin = (part / fish.scale for part in _axes(fish))
     pixels, near, u, v = fish.picture
-    return _Layer(
+    return Layer(
         pixels, near,
         (cos, -sin, u - cos * x_px + sin * y_px, sin, cos, v - sin * x_px - cos * y_px),
     )  # fmt: skip
@@ -243,82 +241,3 @@ def _extent(x_px: float, y_px: float, fish: Turned) -> Box:
     return Box(
         math.ceil(min(ys)), math.ceil(min(xs)), math.floor(max(ys)) + 1, math.floor(max(xs)) + 1
     )
-
-
-@kernel
-def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
-    """Red, green, blue (grey: thrice), alpha of a picture at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
-    height, width, channels = pixels.shape
-    column, row = math.floor(u), math.floor(v)
-    red = green = blue = alpha = np.float32(0)
-    inside = column >= 1 and row >= 1 and column <= width - 3 and row <= height - 3
-    if inside and near[row, column]:
-        across, down = keys(u - column), keys(v - row)
-        for j in range(4):
-            r = g = b = a = np.float32(0)
-            y = row - 1 + j
-            for i in range(4):
-                x, weight = column - 1 + i, across[i]
-                r += weight * pixels[y, x, 0]
-                a += weight * pixels[y, x, channels - 1]
-                if channels == 4:
-                    g += weight * pixels[y, x, 1]
-                    b += weight * pixels[y, x, 2]
-            red += down[j] * r
-            green += down[j] * g
-            blue += down[j] * b
-            alpha += down[j] * a
-        if channels == 2:
-            green = blue = red
-        # Where alpha overshoots, the colour goes with it: a fish of the tank's colour stays unseen.
-        alpha, share = max(alpha, np.float32(0)), min(np.float32(255) / max(alpha, _ONE), _ONE)
-        alpha *= share
-        red = min(max(red * share, np.float32(0)), alpha)
-        green = min(max(green * share, np.float32(0)), alpha)
-        blue = min(max(blue * share, np.float32(0)), alpha)
-    return red, green, blue, alpha
-
-
-@kernel
-def _lay(canvas, box, fish, partner, share):  # type: ignore[no-untyped-def]
-    """Lay (1 − share) fish + share partner, both `_Layer`, over the canvas."""
-    top, left, bottom, right = box
-    # Taken apart here: within the loop every look into a tuple would count its references.
-    pixels, near, m = fish
-    other, other_near, n = partner
-    keep, share = np.float32(1 - share), np.float32(share)
-    for y in range(top, bottom):
-        for x in range(left, right):
-            red = green = blue = alpha = np.float32(0)
-            if keep > 0:
-                u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
-                r, g, b, a = _sample(pixels, near, u, v)
-                red, green, blue, alpha = keep * r, keep * g, keep * b, keep * a
-            if share > 0:
-                u, v = n[0] * x + n[1] * y + n[2], n[3] * x + n[4] * y + n[5]
-                r, g, b, a = _sample(other, other_near, u, v)
-                red += share * r
-                green += share * g
-                blue += share * b
-                alpha += share * a
-            if alpha > 0:
-                through = 1 - alpha / np.float32(255)
-                pixel = canvas[y, x]
-                pixel[0] = np.uint8(red + through * pixel[0] + np.float32(0.5))
-                if canvas.shape[2] == 3:
-                    pixel[1] = np.uint8(green + through * pixel[1] + np.float32(0.5))
-                    pixel[2] = np.uint8(blue + through * pixel[2] + np.float32(0.5))
-
-
-@kernel
-def _over(canvas, drawn):  # type: ignore[no-untyped-def]
-    """Lay a picture (h, w, 2 or 4), 0 … 1, premultiplied, over the canvas (h, w, 1 or 3)."""
-    height, width, channels = drawn.shape
-    for y in range(height):
-        for x in range(width):
-            alpha = drawn[y, x, channels - 1]
-            if alpha > 0:
-                through = _ONE - alpha
-                for c in range(canvas.shape[2]):
-                    level = np.float32(255) * drawn[y, x, min(c, channels - 2)]
-                    canvas[y, x, c] = np.uint8(level + through * canvas[y, x, c] + np.float32(0.5))
