@@ -1,0 +1,97 @@
+"""Figures of how well animations are told from film: ROC curves, channels, the falsest windows."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from finloop.base.arrays import Picture
+from finloop.plots.animate import COLOURS
+from finloop.realism.examples import FILM, MADE, SIDES
+from finloop.realism.windows import AGAIN, CHANNELS, HALVES
+
+WORDS = {HALVES: "one half of the film", AGAIN: "the film drawn again"}
+UNITS = ("forward\n(body lengths/s)", "sideways\n(body lengths/s)", "turning\n(°/s)",
+         "relative\nmotion area")  # fmt: skip
+_GREY = {HALVES: "0.35", AGAIN: "0.65"}
+_SIDE = {MADE: COLOURS[1], FILM: "0.35"}
+
+
+def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
+    """ROC curves, and the area for all channels and for each alone.
+
+    table: rows of `compare.table`; roc: columns compared, false_alarms, hits.
+    """
+    names = list(dict.fromkeys(table["compared"]))
+    modes = [name for name in names if name not in _GREY]
+    colours = dict(zip(modes, COLOURS, strict=False)) | _GREY
+    figure = Figure(figsize=(12, 4.6), layout="constrained")
+    curves, bars = figure.subplots(1, 2, width_ratios=(1, 1.6))
+    curves.plot([0, 1], [0, 1], color="0.8", lw=1)
+    if table.empty:
+        curves.text(0.5, 0.5, "the film is too short", ha="center")
+    channels = ["all", *CHANNELS]
+    width = 0.8 / max(len(names), 1)
+    for number, name in enumerate(names):
+        own = table[table["compared"] == name].set_index("channel")
+        value, low, high = (float(own.at["all", key]) for key in ("auc", "low", "high"))
+        curve = roc[roc["compared"] == name]
+        curves.plot(
+            curve["false_alarms"], curve["hits"], color=colours[name],
+            label=f"{WORDS.get(name, name)}: {value:.3f} ({low:.2f} – {high:.2f})",
+        )  # fmt: skip
+        own = own.reindex(channels)
+        bars.bar(
+            np.arange(len(channels)) + width * (number - (len(names) - 1) / 2), own["auc"] - 0.5,
+            width, bottom=0.5, color=colours[name], label=WORDS.get(name, name),
+            yerr=[own["auc"] - own["low"], own["high"] - own["auc"]],
+            error_kw={"ecolor": "0.2", "lw": 0.8},
+        )  # fmt: skip
+    curves.set(xlabel="film windows taken for animation", ylabel="animation windows told",
+               xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
+    curves.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
+                  title_fontsize=7)  # fmt: skip
+    bars.axhline(0.5, color="0.2", lw=0.8)
+    bars.set_xticks(range(len(channels)), ["all four", *CHANNELS])
+    bars.set(ylabel="area under the ROC curve; 0.5: cannot tell")
+    bars.set_ylim(min(0.4, bars.get_ylim()[0]), 1.0)
+    bars.legend(frameon=False, ncols=2)
+    return figure
+
+
+def sheet(
+    curves: pd.DataFrame, titles: Sequence[str], strips: Sequence[Mapping[str, Picture]]
+) -> Figure:
+    """The falsest windows beside the film windows most like them: pictures and channels.
+
+    curves: columns of `CURVES`; titles, strips: of each example, a strip (h, w, 3) a side.
+    """
+    if not titles:
+        figure = Figure(figsize=(8, 1.5))
+        figure.text(0.5, 0.5, "no animation was compared", ha="center", va="center")
+        return figure
+    figure = Figure(figsize=(15, 2.1 * len(titles) + 0.5), layout="constrained")
+    grid = figure.add_gridspec(2 * len(titles), 5, width_ratios=(5, 1, 1, 1, 1))
+    for number, (title, strip) in enumerate(zip(titles, strips, strict=True)):
+        for place, side in enumerate(SIDES):
+            axes = figure.add_subplot(grid[2 * number + place, 0])
+            axes.imshow(strip[side], aspect="equal")
+            axes.set(xticks=[], yticks=[])
+            words = title if side == MADE else "the film window most like it"
+            axes.set_title(words, fontsize=8, loc="left", color=_SIDE[side], pad=2)
+        mine = curves[curves["example"] == number]
+        for column, channel in enumerate(CHANNELS):
+            axes = figure.add_subplot(grid[2 * number : 2 * number + 2, column + 1])
+            _channel(axes, mine, channel)
+            if number == 0:
+                axes.set_title(UNITS[column], fontsize=8)
+    figure.supxlabel("s (channels); pictures at equal times", fontsize=8)
+    return figure
+
+
+def _channel(axes: Axes, curves: pd.DataFrame, channel: str) -> None:
+    for side, part in curves.groupby("side"):
+        axes.plot(part["time_s"], part[channel], color=_SIDE[str(side)], lw=1.2)
+    axes.tick_params(labelsize=7)

@@ -1,0 +1,109 @@
+"""How well scores tell two kinds of windows apart: the ROC curve, its area, and an interval.
+
+The area (AUC) is the probability that an animation window has a higher score than a film window
+(ties count one half): 1/2 = cannot tell. Each block has a classifier of its own, and scores of two
+classifiers are not compared: A = Σ_k w_k A_k, where A_k is the area of block k and w_k its share of
+all pairs.
+
+The interval is that of Obuchowski (1997), "Nonparametric analysis of clustered ROC curve data",
+Biometrics 53: DeLong's components, summed by cluster, since windows that overlap or follow each
+other are not independent. It is taken on the scale of log(A / (1 − A)), so that it stays between 0
+and 1 (Pepe 2003, "The Statistical Evaluation of Medical Tests", §5.2). It holds the classifiers as
+given: it says how much the area would vary with other windows to test, not with others to learn
+from.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from finloop.base.arrays import Floats, Ints, Mask
+
+_Z = 1.959964  # normal deviate of a 95 % interval
+
+
+class Auc(NamedTuple):
+    """The area under a ROC curve, and the ends of its 95 % interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Scores(NamedTuple):
+    """Held-out scores (n,), higher = more like animation.
+
+    animation (n,): the truth; block (n,): whose classifier gave the score; cluster (n,): windows of
+    one number are not independent. A window without a score (NaN) does not count.
+    """
+
+    score: Floats
+    animation: Mask
+    block: Ints
+    cluster: Ints
+
+    def each(self) -> Iterator["Scores"]:
+        """The blocks in which there are scores of both kinds."""
+        for number in np.unique(self.block):
+            here = (self.block == number) & np.isfinite(self.score)
+            part = Scores(*(column[here] for column in self))
+            if 0 < part.animation.sum() < len(part.animation):
+                yield part
+
+
+def auc(scores: Scores) -> Auc:
+    """The area with its interval; at least one block must have both kinds."""
+    values, pairs, parts = [], [], []
+    for part in scores.each():
+        film, made = part.score[~part.animation], part.score[part.animation]
+        above = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
+        above[part.animation] = _share_below(made, film)
+        above[~part.animation] = 1.0 - _share_below(film, made)
+        value = float(above[part.animation].mean())
+        count = np.where(part.animation, len(made), len(film))
+        values.append(value)
+        pairs.append(len(film) * len(made))
+        parts.append(pd.Series((above - value) / count).groupby(part.cluster).sum())
+    weight = np.array(pairs) / sum(pairs)
+    value = float(weight @ values)
+    weighed = pd.concat([w * part for w, part in zip(weight, parts, strict=True)])
+    sums = weighed.groupby(level=0).sum().to_numpy()
+    clusters = max(len(sums), 2)
+    error = float(np.sqrt(clusters / (clusters - 1) * (sums**2).sum()))
+    return Auc(value, *_interval(value, error))
+
+
+def _share_below(a: Floats, b: Floats) -> Floats:
+    """For each of `a` the share of `b` below it; ties count one half."""
+    ordered = np.sort(b)
+    both = np.searchsorted(ordered, a, "left") + np.searchsorted(ordered, a, "right")
+    return both / (2 * len(b))
+
+
+def _interval(value: float, error: float) -> tuple[float, float]:
+    if not 0.0 < value < 1.0:
+        return value, value
+    half = _Z * error / (value * (1 - value))
+    low, high = scipy.special.expit(scipy.special.logit(value) + np.array([-half, half]))
+    return float(low), float(high)
+
+
+def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
+    """The ROC curve, mean of the blocks' curves; at least one must have both kinds.
+
+    Columns false_alarms, share of the film windows taken for animation; hits, share of animation
+    windows told.
+    """
+    alarms = np.linspace(0, 1, points)
+    curves, pairs = [], []
+    for part in scores.each():
+        film, made = np.sort(part.score[~part.animation]), part.score[part.animation]
+        every = np.unique(part.score)[::-1]
+        x = 1 - np.searchsorted(film, every, "left") / len(film)
+        y = 1 - np.searchsorted(np.sort(made), every, "left") / len(made)
+        curves.append(np.interp(alarms, np.r_[0, x], np.r_[0, y]))
+        pairs.append(len(film) * len(made))
+    return pd.DataFrame({"false_alarms": alarms, "hits": np.average(curves, 0, weights=pairs)})

@@ -1,0 +1,179 @@
+"""Who is compared with whom: an animation with its film, one half of the film with the other."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
+from finloop.realism.auc import Auc, Scores, auc
+from finloop.realism.classifier import answers
+from finloop.realism.instrument import Swimming
+from finloop.realism.settings import Settings
+from finloop.realism.windows import (
+    CHANNELS,
+    Blocks,
+    Cutting,
+    Ticks,
+    Windows,
+    cutting,
+    equal_blocks,
+    windows,
+)
+
+LEAST = 2
+"""Windows that a block tests and learns from."""
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The film that an animation is held against, and how both are cut into windows.
+
+    film: measured again; frame_s (rows of the film,): when each was filmed; largest: motion area of
+    the film's most bent fish.
+    """
+
+    film: Swimming
+    frame_s: Floats
+    largest: float
+    rate_hz: float
+    p: Settings
+
+    @property
+    def cut(self) -> Cutting:
+        """Times of the parameters in frames."""
+        p = self.p
+        return cutting(p.window_s, p.stride_s, p.step_s, self.rate_hz)
+
+    def windows(self, one: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
+        """Windows of film or animation, by blocks of the film's time; part (n,): rows to take."""
+        p, gap = self.p, self.p.gap_s
+        plays = one.row >= 0
+        time_s = self.frame_s[np.where(plays, one.row, 0)]
+        own = equal_blocks(one.time_s, p.blocks)
+        chunk = max(1, round(p.cluster_s * self.rate_hz))
+        tick = np.round(one.time_s * self.rate_hz).astype(np.int64)
+        ticks = Ticks(
+            np.where(plays, film.of(time_s), own.of(one.time_s)),
+            np.where(plays[:, None], film.near(time_s, gap), own.near(one.time_s, gap)),
+            np.where(plays, one.row // chunk, -1 - tick // chunk),
+        )
+        table, every = one.table, part if part is not None else np.ones(len(one.row), bool)
+        chosen = Ticks(ticks.block[every], ticks.near[every], ticks.cluster[every])
+        made = windows(table[every], chosen, self.cut, self.rate_hz, self.largest)
+        return Windows(
+            made.x, np.flatnonzero(every)[made.first], made.block, made.near, made.cluster
+        )
+
+    def blocks(self, times: int = 1) -> Blocks:
+        """Blocks of time that hold equally much of the film."""
+        return equal_blocks(self.frame_s[self.film.row], self.p.blocks, times)
+
+    def beside(self, made: Swimming) -> tuple[Windows, Windows]:
+        """Windows of the film and of an animation made from it."""
+        blocks = self.blocks()
+        return self.windows(self.film, blocks), self.windows(made, blocks)
+
+    def halves(self) -> tuple[Windows, Windows]:
+        """Windows of the first half of the film's time and of the second, in blocks of each.
+
+        By time and not by tracks: each half shows the same fish, as an animation does. Of halves by
+        tracks a classifier learns which fish is which.
+        """
+        blocks = self.blocks(2)
+        early = self.frame_s[self.film.row] < blocks.edges[self.p.blocks]
+        return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
+
+
+def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) -> Sample:
+    """What an animation is held against. features: columns of `FEATURES`, all of the film."""
+    frame_s = features["frame"].to_numpy(float) / rate_hz
+    return Sample(film, frame_s, float(film.table["motion_area"].max()), rate_hz, p)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How well two sets of windows are told apart.
+
+    whole: by all channels; alone: by each; lost: of the area, where the channel is shuffled among
+    the windows. scores: those of all channels, windows of the first set first.
+    """
+
+    whole: Auc
+    alone: dict[str, Auc]
+    lost: dict[str, float]
+    scores: Scores
+
+
+def verdict(sides: tuple[Windows, Windows], p: Settings, alone: bool = True) -> Verdict:
+    """Have a classifier tell two sets of windows apart, by all channels and by each `alone`.
+
+    FinloopError if a block has too few windows of either set to test and to learn from.
+    """
+    refuse(sides, p)
+    every = tuple(range(len(CHANNELS)))
+    answer = answers(*sides, p, every)
+    whole = auc(answer.scores)
+    single = {CHANNELS[one]: auc(answers(*sides, p, (one,)).scores) for one in every if alone}
+    lost = {name: whole.value - auc(one).value for name, one in answer.shuffled.items()}
+    return Verdict(whole, single, lost, answer.scores)
+
+
+def refuse(sides: tuple[Windows, Windows], p: Settings) -> None:
+    """FinloopError if the windows are too few: each block tests film and learns from both."""
+    film, other = sides
+    tested, learnt = np.bincount(film.block, minlength=p.blocks), (~film.near).sum(axis=0)
+    learnt_other = (~other.near).sum(axis=0)
+    if min(tested.min(), learnt.min(), learnt_other.min()) < LEAST or len(other.x) < p.blocks:
+        raise FinloopError(
+            f"windows of the film that blocks test {tested.tolist()} and learn from "
+            f"{learnt.tolist()}, of what it is compared with {learnt_other.tolist()}",
+            f"at least {LEAST} of each in each of {p.blocks} blocks",
+            "a longer film, fewer realism.blocks, or shorter realism.window_s and gap_s",
+        )
+
+
+def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
+    """A row for each comparison and its channels ("all" first): the area, its interval, what is
+    lost without the channel."""
+    rows = []
+    for name, one in verdicts.items():
+        for channel, area in {"all": one.whole, **one.alone}.items():
+            rows.append((name, channel, *area, one.lost.get(channel, np.nan)))
+    return pd.DataFrame(rows, columns=["compared", "channel", "auc", "low", "high", "lost"])
+
+
+def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
+    """The same as flat metrics."""
+    flat: dict[str, float] = {}
+    for name, one in verdicts.items():
+        flat |= {
+            f"{name}_auc": one.whole.value,
+            f"{name}_auc_low": one.whole.low,
+            f"{name}_auc_high": one.whole.high,
+            **{f"{name}_{channel}_auc": area.value for channel, area in one.alone.items()},
+        }
+    return flat
+
+
+def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
+    """Rows of the film to compare with: whole tracks, at random, until there are `most` rows.
+
+    track_ids (rows,): of every row, in order. A track longer than `longest` is cut into stretches
+    of equal length first, so that all of a long film has a part.
+    """
+    edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
+    every = []
+    for start, stop in pairwise(edges):
+        cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
+        every += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+    chosen, rows = [], 0
+    for number in np.random.default_rng(seed).permutation(len(every)):
+        if rows >= most:
+            break
+        chosen.append(every[number])
+        rows += every[number].stop - every[number].start
+    return sorted(chosen, key=lambda one: one.start)

@@ -1,0 +1,160 @@
+"""The most obviously false windows of an animation, each beside the film window most like it."""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import EDIT
+from finloop.base.arrays import Floats, Picture
+from finloop.base.schema import Column, Schema
+from finloop.realism.windows import CHANNELS, Windows
+from finloop.render.gallery import Gallery, placed
+from finloop.render.marks import write
+from finloop.render.painter import Painter
+
+MADE, FILM = SIDES = ("animation", "film")
+EXAMPLES = Schema(
+    Column("example", "int32", "1"),
+    Column("compared", "string", "1"),
+    Column("side", "string", "1"),
+    Column("score", "float64", "1"),
+    Column("start_deg", "float64", "deg"),
+    *EDIT.columns,
+)
+"""Windows as edit lists. compared: the mode; side: of `SIDES`; score: how false the animation
+looks; start_deg: the heading that the window begins with."""
+
+CURVES = Schema(
+    Column("example", "int32", "1"),
+    Column("side", "string", "1"),
+    Column("time_s", "float64", "s"),
+    *(Column(name, "float64", "see CHANNELS") for name in CHANNELS),
+)
+"""What the classifier saw of them."""
+
+WORDS_PX = 28
+"""Height of the line of words above a film of an example."""
+_AROUND = 1.5  # body lengths that a picture shows beyond the way
+
+
+class Pair(NamedTuple):
+    """Numbers of an animation window and of the film window most like it; the former's score."""
+
+    made: int
+    film: int
+    score: float
+
+
+def worst(film: Windows, made: Windows, score: Floats, count: int) -> list[Pair]:
+    """The animation windows of the highest held-out scores, no two of which touch.
+
+    score (n,): of the animation windows, NaN where there is none. Most alike: by the squared
+    differences of the channels, in standard deviations of the film's.
+    """
+    spread = film.x.std(axis=(0, 1)) + 1e-9
+    apart = made.x.shape[1] * 2  # rows at least, as a step is a row or more
+    pairs: list[Pair] = []
+    taken: list[int] = []
+    for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable"):
+        if len(pairs) == count or np.isnan(score[number]):
+            break
+        begin = int(made.first[number])
+        if all(abs(begin - other) > apart for other in taken):
+            far = (((film.x - made.x[number]) / spread) ** 2).sum(axis=(1, 2))
+            pairs.append(Pair(int(number), int(far.argmin()), float(score[number])))
+            taken.append(begin)
+    return pairs
+
+
+class View(NamedTuple):
+    """A camera over the tank: the place and heading that it looks at, and the width that it sees.
+
+    Places and width in px, heading in degrees: it points right in the picture.
+    """
+
+    x_px: float
+    y_px: float
+    heading_deg: float
+    width_px: float
+
+    def of(self, frame: Picture, size: int) -> Picture:
+        """What it sees of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
+        place = self.x_px, self.y_px
+        turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
+        turn[:, 2] += (size - 1) / 2 - np.array(place)
+        seen = cv2.warpAffine(
+            frame, turn, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+        )
+        return seen if seen.ndim == 3 else cv2.cvtColor(seen, cv2.COLOR_GRAY2RGB)
+
+
+def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
+    """Cameras over the ways of both sides of an example (rows of `EXAMPLES`), of one width."""
+    places = example.groupby("side")[["x_px", "y_px"]]
+    low, high = places.min(), places.max()
+    width = float(np.hypot(*(high - low).to_numpy().T).max()) + _AROUND * length_px
+    start = example.groupby("side")["start_deg"].first()
+    middle = (low + high) / 2
+    return {
+        side: View(middle.at[side, "x_px"], middle.at[side, "y_px"], float(start[side]), width)
+        for side in middle.index
+    }
+
+
+def pictures(
+    edit: pd.DataFrame, gallery: Gallery, painter: Painter, view: View, size: int
+) -> Iterator[Picture]:
+    """One side of an example as a camera sees it, tick by tick, (size, size, 3)."""
+    numbered = edit.assign(tick=np.arange(len(edit)))
+    for one in placed(numbered, gallery):
+        painter.show(one)
+        yield view.of(painter.frame, size)
+
+
+def strip(
+    edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
+) -> Picture:
+    """One side of an example at so many moments, of so many px; the camera goes with the fish."""
+    count, size = shape
+    chosen = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
+    tiles: list[Picture] = []
+    for number in range(count):
+        one = chosen.iloc[[number]]
+        x_px, y_px, start = one[["x_px", "y_px", "start_deg"]].to_numpy()[0]
+        view = View(x_px, y_px, start, _AROUND * length_px)
+        tiles += pictures(one, gallery, painter, view, size)
+    return np.hstack(tiles)
+
+
+def side_by_side(
+    example: pd.DataFrame, gallery: Gallery, tank: Picture, length_px: float, size: int
+) -> Iterator[Picture]:
+    """Animation and film of an example beside each other, tick by tick, words above."""
+    painter, camera = Painter(tank), views(example, length_px)
+    films = [
+        list(pictures(example[example["side"] == side], gallery, painter, camera[side], size))
+        for side in SIDES
+    ]
+    first = example.iloc[0]
+    words = f"{first['compared']} {first['example'] + 1}: animation", "the film window most like it"
+    for pair in zip(*films, strict=True):
+        frame = np.full((size + WORDS_PX, 2 * size, 3), 255, np.uint8)
+        for number, (picture, text) in enumerate(zip(pair, words, strict=True)):
+            frame[WORDS_PX:, number * size : (number + 1) * size] = picture
+            write(frame, text, (number * size + 8, WORDS_PX - 9), (0, 0, 0), WORDS_PX // 2)
+        yield frame
+
+
+def curves(x: dict[str, NDArray[np.float32]], step_s: float) -> pd.DataFrame:
+    """The channels (steps, 4) of both sides of an example."""
+    parts = [
+        pd.DataFrame(one.astype(float), columns=list(CHANNELS)).assign(
+            side=side, time_s=(np.arange(len(one)) + 0.5) * step_s
+        )
+        for side, one in x.items()
+    ]
+    return pd.concat(parts, ignore_index=True)

@@ -1,0 +1,176 @@
+"""Drawn fish measured again by the film's own extraction: the same instrument for both.
+
+An edit list is drawn on the empty tank as `render` draws it, without marks, at the film's size, and
+each frame goes straight into the code of `extract` and `features`. Noise, threshold and typical
+fish are the film's: a clean drawing has no noise to measure them by. Only the part around the fish
+is looked at; elsewhere the frame is the background, where the difference is 0. Frames are
+never coded: an animation differs from its film in how it swims, not in how it was compressed.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.edit_list import EDIT, FRAME, LOOPS
+from finloop.base.arrays import Floats, Ints, Picture
+from finloop.extract.background import Scene
+from finloop.extract.film import Detections, Detector, Typical, rows, tracks
+from finloop.extract.segment import Fish
+from finloop.extract.settings import Settings as ExtractSettings
+from finloop.extract.table import SceneFacts
+from finloop.features.settings import Settings as FeatureSettings
+from finloop.features.table import FEATURES, features
+from finloop.render.gallery import Gallery, placed
+from finloop.render.painter import Box, Painter, Placed
+
+_RIM = 16  # px around a fish, beyond once its own size on each side
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """How the film was measured.
+
+    tank: (h, w) or (h, w, 3) uint8, empty; arena: (h, w) uint8, 255 inside; facts: of the film.
+    """
+
+    tank: Picture
+    arena: Picture
+    facts: SceneFacts
+    extract: ExtractSettings
+    features: FeatureSettings
+    rate_hz: float
+
+    @property
+    def typical(self) -> Typical:
+        """The film's typical fish."""
+        facts = self.facts
+        return Typical(facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey)
+
+    def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
+        """What extraction detects in each frame: the tank with one fish."""
+        painter, facts = Painter(self.tank), self.facts
+        for one in fish:
+            box = _around(painter.show(one), self.tank.shape)
+            scene = Scene(
+                np.ascontiguousarray(self.tank[box.of]), facts.polarity,  # type: ignore[arg-type]
+                facts.noise_grey, facts.threshold_grey,
+            )  # fmt: skip
+            arena = np.ascontiguousarray(self.arena[box.of])
+            detector = Detector(arena, self.typical, self.extract)
+            yield _moved(detector(np.ascontiguousarray(painter.frame[box.of]), scene), box)
+
+    def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
+        """The feature table of drawn fish, a tick each; `frame` is the tick.
+
+        cuts: ticks at which another fish begins. No rows where extraction could follow none.
+        """
+        seen = tracks(self.detections(fish), self.typical, self.extract, cuts)
+        followed = [one for _, ready in seen for one in ready]
+        if not followed:
+            return pd.DataFrame(columns=FEATURES.names)
+        table = rows(followed).sort_values(["track_id", "frame"], ignore_index=True)
+        return features(table, self.rate_hz, self.features)[0]
+
+
+def _around(fish: Box, shape: tuple[int, ...]) -> Box:
+    """A part of the picture with so much tank around the fish that its median is the tank's."""
+    rim = _RIM + max(fish.bottom - fish.top, fish.right - fish.left, 0)
+    wide = Box(fish.top - rim, fish.left - rim, fish.bottom + rim, fish.right + rim)
+    return wide.within(shape)
+
+
+def _moved(seen: Detections, box: Box) -> Detections:
+    """What was detected in a part of the picture, in coordinates of the whole."""
+    x, y = box.left, box.top
+    spots = [
+        replace(
+            spot,
+            x_px=spot.x_px + x,
+            y_px=spot.y_px + y,
+            box=(spot.box[0] + x, spot.box[1] + y, spot.box[2] + x, spot.box[3] + y),
+        )
+        for spot in seen.spots
+    ]
+    return Detections(seen.verdicts, spots, [one and _moved_fish(one, x, y) for one in seen.fish])
+
+
+def _moved_fish(fish: Fish, x: int, y: int) -> Fish:
+    by = np.array([x, y])
+    return replace(
+        fish,
+        x_px=fish.x_px + x,
+        y_px=fish.y_px + y,
+        x0=fish.x0 + x,
+        y0=fish.y0 + y,
+        backbone=fish.backbone._replace(points_px=fish.backbone.points_px + by),
+        outline_px=fish.outline_px + by,
+    )
+
+
+def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
+    """An edit list (columns of `EDIT`) that shows rows (n,) of the film at their places (n, 2)."""
+    empty = {"string": "", "bool": False}
+    rest = {
+        column.name: None if column.nullable else empty.get(column.dtype, 0)
+        for column in EDIT.columns
+    }
+    own = {
+        "tick": np.arange(len(source)),
+        "kind": FRAME,
+        "source": source,
+        "scale": 1.0,
+        "x_px": places_px[:, 0],
+        "y_px": places_px[:, 1],
+        "mode": LOOPS,
+    }
+    return pd.DataFrame(rest | own, index=np.arange(len(source)))
+
+
+@dataclass(frozen=True)
+class Swimming:
+    """Fish measured again. table: columns of `FEATURES`, no two tracks of one number.
+
+    Of each row (n,): part, the number of the edit list; tick of it; row of the film that is played,
+    −1 where it is not the film that goes on; time_s, the own clock, on over all parts.
+    """
+
+    table: pd.DataFrame
+    part: Ints
+    tick: Ints
+    row: Ints
+    time_s: Floats
+
+
+def swimming(
+    edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
+) -> Swimming:
+    """Edit lists and what was measured of each, put together."""
+    parts, before, tracks_before = [], 0, 0
+    for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
+        tick = table["frame"].to_numpy(np.int64)
+        film = ((edit["mode"] == LOOPS) & (edit["kind"] == FRAME)).to_numpy()
+        row = np.where(film, edit["source"].to_numpy(), -1)[tick]
+        own = table.assign(
+            track_id=table["track_id"] + tracks_before,
+            part=number, tick=tick, row=row, clock=(before + tick) / rate,
+        )  # fmt: skip
+        parts.append(own)
+        before += len(edit)
+        tracks_before += int(table["track_id"].max()) + 1 if len(table) else 0
+    whole = pd.concat(parts, ignore_index=True)
+    part, tick, row = (whole[name].to_numpy(np.int64) for name in ("part", "tick", "row"))
+    return Swimming(whole[FEATURES.names], part, tick, row, whole["clock"].to_numpy(float))
+
+
+def measured(
+    open_pictures: Callable[[], AbstractContextManager[Gallery]],
+    instrument: Instrument,
+    work: tuple[pd.DataFrame, Sequence[int]],
+) -> pd.DataFrame:
+    """An edit list with its cuts, drawn and measured: for a process of its own."""
+    edit, cuts = work
+    with open_pictures() as gallery:
+        return instrument.measure(placed(edit, gallery), cuts)

@@ -1,0 +1,153 @@
+"""Windows of swimming, of film and of animation alike: what a classifier sees, and may learn from.
+
+A window is a stretch of one fish. Its channels are forward and sideways speed, turning speed and
+relative motion area (fish paper §2.2-2.3), in the fish's own frame: where it swims and in which
+direction does not show.
+
+A tick that plays the film is of the film's time, any other of the animation's own; both times are
+divided into blocks. A window is tested in the block that most of its ticks are of. The classifier
+of a block learns from no window with a tick in the block, or within a gap of it. So the same frames
+of film, played by an animation, are never learnt from as one kind and tested as the other: else a
+perfect copy of the film would be told from it the wrong way round, with an AUC near 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Ints, Mask
+
+CHANNELS = ("forward", "sideways", "turning", "area")
+"""Forward, sideways: body lengths/s; turning: °/s, + = left; area: of the film's largest."""
+
+HALVES, AGAIN = "halves", "again"
+"""Comparisons that need no animation: one half of the film with the other; the film as it was
+filmed with the film drawn and measured again."""
+
+
+@dataclass(frozen=True)
+class Windows:
+    """Windows (n,). x (n, steps, 4): the channels; first (n,): the row that each begins with.
+
+    block (n,): where each is tested; near (n, blocks): whose classifiers must not learn from it;
+    cluster (n,): see `auc`.
+    """
+
+    x: NDArray[np.float32]
+    first: Ints
+    block: Ints
+    near: Mask
+    cluster: Ints
+
+    def __len__(self) -> int:
+        return len(self.x)
+
+
+class Blocks(NamedTuple):
+    """Stretches of time. edges (m + 1,): s; number (m,): the block that each stretch is of."""
+
+    edges: Floats
+    number: Ints
+
+    def of(self, time_s: Floats) -> Ints:
+        """The block (n,) of each time."""
+        place = np.searchsorted(self.edges, time_s, "right") - 1
+        return self.number[np.clip(place, 0, len(self.number) - 1)]
+
+    def near(self, time_s: Floats, gap_s: float) -> Mask:
+        """Whether a time is in a block, or less than a gap from it, (n, blocks)."""
+        near = np.zeros((len(time_s), int(self.number.max()) + 1), bool)
+        for number, low, high in zip(self.number, self.edges, self.edges[1:], strict=False):
+            near[:, number] |= (time_s > low - gap_s) & (time_s < high + gap_s)
+        return near
+
+
+def equal_blocks(time_s: Floats, blocks: int, times: int = 1) -> Blocks:
+    """Blocks of time with equally many of the given times; `times` over, one after the other."""
+    edges = np.quantile(time_s, np.linspace(0, 1, times * blocks + 1))
+    edges[[0, -1]] = -np.inf, np.inf
+    return Blocks(edges, np.tile(np.arange(blocks), times))
+
+
+class Cutting(NamedTuple):
+    """How windows are cut, in frames: their length, stride, and the frames of a step."""
+
+    length: int
+    stride: int
+    step: int
+
+
+def cutting(window_s: float, stride_s: float, step_s: float, rate_hz: float) -> Cutting:
+    """Times in frames of a film; a window is a whole number of steps."""
+    step = max(1, round(step_s * rate_hz))
+    return Cutting(
+        step * max(1, round(window_s * rate_hz / step)), max(1, round(stride_s * rate_hz)), step
+    )
+
+
+def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
+    """The channels (ticks − 1, 4) of one track of a feature table, from each tick to the next.
+
+    largest: motion area of the film's most bent fish.
+    """
+    length = float(track["body_length_px"].median())
+    moved = np.diff(track[["x_px", "y_px"]].to_numpy(float), axis=0) * (rate_hz / length)
+    heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
+    angle = np.radians((heading[1:] + heading[:-1]) / 2)
+    cos, sin = np.cos(angle), np.sin(angle)
+    return np.column_stack([
+        moved[:, 0] * cos - moved[:, 1] * sin,
+        -moved[:, 0] * sin - moved[:, 1] * cos,
+        np.diff(heading) * rate_hz,
+        track["motion_area"].to_numpy(float)[1:] / largest,
+    ])  # fmt: skip
+
+
+class Ticks(NamedTuple):
+    """What belongs to each row (n,) of a table of swimming.
+
+    block: the block that it is of; near (n, blocks): blocks that it is in or near; cluster.
+    """
+
+    block: Ints
+    near: Mask
+    cluster: Ints
+
+
+def windows(
+    table: pd.DataFrame, ticks: Ticks, cut: Cutting, rate_hz: float, largest: float
+) -> Windows:
+    """All windows of a table of swimming: columns of `FEATURES`, its rows track by track."""
+    x, first = [], []
+    start = 0
+    for _, track in table.groupby("track_id", sort=False):
+        moves = channels(track, rate_hz, largest)
+        begins = np.arange(0, len(moves) - cut.length + 1, cut.stride)
+        if len(begins):
+            inside = moves[begins[:, None] + np.arange(cut.length)]
+            x.append(inside.reshape(len(begins), -1, cut.step, len(CHANNELS)).mean(axis=2))
+            first.append(start + begins)
+        start += len(track)
+    if not x:
+        return Windows(
+            np.zeros((0, cut.length // cut.step, len(CHANNELS)), np.float32),
+            np.zeros(0, np.intp), np.zeros(0, np.intp),
+            np.zeros((0, ticks.near.shape[1]), bool), np.zeros(0, np.intp),
+        )  # fmt: skip
+    begin = np.concatenate(first)
+    rows = begin[:, None] + np.arange(cut.length + 1)
+    counts = (ticks.block[rows][..., None] == np.arange(ticks.near.shape[1])).sum(axis=1)
+    return Windows(
+        np.concatenate(x).astype(np.float32), begin, counts.argmax(axis=1),
+        ticks.near[rows].any(axis=1), ticks.cluster[rows[:, cut.length // 2]],
+    )  # fmt: skip
+
+
+def joined(parts: Sequence[Windows]) -> Windows:
+    """Several sets of windows as one."""
+    names = [field.name for field in fields(Windows)]
+    return Windows(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))

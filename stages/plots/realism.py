@@ -1,0 +1,46 @@
+"""Pictures of `realism`: ROC curves and channels, and the most obviously false windows."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+import pandas as pd
+
+from finloop.io.picture import load_picture, save_figure
+from finloop.io.table import load_table
+from finloop.plots.realism import areas, sheet
+from finloop.realism.examples import CURVES, EXAMPLES, SIDES, strip
+from finloop.render.painter import Painter
+from stages.edit import DATA, load_drawn
+from stages.gallery import open_gallery
+
+OUT, REPORT = DATA / "realism", Path("reports/realism")
+MODE = "nn"  # whose edit list there always is; only the tables beside it are used
+STRIP = 10, 130  # pictures, px
+
+
+def main() -> None:
+    """Draw auc.png, contact_sheet.png."""
+    auc, roc = (pd.read_csv(REPORT / name) for name in ("auc.csv", "roc.csv"))
+    save_figure(REPORT / "auc.png", areas(auc, roc))
+
+    table = load_table(OUT / "examples.parquet", EXAMPLES)
+    drawn = load_drawn(MODE, "realism", sprites=True)
+    painter = Painter(load_picture(DATA / "extract/background.png"))
+    titles, strips = [], []
+    with open_gallery(drawn) as gallery:
+        for number, example in table.groupby("example"):
+            length = drawn.scene.typical_length_px
+            strips.append(
+                {
+                    side: strip(example[example["side"] == side], gallery, painter, length, STRIP)
+                    for side in SIDES
+                }
+            )
+            titles.append(f"{number + 1}: {example['compared'].iloc[0]}")
+    curves = load_table(OUT / "curves.parquet", CURVES)
+    save_figure(REPORT / "contact_sheet.png", sheet(curves, titles, strips))
+
+
+if __name__ == "__main__":
+    run(main)
