@@ -11,7 +11,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pandas as pd
-from threadpoolctl import threadpool_limits
 
 from finloop.animate.planner import Planner
 from finloop.animate.settings import Settings as AnimateSettings
@@ -112,8 +111,7 @@ def sides(sample: Sample, swum: dict[str, Swimming], features: pd.DataFrame) -> 
 def _judged(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict | FinloopError:
     """A comparison, or why there is none."""
     try:
-        with threadpool_limits(1):  # the processes already use every core
-            return compare.verdict(item[1], p, alone=item[0] != AGAIN)
+        return compare.verdict(item[1], p, alone=item[0] != AGAIN)
     except FinloopError as error:
         return error
 
@@ -150,8 +148,9 @@ class Show:
     ]:  # fmt: skip
         """Examples of a mode: rows of `EXAMPLES` and of `CURVES`, but for their number."""
         film, made = pair
-        score = verdict.scores.score[len(film) :]
-        for one in examples.worst(film, made, score, self.sample.p.examples):
+        cut, count = self.sample.cut, self.sample.p.examples
+        score = verdict.scores.score[len(film.x) :]
+        for one in examples.worst(film, made, score, count, cut.length):
             edit = [
                 self.window(mode, made, one.made).assign(side=examples.MADE),
                 self.window(FILM, film, one.film).assign(side=examples.FILM),
@@ -159,7 +158,7 @@ class Show:
             seen = {examples.MADE: made.x[one.made], examples.FILM: film.x[one.film]}
             yield (
                 pd.concat(edit, ignore_index=True).assign(compared=mode, score=one.score),
-                examples.curves(seen, self.sample.cut.step / self.sample.rate_hz),
+                examples.curves(seen, cut.step / self.sample.rate_hz),
             )
 
 

@@ -51,13 +51,14 @@ def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
         )  # fmt: skip
     curves.set(xlabel="film windows taken for animation", ylabel="animation windows told",
                xlim=(0, 1), ylim=(0, 1), aspect="equal")  # fmt: skip
-    curves.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
-                  title_fontsize=7)  # fmt: skip
+    if names:
+        curves.legend(frameon=False, loc="lower right", fontsize=7, title="area (95 % interval)",
+                      title_fontsize=7)  # fmt: skip
+        bars.legend(frameon=False, ncols=2)
     bars.axhline(0.5, color="0.2", lw=0.8)
     bars.set_xticks(range(len(channels)), ["all four", *CHANNELS])
     bars.set(ylabel="area under the ROC curve; 0.5: cannot tell")
     bars.set_ylim(min(0.4, bars.get_ylim()[0]), 1.0)
-    bars.legend(frameon=False, ncols=2)
     return figure
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingClassifier
+from threadpoolctl import threadpool_limits
 
 from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
@@ -23,6 +24,7 @@ class Answers(NamedTuple):
     shuffled: dict[str, Scores]
 
 
+@threadpool_limits.wrap(limits=1)  # of so little data threads are slower, and in each other's way
 def answers(film: Windows, made: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
     """The held-out scores of all windows, by classifiers that see these channels alone.
 

@@ -49,21 +49,20 @@ class Pair(NamedTuple):
     score: float
 
 
-def worst(film: Windows, made: Windows, score: Floats, count: int) -> list[Pair]:
+def worst(film: Windows, made: Windows, score: Floats, count: int, length: int) -> list[Pair]:
     """The animation windows of the highest held-out scores, no two of which touch.
 
-    score (n,): of the animation windows, NaN where there is none. Most alike: by the squared
-    differences of the channels, in standard deviations of the film's.
+    score (n,): of the animation windows, NaN where there is none; length: rows of a window. Most
+    alike: by the squared differences of the channels, in standard deviations of the film's.
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
-    apart = made.x.shape[1] * 2  # rows at least, as a step is a row or more
     pairs: list[Pair] = []
     taken: list[int] = []
     for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable"):
         if len(pairs) == count or np.isnan(score[number]):
             break
         begin = int(made.first[number])
-        if all(abs(begin - other) > apart for other in taken):
+        if all(abs(begin - other) > length for other in taken):
             far = (((film.x - made.x[number]) / spread) ** 2).sum(axis=(1, 2))
             pairs.append(Pair(int(number), int(far.argmin()), float(score[number])))
             taken.append(begin)

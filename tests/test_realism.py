@@ -1,0 +1,428 @@
+"""Realism: laws of the area and its interval, of blocks and windows, of the instrument, the stage."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+import yaml
+from conftest import TINY_CARP
+from scratch import prepare
+from sklearn.metrics import roc_auc_score
+
+import stages.animate
+import stages.bpn
+import stages.clip
+import stages.distance
+import stages.extract
+import stages.features
+import stages.gateways
+import stages.loops
+import stages.plots.realism
+import stages.realism
+import stages.sprites
+from finloop.animate.edit_list import EDIT, LOOPS, NETWORK
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
+from finloop.extract.background import Scene
+from finloop.extract.film import Detector
+from finloop.extract.table import SceneFacts
+from finloop.features.table import FEATURES
+from finloop.io.picture import load_picture
+from finloop.io.record import load_record
+from finloop.io.table import load_table, save_table
+from finloop.io.video import load_facts, load_mask
+from finloop.realism import examples
+from finloop.realism.auc import Scores, auc, roc
+from finloop.realism.compare import Sample, stretches, verdict
+from finloop.realism.instrument import Instrument, Swimming, as_filmed, swimming
+from finloop.realism.windows import (
+    CHANNELS,
+    Windows,
+    channels,
+    cutting,
+    equal_blocks,
+)
+from finloop.render.gallery import placed
+from finloop.render.painter import Painter
+from stages.edit import load_drawn
+from stages.gallery import open_gallery
+from stages.settings import load
+
+RATE = 25.0
+P = settings("realism", rounds=20, step_s=0.12)
+
+
+# --- the area and its interval
+
+
+def scores(rng, n=300, shift=0.0, blocks=5, clusters=60):
+    animation = rng.random(n) < 0.5
+    score = rng.normal(size=n) + shift * animation
+    return Scores(score, animation, rng.integers(0, blocks, n), rng.integers(0, clusters, n))
+
+
+def test_one_block_has_the_area_of_scikit_learn():
+    one = scores(np.random.default_rng(0), shift=0.7)._replace(block=np.zeros(300, int))
+    one.score[::3] = np.round(one.score[::3])  # ties
+    assert auc(one).value == pytest.approx(roc_auc_score(one.animation, one.score))
+
+
+def test_labels_swapped_give_the_rest_to_one():
+    one = scores(np.random.default_rng(1), shift=0.7)
+    value, low, high = auc(one)
+    other = auc(one._replace(animation=~one.animation))
+    assert other == pytest.approx((1 - value, 1 - high, 1 - low))
+
+
+def test_scores_of_two_blocks_are_not_compared():
+    one = scores(np.random.default_rng(2), shift=0.5)
+    assert auc(one._replace(score=one.score + 100.0 * one.block)) == pytest.approx(auc(one))
+
+
+def test_a_window_without_a_score_does_not_count():
+    one = scores(np.random.default_rng(3), shift=0.5)
+    more = Scores(*(np.concatenate([column, column[:20]]) for column in one))
+    more.score[-20:] = np.nan
+    assert auc(more) == pytest.approx(auc(one))
+
+
+def test_windows_that_come_twice_make_no_interval_narrower():
+    one = scores(np.random.default_rng(4), shift=0.5)
+    twice = Scores(*(np.concatenate([column, column]) for column in one))
+    assert auc(twice) == pytest.approx(auc(one))
+    apart = twice._replace(cluster=np.arange(len(twice.score)))
+    assert np.ptp(auc(apart)[1:]) < 0.8 * np.ptp(auc(twice)[1:])
+
+
+def test_perfect_scores_have_the_area_1_and_no_interval_beyond():
+    one = scores(np.random.default_rng(5), shift=100.0)
+    assert auc(one) == (1.0, 1.0, 1.0)
+    near = auc(one._replace(score=np.where(one.cluster == 0, -one.score, one.score)))
+    assert 0.7 < near.low < near.value < near.high < 1.0
+
+
+def test_the_interval_covers_the_truth_of_drawn_clusters_about_as_often_as_it_says():
+    rng, hits = np.random.default_rng(6), 0
+    for _ in range(200):
+        cluster = np.repeat(np.arange(80), 5)  # of five windows that are alike
+        score = (rng.normal(size=80)[cluster] + 0.3 * rng.normal(size=400)) / np.sqrt(1.09)
+        drawn = Scores(score, cluster % 2 == 0, np.zeros(400, int), cluster)
+        _, low, high = auc(drawn)
+        hits += low <= 0.5 <= high
+    assert 0.90 <= hits / 200 <= 0.99
+
+
+def test_the_curve_rises_from_0_to_1_over_an_equal_area():
+    one = scores(np.random.default_rng(7), n=3000, shift=1.0)
+    curve = roc(one, 201)
+    assert curve["hits"].iloc[-1] == 1.0 and (np.diff(curve["hits"]) >= 0).all()
+    assert np.trapezoid(curve["hits"], curve["false_alarms"]) == pytest.approx(
+        auc(one).value, abs=0.005
+    )
+
+
+# --- windows and blocks
+
+
+def fish(seed, seconds=60.0, turning=1.0, track=0):
+    """A fish whose speeds and bend are drawn from an autoregressive process, as a feature table."""
+    rng, n = np.random.default_rng(seed), round(seconds * RATE)
+    noise = rng.normal(size=(n + 50, 3))
+    for k in range(1, len(noise)):
+        noise[k] = 0.9 * noise[k - 1] + 0.44 * noise[k]
+    speed, turn, bend = noise[50:].T
+    heading = np.cumsum(turning * 60.0 * turn / RATE)
+    angle = np.radians(heading)
+    step = (2.0 + 0.5 * speed) * 40 / RATE
+    return pd.DataFrame(
+        {
+            "track_id": track, "frame": np.arange(n),
+            "x_px": np.cumsum(step * np.cos(angle)), "y_px": -np.cumsum(step * np.sin(angle)),
+            "heading_deg": (heading + 180) % 360 - 180, "body_length_px": 40.0,
+            "motion_area": 0.05 * np.abs(bend),
+        }
+    ).reindex(columns=FEATURES.names)  # fmt: skip
+
+
+def swum(table, row):
+    n = len(table)
+    whole = np.arange(n)
+    return Swimming(
+        table, np.zeros(n, int), whole, np.full(n, -1) if row is None else row, whole / RATE
+    )
+
+
+def sample_of(table, p=P):
+    return Sample(
+        swum(table, np.arange(len(table))), table["frame"].to_numpy() / RATE, 0.2, RATE, p
+    )
+
+
+def test_channels_do_not_depend_on_place_direction_or_size():
+    table = fish(0, 4.0)
+    angle, x, y = np.radians(70.0), table["x_px"], table["y_px"]
+    turned = table.assign(
+        x_px=300 + 1.5 * (x * np.cos(angle) + y * np.sin(angle)),
+        y_px=-20 + 1.5 * (-x * np.sin(angle) + y * np.cos(angle)),
+        heading_deg=(table["heading_deg"] + 70 + 180) % 360 - 180,
+        body_length_px=60.0,
+    )
+    mine = channels(table, RATE, 0.2)
+    assert np.allclose(channels(turned, RATE, 0.2), mine)
+    assert mine[:, 0].mean() == pytest.approx(2.0, abs=0.6)  # forward, body lengths/s
+    mirrored = channels(table.assign(y_px=-y, heading_deg=-table["heading_deg"]), RATE, 0.2)
+    assert np.allclose(mirrored, mine * [1, -1, -1, 1])
+
+
+def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
+    cut = cutting(1.0, 0.25, 0.12, RATE)
+    assert cut == (24, 6, 3)
+    sample = sample_of(pd.concat([fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)],
+                                 ignore_index=True), replace(P, step_s=0.12))  # fmt: skip
+    made = sample.windows(sample.film, sample.blocks())
+    assert made.first.tolist() == [0, 6, 12, 38 + 22]
+    assert made.x.shape == (4, 8, len(CHANNELS))
+
+
+def test_blocks_hold_equally_much_and_gaps_belong_to_both_sides():
+    time = np.sort(np.random.default_rng(0).exponential(size=1000).cumsum())
+    blocks = equal_blocks(time, 5)
+    assert np.bincount(blocks.of(time)).tolist() == [200] * 5
+    near = blocks.near(time, 3.0)
+    assert (near[np.arange(1000), blocks.of(time)]).all()
+    edge = blocks.edges[1]
+    assert (near[:, 0] == (time < edge + 3.0)).all()
+    assert (near[:, 1] == ((time > edge - 3.0) & (time < blocks.edges[2] + 3.0))).all()
+
+
+def test_halves_have_blocks_of_their_own():
+    blocks = equal_blocks(np.arange(100.0), 5, times=2)
+    assert blocks.of(np.array([5.0, 15, 55, 65, 99, 200])).tolist() == [0, 1, 0, 1, 4, 4]
+
+
+def test_no_window_shares_a_frame_of_film_with_what_its_classifier_learnt_from():
+    table = fish(0)
+    sample = sample_of(table)
+    rng = np.random.default_rng(1)
+    row = np.concatenate([np.arange(a, a + 20) for a in rng.integers(0, len(table) - 20, 75)])
+    row[200:300] = -1  # sprites
+    film, made = sample.beside(swum(fish(2), row))
+    own = sample.film.row
+    inside = np.arange(sample.cut.length + 1)
+    for block in range(P.blocks):
+        tested, learnt = [], []
+        for windows, rows in ((film, own), (made, row)):
+            shown = rows[windows.first[:, None] + inside]
+            tested.append(shown[windows.block == block])
+            learnt.append(shown[~windows.near[:, block]])
+        filmed = np.unique(tested[0])  # film windows alone: an animation's may play more blocks
+        assert not np.isin(np.concatenate(learnt), filmed[filmed >= 0]).any()
+        assert all(len(part) for part in (*tested, *learnt))
+
+
+# --- verdicts
+
+
+def verdict_on(made, p=P, row=None, seed=0):
+    sample = sample_of(fish(seed, 120.0), p)
+    return verdict(sample.beside(swum(made, row)), p, alone=False)
+
+
+def test_two_samples_of_one_process_cannot_be_told():
+    values = [verdict_on(fish(seed, 120.0)).whole for seed in (10, 11, 12)]
+    assert np.mean([one.value for one in values]) == pytest.approx(0.5, abs=0.06)
+    assert sum(one.low <= 0.5 <= one.high for one in values) >= 2
+
+
+def test_a_copy_of_the_film_cannot_be_told_whatever_its_order():
+    """Played in the same order or another: no twin is learnt from, see `windows`."""
+    table = fish(0, 120.0)
+    row = np.arange(len(table))
+    assert verdict_on(table, row=row).whole.value == 0.5
+    parts = np.random.default_rng(1).permutation(np.split(row, 12))
+    order = np.concatenate(list(parts))
+    shuffled = table.iloc[order].assign(track_id=np.repeat(np.arange(12), len(row) // 12))
+    mixed = verdict_on(shuffled.reset_index(drop=True), row=order).whole
+    assert mixed.value == pytest.approx(0.5, abs=0.04)
+    blind = verdict_on(shuffled.reset_index(drop=True)).whole  # were the film's rows not known
+    assert blind.value < 0.2
+
+
+def test_twice_the_turning_speed_gives_itself_away_by_turning():
+    fast = verdict_on(fish(10, 120.0, turning=3.0))
+    assert fast.whole.value > 0.9
+    assert max(fast.lost, key=fast.lost.get) == "turning"
+
+
+def test_permuted_labels_cannot_be_told():
+    sample = sample_of(fish(0, 240.0))
+    windows = sample.windows(sample.film, sample.blocks())
+    mixed = np.random.default_rng(0).permutation(len(windows.x)) % 2 == 0
+    sides = [
+        Windows(*(column[part] for column in vars(windows).values())) for part in (mixed, ~mixed)
+    ]
+    # Windows overlap, so that neighbours of either kind are learnt from together.
+    assert verdict(tuple(sides), P, alone=False).whole.value == pytest.approx(0.5, abs=0.08)
+
+
+def test_a_film_too_short_is_refused_with_what_would_do():
+    with pytest.raises(FinloopError, match=r"a longer film, fewer realism.blocks"):
+        verdict(sample_of(fish(0, 3.0)).beside(swum(fish(1, 3.0), None)), P)
+
+
+def test_a_verdict_is_the_same_again():
+    first, second = (verdict_on(fish(10, 120.0)) for _ in range(2))
+    assert first.whole == second.whole and first.lost == second.lost
+
+
+def test_tracks_stay_whole_and_long_ones_are_cut_evenly():
+    ids = np.repeat([0, 1, 2, 3], [100, 30, 250, 7])
+    every = stretches(ids, 100, 10**6, 0)
+    assert [one.stop - one.start for one in every] == [100, 30, 83, 84, 83, 7]
+    some = stretches(ids, 100, 120, 0)
+    assert {(one.start, one.stop) for one in some} < {(one.start, one.stop) for one in every}
+    assert 120 <= sum(one.stop - one.start for one in some) < 120 + 100
+
+
+# --- examples
+
+
+def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
+    sample = sample_of(fish(0, 60.0))
+    film, made = sample.beside(swum(fish(0, 60.0), None))
+    score = np.random.default_rng(0).normal(size=len(made.x))
+    score[3] = np.nan
+    pairs = examples.worst(film, made, score, 4, sample.cut.length)
+    assert pairs[0].score == np.nanmax(score) and len(pairs) == 4
+    assert all(one.film == one.made for one in pairs)
+    begins = np.sort([made.first[one.made] for one in pairs])
+    assert (np.diff(begins) > sample.cut.length).all()
+
+
+def test_a_view_shows_the_heading_to_the_right():
+    frame = np.zeros((100, 120), np.uint8)
+    frame[20:40, 60] = 255  # a line up from (60, 40)
+    seen = examples.View(60.0, 40.0, 90.0, 80.0).of(frame, 160)
+    y, x = np.nonzero(seen[..., 0] > 100)
+    assert seen.shape == (160, 160, 3)
+    assert abs(y.mean() - 79.5) < 2 and x.min() > 75 and x.max() > 115
+
+
+# --- the instrument and the stage, on a tiny carp
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp("realism")
+    prepare(path, *TINY_CARP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        for stage in (
+            stages.clip, stages.extract, stages.features, stages.bpn, stages.sprites,
+            stages.distance, stages.loops, stages.gateways, stages.animate, stages.realism,
+        ):  # fmt: skip
+            stage.main()
+    return path
+
+
+@pytest.fixture
+def carp(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def instrument_of(folder):
+    clip, extract = folder / "data/clip", folder / "data/extract"
+    facts = load_facts(clip / "facts.json")
+    mask = load_mask(clip / "arena.png", facts.width_px, facts.height_px)
+    return Instrument(
+        load_picture(extract / "background.png"), mask.astype(np.uint8) * 255,
+        load_record(extract / "scene.json", SceneFacts, "extract"), load("extract"),
+        load("features"), facts.frame_rate_hz,
+    )  # fmt: skip
+
+
+def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
+    one, drawn = instrument_of(carp), load_drawn(NETWORK, "realism", sprites=True)
+    facts, painter = one.facts, Painter(one.tank)
+    scene = Scene(one.tank, facts.polarity, facts.noise_grey, facts.threshold_grey)
+    detector = Detector(one.arena, one.typical, one.extract)
+    with open_gallery(drawn) as gallery:
+        fish = list(placed(drawn.edit, gallery))[::7]
+        for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
+            painter.show(drawn_fish)
+            whole = detector(painter.frame, scene)
+            assert part.verdicts == whole.verdicts
+            assert part.spots == whole.spots
+            for mine, other in zip(part.fish, whole.fish, strict=True):
+                assert (mine is None) == (other is None)
+                if mine is not None:
+                    assert (mine.x_px, mine.y_px, mine.x0, mine.y0) == pytest.approx(
+                        (other.x_px, other.y_px, other.x0, other.y0)
+                    )
+                    assert np.allclose(mine.backbone.points_px, other.backbone.points_px)
+
+
+def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
+    features = load_table(carp / "data/features/features.parquet", FEATURES)
+    places = features[["x_px", "y_px"]].to_numpy()
+    edit = as_filmed(np.arange(len(features)), places)
+    with open_gallery(load_drawn(NETWORK, "realism")) as gallery:
+        table = instrument_of(carp).measure(placed(edit, gallery))
+    swum = swimming([edit], [table], RATE)
+    assert (swum.row == np.arange(len(features))).all()
+    off = table[["x_px", "y_px"]].to_numpy() - places
+    assert np.abs(off).max() < 0.2
+    turned = (table["heading_deg"] - features["heading_deg"] + 180) % 360 - 180
+    assert turned.abs().median() < 0.3
+
+
+def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
+    save_table(tmp_path / "film.parquet", as_filmed(np.arange(3), np.ones((3, 2))), EDIT)
+
+
+def test_only_ticks_that_play_the_film_have_its_rows():
+    edit = as_filmed(np.arange(5, 9), np.ones((4, 2)))
+    edit.loc[2, "mode"] = NETWORK
+    table = fish(0, 4 / RATE)
+    twice = swimming([edit, edit], [table, table], RATE)
+    assert twice.row.tolist() == [5, 6, -1, 8] * 2
+    assert twice.part.tolist() == [0] * 4 + [1] * 4
+    assert np.allclose(twice.time_s * RATE, np.arange(8))
+    assert twice.table["track_id"].tolist() == [0] * 4 + [1] * 4
+    assert edit["mode"].iloc[0] == LOOPS
+
+
+def test_the_stage_writes_numbers_curves_and_examples(carp):
+    numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
+    assert {"nn_auc", "nn_auc_low", "nn_auc_high", "halves_auc", "again_auc"} <= set(numbers)
+    table = pd.read_csv(carp / "reports/realism/auc.csv")
+    assert table["auc"].between(0, 1).all() and (table["low"] <= table["high"]).all()
+    shown = load_table(carp / "data/realism/examples.parquet", examples.EXAMPLES)
+    assert set(shown["side"]) == set(examples.SIDES)
+    assert (carp / "data/realism/examples.mp4").stat().st_size > 0
+
+
+def test_the_pictures_are_drawn(carp, no_drawing):
+    stages.plots.realism.main()
+    assert {"auc.png", "contact_sheet.png"} <= {
+        one.name for one in (carp / "reports/realism").iterdir()
+    }
+
+
+def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):
+    prepare(carp, *TINY_CARP, "realism.gap_s=5.0")
+    stages.realism.main()
+    assert "no numbers for nn" in capsys.readouterr().err
+    numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
+    assert set(numbers) >= {"film_s", "nn_s"} and not any("auc" in name for name in numbers)
+    stages.plots.realism.main()
+
+
+def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
+    works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
+    monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
+    monkeypatch.setattr(stages.realism, "THREADS", 1)
+    assert stages.realism.followed(works, load_drawn(NETWORK, "realism"), instrument_of(carp)) == {}
+    assert "no fish in nn" in capsys.readouterr().err
