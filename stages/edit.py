@@ -35,12 +35,16 @@ class Drawn(NamedTuple):
 
 
 def load_drawn(
-    mode: str, stage: str, columns: Sequence[str] | None = PLACES, sprites: bool = False
+    mode: str,
+    stage: str,
+    columns: Sequence[str] | None = PLACES,
+    sprites: bool = False,
+    bodies: bool = False,
 ) -> Drawn:
     """The edit list of a mode for a stage, with these `columns` of the tracks, None for all.
 
-    `sprites`: their table even where the list draws none. FinloopError if a file is missing or
-    damaged.
+    `sprites`: their table even where the list draws none; `bodies`: the postures even where it
+    needs none. FinloopError if a file is missing or damaged.
     """
     scene = load_record(DATA / "extract/scene.json", SceneFacts, "extract")
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(scene.points), columns)
@@ -50,7 +54,7 @@ def load_drawn(
     bends = bool(
         edit["pose"].notna().any() or edit[["mirrored", "partner_mirrored"]].any(axis=None)
     )
-    return Drawn(edit, scene, tracks, table, _bodies(table) if bends else None)
+    return Drawn(edit, scene, tracks, table, _bodies(table) if bends or bodies else None)
 
 
 def _bodies(sprites: pd.DataFrame | None) -> Bodies:

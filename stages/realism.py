@@ -224,7 +224,7 @@ def main() -> None:
     with bring(q) as planner:
         for mode in planner.players:
             works[mode] = list(animations(planner, mode, amount, q))
-    drawn = load_drawn(mode, "realism", sprites=True)
+    drawn = load_drawn(mode, "realism", sprites=True, bodies=True)
     instrument = Instrument(
         load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255, drawn.scene,
         load("extract"), load("features"), rate,

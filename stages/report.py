@@ -38,6 +38,9 @@ TABLES = {  # by chapter
         ("features/table1.csv", "Table 1: the film's fish in every orientation"),
         ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),
+    "swimming": (
+        ("realism/auc.csv", "Told from film: area under the ROC curve; lost without a channel"),
+    ),
     "curves": (
         ("morph/connection.csv", "Tables 1, 2 of the curve paper: connection coefficients"),
         ("morph/folds.csv", "Frames in which a contour meets itself"),
@@ -110,7 +113,7 @@ def main() -> None:
         "poster": webp(poster, p.picture_width_px, p.picture_quality),
         "film_text": f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
         + (" Rings are goals, the line is its way." if film_path == marked else ""),
-        "headline": headline(numbers["animate"], mode),
+        "headline": headline(numbers["animate"] | numbers["realism"], mode),
         "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
         "table_2": of_frame(pd.read_csv(TIMES), "Table 2: computing times", 3),

@@ -13,7 +13,7 @@ PLACES = {  # column and row of every stage
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
     "morph": (3, 5),
     "loops": (4, 1), "gateways": (4, 2), "forecast": (4, 3), "animate": (5, 1),
-    "render": (6, 0), "tank": (6, 1), "export": (6, 2), "report": (7, 1),
+    "render": (6, 0), "tank": (6, 1), "export": (6, 2), "realism": (6, 3), "report": (7, 1),
 }  # fmt: skip
 TIP = (
     '<marker id="tip" viewBox="0 0 8 8" refX="1" refY="4" markerWidth="6" markerHeight="6" '

@@ -49,6 +49,18 @@ SWIM = Chapter(
                "nearer the outlines to the grey, the better.",
                "Histograms of speed and turn rate of film and animations; bars of the time spent "
                "in each state."),
+        Figure("realism/auc.png", "", "Told from film by a classifier",
+               "The animations are measured again as the film was, and a classifier is asked which "
+               "second of swimming is film. An area of 0.5: it cannot tell. Beside each mode: one "
+               "half of the film against the other, and the film drawn again. Right: what the "
+               "classifier goes by, one channel at a time; whiskers are 95 % intervals.",
+               "ROC curves of the three modes and of the film's halves; bars of the areas for all "
+               "channels and for each alone."),
+        Figure("realism/contact_sheet.png", "", "The most obviously false seconds",
+               "Of each mode those that the classifier is surest of, and below each the second of "
+               "film most like it; the channels of both to the right.",
+               "Rows of successive pictures of the fish, animation above and film below, with "
+               "four small charts each."),
         Figure("render/contact_sheet.png", "", "The liveliest stretch, tick by tick",
                "Forty successive pictures, in reading order.",
                "Forty successive pictures of the fish as it turns."),

@@ -95,12 +95,13 @@ def of_numbers(numbers: Mapping[str, float], caption: str) -> Table:
 
 
 def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
-    """The few numbers to see first: value and words, of `reports/animate/metrics.json`."""
+    """The few numbers to see first: value and words, of the metrics of `animate`, `realism`."""
     choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
         ("seam_ratio_median", "", "seam ratio: 1 is as smooth as the film"),
         ("film_pct", " %", "of its frames filmed, the rest learned"),
         ("frames_outside", "", "frames outside the tank"),
+        ("auc", "", "told from film by a classifier (AUC): 0.5 is not at all"),
     )
     return [
         (number(numbers[f"{mode}_{key}"]) + unit, words)

@@ -25,7 +25,7 @@ def main() -> None:
     save_figure(REPORT / "auc.png", areas(auc, roc))
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)
-    drawn = load_drawn(MODE, "realism", sprites=True)
+    drawn = load_drawn(MODE, "realism", sprites=True, bodies=True)
     painter = Painter(load_picture(DATA / "extract/background.png"))
     titles, strips = [], []
     with open_gallery(drawn) as gallery:
