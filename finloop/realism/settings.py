@@ -27,4 +27,4 @@ class Settings:
     bins: Annotated[int, Field(ge=2, le=255)]  # values of a channel that the classifier tells apart
     examples: Annotated[int, Field(ge=0)]  # windows on the contact sheet, of each mode
     slower: Annotated[int, Field(ge=1)]  # times that the film of them is slowed down
-    seed: Seed
+    seed: Seed  # for the choice of tracks and for what the classifier leaves to chance
