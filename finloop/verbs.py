@@ -262,11 +262,11 @@ def steer(  # noqa: PLR0913  (a result of every verb)
 ) -> pd.DataFrame:
     """Send the fish to its goals: an edit list, columns of `EDIT`, a row a frame (Figs. 18, 19).
 
-    `changes`: mode="nn" (sprites alone), "loops" (film alone) or "hybrid", as it is if none is
-    said; and of `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the
-    tank's width and height) and seconds=30.0. Without loops there is no mode "loops".
+    `mode`: "nn" (sprites alone), "loops" (film alone) or "hybrid". `changes`: of
+    `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
+    and height) and seconds=30.0. Without loops there is no mode "loops".
     """
-    film, mode = tracks.film, changes.pop("mode", HYBRID)
+    film = tracks.film
     made = Material(
         film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, gateways, poses
     )

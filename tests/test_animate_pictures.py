@@ -277,6 +277,11 @@ def test_a_frame_without_a_next_one_is_held_against_itself(shown):
     assert list(ticks) == [1] and found == pytest.approx(0)
 
 
+def test_a_picture_that_is_held_has_one_seam(shown):
+    edit = edit_of(shown, *((SPRITE, number, 0.0) for number in (0, 1, 1, 1, 1, 2)))
+    assert list(seams(edit, shown)[1]) == [2]
+
+
 def test_a_jump_of_sprites_is_what_the_film_does_not_show(shown):
     assert list(film_next(shown.reel.sprites)) == [1, 2, -1, 4, -1]
     edit = edit_of(shown, *((SPRITE, number, 50.0) for number in (0, 1, 2, 0, 0, 1, 3, 4)))

@@ -165,7 +165,8 @@ def drawn(edit: pd.DataFrame, pictures: Pictures) -> Iterator[Picture]:
 def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.intp]]:
     """D of every join of an edit list, without its cross-fade, and its tick.
 
-    What the film shows after the picture on screen, turned as that is, against what is drawn. Where
+    What the film shows after the picture on screen, turned as that is, against what is drawn. A
+    picture that is held for several ticks has one join, where it comes the second time. Where
     the pose of the picture before has not died away, the film is bent by what is left of it, as the
     pose of the new one says, and only light and skin are compared.
     """
@@ -174,6 +175,9 @@ def seams(edit: pd.DataFrame, pictures: Pictures) -> tuple[Floats, NDArray[np.in
     rows = list(edit.itertuples())
     for tick in range(1, len(rows)):
         before, now = rows[tick - 1], rows[tick]
+        held = [(one.kind, one.source, one.mirrored) for one in rows[max(tick - 2, 0) : tick + 1]]
+        if len(held) == 3 and len(set(held)) == 1:
+            continue
         if before.kind == FRAME:
             follows = int(pictures.reel.after(before.source))
             alike = now.kind == FRAME and now.mirrored == before.mirrored
