@@ -13,6 +13,7 @@ similar = finloop.compare(reel)
 loops = finloop.find_loops(similar, features, film.rate_hz)
 gateways = finloop.find_gateways(similar, reel, film.rate_hz)
 poses = finloop.find_poses(tracks, features)
+jumps = finloop.find_jumps(reel, poses, film.rate_hz)
 goals = [[0.2, 0.25], [0.8, 0.7], [0.25, 0.8]]  # shares of the tank's width and height
-edit = finloop.steer(tracks, reel, model, similar, loops, gateways, poses, goals=goals)
+edit = finloop.steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=goals)
 finloop.write_video("fish.mp4", edit, tracks, reel, poses)

@@ -9,7 +9,8 @@
     loops = find_loops(similar, features, film.rate_hz)
     gateways = find_gateways(similar, reel, film.rate_hz)          (§4.2)
     poses = find_poses(tracks, features)            how every fish is bent
-    edit = steer(tracks, reel, model, similar, loops, gateways, poses, goals=[[0.2, 0.3]])
+    jumps = find_jumps(reel, poses, film.rate_hz)   which frames look and move alike
+    edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
 
 Sections are those of the fish paper. A verb takes the parameters of its stage by name, as in
@@ -58,6 +59,8 @@ from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME, film_writer
 from finloop.io.movie import Mp4Writer
 from finloop.io.table import as_loaded, load_table
 from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
+from finloop.jumps.film import film_jumps
+from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.normalise import normalise, open_source
 from finloop.pose.film import FilmPoses, film_poses
@@ -69,8 +72,8 @@ from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
-    "compare", "draw_carp", "find_gateways", "find_loops", "find_poses", "learn", "make_sprites",
-    "measure", "open_film", "steer", "track", "write_video",
+    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "learn",
+    "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
 
 _OPEN = ExitStack()  # stores and temporary folders, till the program ends
@@ -249,12 +252,21 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
     return film_poses(tracks.table, features, settings("pose", **changes))
 
 
+def find_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, **changes: Any) -> pd.DataFrame:
+    """Where the film can go on as a frame that looks and moves alike: columns of `JUMPS`.
+
+    `changes`: of `finloop.jumps.settings.Settings`.
+    """
+    return as_loaded(film_jumps(reel, poses, rate_hz, settings("jumps", **changes))[0], JUMPS)
+
+
 def steer(  # noqa: PLR0913  (a result of every verb)
     tracks: Tracks,
     reel: Reel,
     model: MotionModel,
     similar: Similar,
     loops: pd.DataFrame,
+    jumps: pd.DataFrame,
     gateways: pd.DataFrame,
     poses: FilmPoses,
     mode: str = HYBRID,
@@ -268,7 +280,16 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     """
     film = tracks.film
     made = Material(
-        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, gateways, poses
+        film.rate_hz,
+        film.arena,
+        reel,
+        tracks.table,
+        model,
+        similar.facts,
+        loops,
+        jumps,
+        gateways,
+        poses,
     )
     plans = planner(made, settings("animate", **changes))
     if mode not in plans.players:

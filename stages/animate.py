@@ -28,6 +28,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
@@ -60,6 +61,7 @@ def bring(p: Settings) -> Iterator[Planner]:
             load_record(DATA / "bpn/model.json", motion_model, "bpn"),
             load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
             load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
+            load_table(DATA / "jumps/jumps.parquet", JUMPS),
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
             load_poses(features),
         )
@@ -95,7 +97,11 @@ def animation(
     p, ticks = waters.settings, waters.ticks(waters.settings.seconds)
     swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
-    save_table(folder / f"{mode}_considered.parquet", swum.considered(ticks), CONSIDERED)
+    save_table(
+        folder / f"{mode}_considered.parquet",
+        swum.considered(ticks, waters.film.filmed),
+        CONSIDERED,
+    )
     joins, jumps = seams(edit, pictures)
     rate = waters.motion.rate_hz
     return {

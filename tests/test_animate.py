@@ -522,7 +522,7 @@ def test_kinematic_distance_is_in_deviations_of_the_film():
 def named(kind, source):
     """The pictures of an edit list, every sprite in orientation 1."""
     table = pd.DataFrame({"kind": kind, "source": source})
-    return table.assign(orientation=np.where(table["kind"] == SPRITE, 1, None))
+    return table.assign(orientation=np.where(table["kind"] == SPRITE, 1, None), mirrored=False)
 
 
 @pytest.mark.parametrize(
@@ -563,7 +563,7 @@ def test_a_fish_half_out_of_the_tank_is_counted(waters, kind):
     here = players_of(waters, hulls=hulls)[NETWORK]
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
-        drawn = table.assign(heading_deg=heading, kind=kind, source=[0, 0, 1, 1])
+        drawn = table.assign(heading_deg=heading, kind=kind, source=[0, 0, 1, 1], mirrored=False)
         assert measures.outside(drawn, here) == count
         other = drawn.assign(kind=FRAME if kind == SPRITE else SPRITE)
         assert measures.outside(other, here) == 0

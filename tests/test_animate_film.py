@@ -493,7 +493,7 @@ def test_a_seed_gives_one_animation_and_another_seed_another(make):
     goals = [Goal("A", 200.0, 200.0)]
     one, same, other = (edit_of(make(), goals, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
-    pd.testing.assert_frame_equal(one[0].considered(400), same[0].considered(400))
+    pd.testing.assert_frame_equal(one[0].considered(400, 10**6), same[0].considered(400, 10**6))
     assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
 
 
@@ -735,7 +735,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
-    weighed = found.considered(900)
+    weighed = found.considered(900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
     assert (again.groupby("tick")["taken"].sum() == 1).all()

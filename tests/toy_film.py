@@ -13,10 +13,10 @@ import scipy
 
 from finloop.animate.arena import Tank, tank
 from finloop.animate.bodies import Bodies
-from finloop.animate.film import Film, film
+from finloop.animate.film import Film, film, loop_jumps
 from finloop.animate.joins import joins
 from finloop.animate.motion import Motion, learn
-from finloop.animate.planner import players
+from finloop.animate.planner import Gates, players
 from finloop.animate.sprites import Sprites, arrange
 from finloop.animate.state import Decision, Waters
 from finloop.animate.swim import Cast, Player
@@ -190,7 +190,7 @@ def film_of(features, found, pose=BODY, step=1.0, barred=None) -> Film:
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
     length = float(features["body_length_px"].median())
     sized = lesson().__class__(**{**vars(lesson()), "body_length_px": length})
-    return film(features, graph, sized, pose, step, barred)
+    return film(features, loop_jumps(graph, n, step), sized, pose, barred)
 
 
 def rich(seed=0, heading=True):
@@ -252,7 +252,7 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
     """A film in a tank, with some parameters changed."""
     return Waters(
         open_tank() if room_ is None else room_, rich_film() if film_ is None else film_, order(),
-        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **changes),
+        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **({"wander": "places", "free_s": 0.15} | changes)),
     )  # fmt: skip
 
 
@@ -265,7 +265,7 @@ def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]
     frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
     cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
     how = joins(waters.settings, bodies_of(waters.film), RATE, lambda *_: True)
-    return players(waters, cast, Model(), gateways() if gates is None else gates, 1.0, how)
+    return players(waters, cast, Model(), Gates(gateways() if gates is None else gates, 1.0), how)
 
 
 @cache

@@ -12,7 +12,7 @@ PLACES = {  # column and row of every stage
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
     "morph": (3, 5),
-    "loops": (4, 1), "gateways": (4, 2), "forecast": (4, 3), "animate": (5, 1),
+    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 4), "forecast": (4, 3), "animate": (5, 1),
     "render": (6, 0), "tank": (6, 1), "export": (6, 2), "realism": (6, 3), "report": (7, 1),
 }  # fmt: skip
 TIP = (

@@ -7,11 +7,13 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import kinematics as step
+from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer, counted
 from finloop.animate.motion import SLIDE, STRAIGHT
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
+from finloop.base.arrays import Floats, Ints
 from finloop.features.table import orientation, wrap_deg
 
 _BEFORE = -0.6  # of a frame; from there one tick leads to the next sprite, whatever its pace
@@ -20,23 +22,28 @@ _BEFORE = -0.6  # of a frame; from there one tick leads to the next sprite, what
 class Crossing:
     """Leads from sprites into the film and back.
 
-    gateways: table with the columns of `GATEWAYS`; median_step: natural step of the film.
+    gateways: table with the columns of `GATEWAYS`; median_step: natural step of the film;
+    followers (s,): the row of `Film` that follows each sprite: the film is entered there, or by a
+    jump from there. None: by gateways alone.
     """
 
     def __init__(
-        self, sprites: SpriteSwimmer, film: FilmSwimmer, gateways: pd.DataFrame, median_step: float
-    ) -> None:
+        self, sprites: SpriteSwimmer, film: FilmSwimmer, gateways: pd.DataFrame, median_step: float,
+        followers: Ints | None = None,
+    ) -> None:  # fmt: skip
         self.sprites, self.film, self.waters = sprites, film, film.waters
         rows = film.waters.film
         table = gateways.assign(seam=gateways["distance"] / median_step)
         table = table.astype({"row": np.int64, "seam": float})
         enters = table[table["direction"] == "in"]
-        row = enters["row"].to_numpy()
-        playable = rows.more[row] & rows.endless[np.minimum(row + 1, len(rows.more) - 1)]
-        self._enter = {
-            key: tuple(part[name].to_numpy() for name in ("row", "seam", "turn_deg"))
-            for key, part in enters[playable].groupby(["sprite", "orientation"])
-        }
+        if followers is None:
+            playable = rows.plays(enters["row"].to_numpy())
+            self._enter = {
+                key: tuple(part[name].to_numpy() for name in ("row", "seam", "turn_deg"))
+                for key, part in enters[playable].groupby(["sprite", "orientation"])
+            }
+        else:
+            self._enter = {(k, 0): _neighbours(rows, row) for k, row in enumerate(followers)}
         leaves = table[table["direction"] == "out"].sort_values(["row", "rank"])
         self._leave: dict[int, dict[int, tuple[float, float]]] = defaultdict(dict)
         columns = (leaves[name].tolist() for name in ("row", "sprite", "seam", "turn_deg"))
@@ -77,6 +84,15 @@ class Crossing:
         seam, _ = ways.get(int(stretch.number[0]), (np.nan, 0.0))
         decision = stretch.decision._replace(exit=exit_code, seam=seam)
         return replace(stretch, new=True, decision=decision)
+
+
+def _neighbours(film: Film, row: int) -> tuple[Ints, Floats, Floats]:
+    """Rows (k,) that can be shown in place of a row, itself first, their seams, and turns."""
+    end = film.end[row]
+    jumps = slice(film.start[end], film.start[end + 1]) if end >= 0 else slice(0)
+    rows = np.append([row], film.to[jumps])
+    plays = film.plays(rows)
+    return rows[plays], np.append([0.0], film.seam[jumps])[plays], -film.heading[rows[plays]]
 
 
 def refused(stretch: Stretch, options: Options | None) -> Stretch:

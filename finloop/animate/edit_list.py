@@ -83,14 +83,15 @@ VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 
 CONSIDERED = Schema(
     *columns("int32", "1", "tick", "row"),
+    Column("mirrored", "bool", "1"),
     Column("seam", "float32", "median step of the film"),
     Column("value_s", "float32", "s", nullable=True),
     Column("fails", "string", "1"),
     Column("taken", "bool", "1"),
 )
-"""What was weighed at a tick: rows of the feature table that could have been shown, what the best
-way from there costs (empty: there is none, or it was passed over for better ones), and its verdict
-by Fig. 19, of `VERDICTS`."""
+"""What was weighed at a tick: rows of the film that could have been shown, mirrored or not,
+what the best way from there costs (empty: there is none, or it was passed over for better ones),
+and its verdict by Fig. 19, of `VERDICTS`."""
 
 
 class Goal(NamedTuple):

@@ -37,6 +37,7 @@ class Film(NamedTuple):
 
     start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, and their
     distances in median steps of the film. body: whether jumps keep the heading, else the rotation.
+    filmed: how many rows are the film's own; row filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -44,6 +45,7 @@ class Film(NamedTuple):
     to: NDArray[np.int32]
     seam: Floats
     body: bool
+    filmed: int
 
     def __getattr__(self, name: str) -> NDArray[Any]:
         """A column (n,) of the rows."""
@@ -51,14 +53,60 @@ class Film(NamedTuple):
             return self.rows[name]
         raise AttributeError(name)
 
+    def plays(self, rows: NDArray[np.integer]) -> Mask:
+        """Whether rows (k,) can be shown and the film need never stop after them."""
+        goes_on: Mask = self.more[rows].copy()
+        goes_on[goes_on] = self.endless[rows[goes_on] + 1]
+        return goes_on
+
+
+class Jumps(NamedTuple):
+    """Where the film can go on: over its rows (m,), or over these and their mirror images (2 n).
+
+    end (m,): number of the row as one that can be replaced, −1 where it cannot be; instead of end k
+    rows `to[start[k]:start[k + 1]]` can be shown, `seam` natural steps away.
+    """
+
+    end: NDArray[np.int32]
+    start: NDArray[np.int32]
+    to: NDArray[np.int32]
+    seam: Floats
+
+
+def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
+    """The jumps of the paper's loops (Fig. 10); step: the median distance of successive frames."""
+    end = np.full(rows, -1, np.int32)
+    end[graph.ends] = np.arange(len(graph.ends))
+    return Jumps(end, graph.start, graph.ends[graph.to], graph.distance.astype(float) / step)
+
+
+def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
+    """The jumps of a table with the columns of `JUMPS`.
+
+    If some lead to mirror images, then those of mirror images, rows n … 2 n, too.
+    """
+    source, to, across, seam = (
+        jumps[name].to_numpy() for name in ("row", "to", "mirrored", "seam")
+    )
+    sides = 1 + bool(across.any())
+    if sides == 2:
+        source = np.concatenate([source, source + rows])
+        to = np.concatenate([to + rows * across, to + rows * ~across])
+        seam = np.tile(seam, 2)
+    ends, number = np.unique(source, return_inverse=True)
+    end = np.full(sides * rows, -1, np.int32)
+    end[ends] = np.arange(len(ends))
+    start = np.searchsorted(number, np.arange(len(ends) + 1)).astype(np.int32)
+    return Jumps(end, start, to.astype(np.int32), seam.astype(float))
+
 
 def film(
-    features: pd.DataFrame, graph: LoopGraph, motion: Motion, pose: str, step: float,
-    barred: Mask,
+    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask
 ) -> Film:  # fmt: skip
-    """Arrange a feature table and its loops.
+    """Arrange a feature table (n rows) and where it can go on.
 
-    step: the median distance of successive frames; barred (n,): rows that must not be shown.
+    barred (n,): rows that must not be shown. Where `jumps` has mirror images, row n + i is that of
+    row i: the film upside down.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
@@ -68,21 +116,28 @@ def film(
     moved = np.zeros((n, 2))
     moved[:-1] = np.diff(place, axis=0)
     moved[~more] = 0.0
-    end = np.full(n, -1, np.int32)
-    end[graph.ends] = np.arange(len(graph.ends))
-    to = graph.ends[graph.to]
-    allowed = ~barred[to]
-    source = np.repeat(np.arange(len(graph.ends)), np.diff(graph.start))
-    start = np.searchsorted(source[allowed], np.arange(len(graph.ends) + 1)).astype(np.int32)
-    to = to[allowed].astype(np.int32)
     rows = np.zeros(n, ROW)
     rows["x"], rows["y"] = place.T
     rows["dx"], rows["dy"] = moved.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
-    rows["scale"], rows["end"], rows["more"] = scale, end, more
-    rows["endless"] = endless_rows(more, end, start, to)
-    return Film(rows, start, to, graph.distance[allowed].astype(float) / step, pose == BODY)
+    rows["scale"], rows["more"] = scale, more
+    if len(jumps.end) > n:
+        rows = np.concatenate([rows, _upside_down(rows)])
+        barred = np.tile(barred, 2)
+    allowed = ~barred[jumps.to]
+    before = np.concatenate([[0], np.cumsum(allowed)]).astype(np.int32)
+    start, to = before[jumps.start], jumps.to[allowed].astype(np.int32)
+    rows["end"] = jumps.end
+    rows["endless"] = endless_rows(rows["more"], rows["end"], start, to)
+    return Film(rows, start, to, jumps.seam[allowed], pose == BODY, n)
+
+
+def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
+    other = rows.copy()
+    for name in ("y", "dy", "heading"):
+        other[name] *= -1
+    return other
 
 
 def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:

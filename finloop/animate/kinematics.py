@@ -13,12 +13,16 @@ from finloop.base.kernel import kernel
 
 
 class Spot(NamedTuple):
-    """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`."""
+    """A place to touch, px: the centre or the head, `head_px` ahead, comes within `touch_px`.
+
+    free: whether the fish only wanders: by sprites it swims there, by the film as the film does.
+    """
 
     x: float
     y: float
     touch_px: float
     head_px: float
+    free: bool = False
 
 
 class Ahead(NamedTuple):

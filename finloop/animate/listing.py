@@ -8,11 +8,12 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
+from finloop.animate.film import Film
 from finloop.animate.joins import INERTIAL, Shown, cross_fades, inertialized
 from finloop.animate.motion import STATES
 from finloop.animate.state import Decision, Stretch
 from finloop.animate.swim import Player, Swim, swim
-from finloop.base.arrays import Floats, Ints
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
 
@@ -66,11 +67,11 @@ def edit_columns(
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
     rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
-    shown = Shown(
+    shown = folded(
         np.array([s.kind == FRAME for s in stretches])[owner],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
-        np.zeros(ticks, bool),
+        player.waters.film,
     )
     start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     first = start[start < ticks]
@@ -95,6 +96,17 @@ def edit_columns(
         "aim_x_px": aims[owner, 0],
         "aim_y_px": aims[owner, 1],
     }
+
+
+def folded(frame: Mask, number: Ints, rot: Floats, film: Film) -> Shown:
+    """Pictures (ticks,) whose frames are numbered as `Film` does, with mirror images at the end.
+
+    There a mirror image is the frame upside down; drawn, it is mirrored about its own heading.
+    """
+    mirrored = frame & (number >= film.filmed)
+    row = np.where(mirrored, number - film.filmed, number)
+    heading = film.heading[np.where(frame, row, 0)]
+    return Shown(frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored)
 
 
 def joined(shown: Shown, heading: Floats, new: Ints, player: Player) -> dict[str, NDArray[Any]]:

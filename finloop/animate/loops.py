@@ -22,16 +22,19 @@ from finloop.features.table import wrap_deg
 from finloop.loops.positions import displacement, next_end, quadrant
 
 
-def verdicts(found: Found, before: float, most_error_deg: float) -> NDArray[np.int8]:
+def verdicts(
+    found: Found, before: float, most_error_deg: float, free: bool = False
+) -> NDArray[np.int8]:
     """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
 
     A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
     `before` px away when it begins; and must head at most `most_error_deg` off the goal when done.
+    free: whether the fish only wanders, and need only stay in the tank.
     """
     verdict = np.zeros(len(found.value), np.int8)
-    # The last first: a test that comes earlier has the last word.
-    verdict[found.error > most_error_deg] = VERDICTS.index("heading")
-    verdict[found.far >= before] = VERDICTS.index("quadrant")
+    if not free:  # The last first: a test that comes earlier has the last word.
+        verdict[found.error > most_error_deg] = VERDICTS.index("heading")
+        verdict[found.far >= before] = VERDICTS.index("quadrant")
     verdict[np.isinf(found.value)] = VERDICTS.index("tank")
     verdict[found.over] = VERDICTS.index("passed over")
     return verdict
@@ -98,9 +101,8 @@ class FilmSwimmer:
         if jumps and film.end[row] >= 0:
             here = slice(film.start[film.end[row]], film.start[film.end[row] + 1])
             rows, seams = np.append(rows, film.to[here]), np.append(seams, film.seam[here])
-        goes_on = film.more[rows]
-        goes_on[goes_on] = film.endless[rows[goes_on] + 1]
-        return rows[goes_on].astype(np.int64), seams[goes_on]
+        plays = film.plays(rows)
+        return rows[plays].astype(np.int64), seams[plays]
 
     def weigh(self, fish: Fish, aim: Spot, rows: Ints, rots: Floats, seams: Floats) -> Options:
         """Look ahead from rows (k,) that could be shown next; seam NaN: not a jump, the film's own.
@@ -118,7 +120,7 @@ class FilmSwimmer:
         candidates, here = Candidates(rows, rots, costs, since), Here(x, y, fish.tick, last)
         found = search.look(film, waters.tank.legal, candidates, here, aim, self.rules)
         before = float(np.hypot(aim.x - x, aim.y - y))
-        verdict = verdicts(found, before, waters.settings.most_error_deg)
+        verdict = verdicts(found, before, waters.settings.most_error_deg, aim.free)
         seams, value = np.where(jumps, seams, 0.0), found.value / rate
         return Options(rows, rots, seams, terms / rate, value, found.ticks, verdict)
 

@@ -162,8 +162,9 @@ def outside(edit: pd.DataFrame, player: Player) -> int:
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
-    for (kind, source), ticks in edit.groupby(["kind", "source"]).indices.items():
-        ahead, left = player.hull(str(kind), int(source)).T
+    pictures = edit.groupby(["kind", "source", "mirrored"]).indices
+    for (kind, source, mirrored), ticks in pictures.items():
+        ahead, left = player.hull(str(kind), int(source)).T * [[1], [-1 if mirrored else 1]]
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
         column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
         row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
@@ -247,7 +248,7 @@ def longest_repeat(edit: pd.DataFrame) -> int:
 
 def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
     """A number (ticks,) for each picture that an edit list names, the same for the same."""
-    names = ["kind", "source", "orientation"]
+    names = ["kind", "source", "orientation", "mirrored"]
     return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
 
 

@@ -12,7 +12,7 @@ from finloop.animate.arena import place_goals, tank
 from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
-from finloop.animate.film import film
+from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
 from finloop.animate.joins import Joins, joins
 from finloop.animate.listing import edit_list
 from finloop.animate.loops import FilmSwimmer
@@ -24,11 +24,11 @@ from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, swim
-from finloop.base.arrays import Floats, Mask, Reals
+from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
-from finloop.distance.picture import distance
+from finloop.distance.picture import BODY, distance
 from finloop.features.table import delta_frames
 from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
@@ -40,8 +40,8 @@ class Material(NamedTuple):
     """What has been made of a film.
 
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline: a row for each row
-    of the reel, lists outline_x_px, outline_y_px; loops, gateways: columns of `LOOPS`, `GATEWAYS`;
-    poses: of the rows of the reel.
+    of the reel, lists outline_x_px, outline_y_px; loops, jumps, gateways: columns of `LOOPS`,
+    `JUMPS`, `GATEWAYS`; poses: of the rows of the reel.
     """
 
     rate_hz: float
@@ -51,6 +51,7 @@ class Material(NamedTuple):
     model: MotionModel
     map_facts: MapFacts
     loops: pd.DataFrame
+    jumps: pd.DataFrame
     gateways: pd.DataFrame
     poses: FilmPoses
 
@@ -93,16 +94,21 @@ def planner(made: Material, p: Settings) -> Planner:
     hulls = frame_hulls(lists_to_points(made.outline, "outline"), features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
-    graph = loop_graph(made.loops, features["track_id"].to_numpy())
-    way = film(features, graph, motion, facts.pose, facts.step_median, barred)
+    if p.jumps == "loops":
+        graph = loop_graph(made.loops, features["track_id"].to_numpy())
+        jumps, pose = loop_jumps(graph, len(features), facts.step_median), facts.pose
+    else:
+        jumps, pose = neighbour_jumps(made.jumps, len(features)), BODY
+    way = film(features, jumps, motion, pose, barred)
     head = np.hypot(
         features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
     waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
-    how = joins(p, bodies, rate_hz, pictures.helps)
-    company = players(waters, cast, made.model, made.gateways, facts.step_median, how)
+    followers = _followers(sprites, way) if p.jumps == "neighbours" else None
+    gates = Gates(made.gateways, facts.step_median, followers)
+    company = players(waters, cast, made.model, gates, joins(p, bodies, rate_hz, pictures.helps))
     return Planner(waters, company, pictures, facts.step_median)
 
 
@@ -134,16 +140,28 @@ def reach(
     return most, frames > most
 
 
-def players(
-    waters: Waters, cast: Cast, model: MotionModel, gateways: pd.DataFrame, step: float, how: Joins
-) -> dict[str, Player]:
-    """A player for every mode; without loops there is no such mode, and the hybrid is the network.
+class Gates(NamedTuple):
+    """How sprites and film are joined, as `Crossing` takes it."""
 
-    gateways: with the columns of `GATEWAYS`; step: the median distance of successive frames.
-    """
+    gateways: pd.DataFrame
+    median_step: float
+    followers: Ints | None = None
+
+
+def _followers(sprites: pd.DataFrame, way: Film) -> Ints:
+    """The row of the film (s,) that follows each sprite."""
+    other = sprites["mirrored"].to_numpy() & (len(way.rows) > way.filmed)
+    rows = sprites["row"].to_numpy() + way.filmed * other
+    return rows + way.more[rows]
+
+
+def players(
+    waters: Waters, cast: Cast, model: MotionModel, gates: Gates, how: Joins
+) -> dict[str, Player]:
+    """A player for every mode; without loops there is no such mode, the hybrid is the network."""
     sprites = SpriteSwimmer(waters, model)
     policies = dict.fromkeys((NETWORK, HYBRID), Policy(NETWORK, sprites))
     if (waters.film.endless & waters.film.more).any():
-        crossing = Crossing(sprites, FilmSwimmer(waters), gateways, step)
+        crossing = Crossing(sprites, FilmSwimmer(waters), *gates)
         policies = {mode: Policy(mode, sprites, crossing) for mode in MODES}
     return {mode: Player(policy, waters, cast, how) for mode, policy in policies.items()}

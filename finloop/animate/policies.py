@@ -72,7 +72,12 @@ def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generato
 
 
 def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> Mask:
-    """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second."""
+    """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second.
+
+    Of a fish that wanders, all that are legal.
+    """
+    if aim.free:
+        return options.legal
     rate, gain = crossing.waters.motion.rate_hz, crossing.waters.settings.gain
     ticks = search.remaining(fish.x, fish.y, fish.heading, aim, crossing.film.rules)
     return options.legal & (options.value <= (ticks + (1 - gain) * options.ticks) / rate)

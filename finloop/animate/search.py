@@ -97,7 +97,7 @@ def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
             return x, y, -1, t, False
         # A fish that has reached its goal must be able to swim on.
         goes_on = at.more and rows[row + 1].endless
-        if goes_on and touches(x, y, at.heading + way.rot, aim):
+        if goes_on and not aim.free and touches(x, y, at.heading + way.rot, aim):
             return x, y, row, t, True
         if t >= stride and at.end >= 0:
             return x, y, row, t, False
@@ -106,7 +106,9 @@ def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
 
 @kernel
 def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
-    """About how many ticks it is to a point: way / pace + turn / turning."""
+    """About how many ticks it is to a point: way / pace + turn / turning; 0 for who wanders."""
+    if aim.free:
+        return 0.0
     far = np.hypot(aim.x - x, aim.y - y)
     error = abs(wrap(bearing(x, y, aim.x, aim.y) - heading))
     return far / rules.pace + error / rules.turning
@@ -286,7 +288,7 @@ def swim(film: Film, way: NDArray[np.void], goal: Spot, aim: Spot, rules: Rules)
         heading = at.heading + rot
         out[n] = x, y, heading
         n += 1
-        goes_on = at.more and next_row.endless
+        goes_on = at.more and next_row.endless and not goal.free
         touched = goes_on and touches(x, y, heading, goal)
         # The way was looked at no farther than the aim, and the horizon.
         stop = touched or (goes_on and touches(x, y, heading, aim)) or n >= rules.horizon

@@ -67,6 +67,10 @@ class Settings:
     turn_less: Annotated[float, Field(gt=0, le=1)]  # see turn_more
 
     # Loops mode (Figs. 10, 11, 17).
+    # who has no goal goes where the film goes, if it stays in the tank, or to random places
+    wander: Literal["film", "places"]
+    # from frame to frame at the paper's loops, or at a frame's nearest neighbours and mirror images
+    jumps: Literal["neighbours", "loops"]
     stay_s: Positive  # s between two jumps, at least
     look_ahead_s: Positive  # s; ways through the film are followed so far ahead
     stride_s: Positive  # s; loop ends nearer to the last decision are passed by

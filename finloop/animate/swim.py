@@ -63,7 +63,8 @@ class Player:
             else:
                 place, left = somewhere(waters, fish, rng)
             x, y = place
-        spot = Spot(float(x), float(y), waters.touch_px, waters.head_px)
+        free = goal is None and waters.settings.wander == "film"
+        spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
         stretch = self.policy.next(fish, spot, rng)
         wanders = goal is None and not stretch.touched
         left = left - len(stretch.way) * (stretch.state != TURN) if wanders else 0
@@ -95,11 +96,14 @@ class Swim:
     names: list[str]  # of the goal, for each stretch
     reached: Ints
 
-    def considered(self, ticks: int) -> pd.DataFrame:
-        """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`."""
+    def considered(self, ticks: int, filmed: int) -> pd.DataFrame:
+        """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
+
+        filmed: rows of the film, after which its mirror images are counted.
+        """
         begins = np.cumsum([0] + [len(s.way) for s in self.stretches])
         rows = [
-            (tick, row, seam, value, VERDICTS[verdict], i == o.taken)
+            (tick, row % filmed, row >= filmed, seam, value, VERDICTS[verdict], i == o.taken)
             for tick, o in zip(begins, (s.options for s in self.stretches), strict=False)
             if tick < ticks and o is not None
             for i, (row, seam, value, verdict) in enumerate(

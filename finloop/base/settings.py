@@ -36,7 +36,8 @@ Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
 WORDS = (
     "clip", "extract", "features", "pose", "bpn", "forecast", "sprites", "distance", "loops",
-    "gateways", "animate", "render", "realism", "tank", "export", "morph", "gait", "report",
+    "jumps", "gateways", "animate", "render", "realism", "tank", "export", "morph", "gait",
+    "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""
 CONF = Path(__file__).parents[2] / "conf"

@@ -176,7 +176,7 @@ class View:
         row, terms, cost = int(options.rows[way]), options.terms[way], float(options.value[way])
         value = round(cost, 2) if math.isfinite(cost) else None
         return {
-            "row": row, "seam": round(float(options.seams[way]), 2),
+            "row": row % self.tank.waters.film.filmed, "seam": round(float(options.seams[way]), 2),
             "terms": [round(float(term), 2) for term in terms],
             "swim": None if value is None else round(cost - float(sum(terms)), 2),
             "value": value, "fails": VERDICTS[options.verdict[way]],

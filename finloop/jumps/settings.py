@@ -1,0 +1,25 @@
+"""Parameters of `jumps`: from which frame to which the film can jump, mirror images too."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from finloop.base.settings import Count, NotNegative, Positive
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Which frames are neighbours."""
+
+    neighbours: Count  # so many of every frame are kept, the nearest, one a passage of the film
+    least_s: Positive  # s; film shorter than this is not jumped over, and is left after a jump
+    # what a difference in each counts, 1 = equally: the pose, ...
+    pose: NotNegative
+    change: NotNegative  # ... how the pose changes, ...
+    motion: NotNegative  # ... speed ahead, aside and of turning, ...
+    look: NotNegative  # ... light and skin, drawn in one pose
+    look_px: Count  # across the pictures that light and skin are compared in ...
+    look_numbers: Count  # ... by so many principal components
+    # whether a fish is shown mirrored; auto: if its sides differ by less than `sides_most`
+    mirror: Literal["auto", "yes", "no"]
+    # a fish's mirror image is so many times as far from it as its other pictures, at most
+    sides_most: Positive

@@ -1,0 +1,130 @@
+"""What is compared at a jump: a vector of numbers for every row and for its mirror image."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Mask
+from finloop.features.table import delta_of
+from finloop.jumps.settings import Settings
+from finloop.pose.film import FilmPoses
+from finloop.puppet import Pose, draw
+from finloop.reel import Reel
+
+_SPAN = 1.25  # lengths of a straight fish across a picture
+_LOT = 1000  # pictures at a time
+_FITTED = 600  # pictures at most that the principal components are fitted to
+
+
+class Parts(NamedTuple):
+    """What rows are compared in, each (2, n, k): of the film [0] and of its mirror image [1].
+
+    pose: codes of principal shapes; change: of these in a second; motion: speeds ahead and aside,
+    body lengths/s, and of turning, °/s, anticlockwise; look: principal components of the pictures
+    drawn straight.
+    """
+
+    pose: Floats
+    change: Floats
+    motion: Floats
+    look: Floats
+
+
+@dataclass(frozen=True)
+class Straight:
+    """Pictures of rows, all drawn straight, headed right: they differ in light and skin alone.
+
+    That is the mean posture, which is its own mirror image. size: px across.
+    """
+
+    reel: Reel
+    poses: FilmPoses
+    size: int
+
+    def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
+        """Pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
+        middle = (self.size - 1) / 2
+        place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
+        one = Pose(*place, self.poses.shapes.mean)
+        film, size = self.reel.film, (self.size, self.size)
+        return np.stack([
+            draw(film[int(row)], self.poses.pose[row], one, size, sharp=False) for row in rows
+        ])  # fmt: skip
+
+
+def _components(straight: Straight, count: int) -> Floats:
+    """Principal components (2, n, count) of straight pictures and of their mirror images."""
+    n = len(straight.reel)
+    sample = straight(np.unique(np.linspace(0, n - 1, min(n, _FITTED)).astype(np.intp)))
+    both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
+    mean = both.mean(0)
+    axes = np.linalg.svd(both - mean, full_matrices=False)[2][:count].T
+    lots = []
+    for start in range(0, n, _LOT):
+        lot = straight(np.arange(start, min(start + _LOT, n)))
+        sides = (lot, lot[:, ::-1])
+        lots.append(np.stack([(one.reshape(len(lot), -1) - mean) @ axes for one in sides]))
+    return np.concatenate(lots, axis=1).astype(float)
+
+
+def parts(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings) -> Parts:
+    """The parts of all rows; poses: of the reel's rows."""
+    span = max(1, round(delta_of(reel.features) / 4))
+    pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
+    change = np.stack([_slope(one, reel.goes_on, span) for one in pose]) * rate_hz
+    look = _components(Straight(reel, poses, settings.look_px), settings.look_numbers)
+    return Parts(pose, change, _motion(reel, rate_hz, span), look)
+
+
+def signatures(made: Parts, goes_on: Mask, settings: Settings) -> Floats:
+    """What rows [0] and their mirror images [1] are compared by, (2, n, d), in natural steps.
+
+    The parts side by side, each divided by its deviation over the film, times its weight. A natural
+    step is the median distance from a row to the next one of its track. goes_on (n,): whether the
+    next row is the next frame of the same track.
+    """
+    weights = (settings.pose, settings.change, settings.motion, settings.look)
+    scaled = [_scaled(part, name == "motion") * weight for (name, part), weight in
+              zip(made._asdict().items(), weights, strict=True)]  # fmt: skip
+    values = np.concatenate(scaled, axis=-1)
+    rows = np.flatnonzero(goes_on)
+    step = np.median(np.linalg.norm(values[0, rows + 1] - values[0, rows], axis=-1))
+    return values / max(float(step), 1e-12)
+
+
+def _scaled(part: Floats, each: bool) -> Floats:
+    """Deviations from the mean; in units of the part's deviation, or of each of its numbers'."""
+    apart = part - part.mean((0, 1))
+    square = (apart**2).mean((0, 1))
+    total = square * len(square) if each else square.sum()
+    return apart / np.sqrt(np.maximum(total, 1e-24))
+
+
+def _slope(values: Floats, goes_on: Mask, span: int) -> Floats:
+    """Change (n, k) per row of values, over `span` rows before and after, within a track."""
+    last = np.flatnonzero(~goes_on)
+    rows = np.arange(len(values))
+    end = last[np.searchsorted(last, rows)]
+    begin = np.concatenate([[0], last[:-1] + 1])[np.searchsorted(last, rows)]
+    a, b = np.maximum(rows - span, begin), np.minimum(rows + span, end)
+    return (values[b] - values[a]) / np.maximum(b - a, 1)[:, None]
+
+
+def _motion(reel: Reel, rate_hz: float, span: int) -> Floats:
+    """Speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows and mirror images."""
+    features = reel.features
+    place = features[["x_px", "y_px"]].to_numpy(float) / reel.lengths_px[:, None]
+    heading = features["heading_deg"].to_numpy(float)
+    unwrapped = np.concatenate([
+        np.unwrap(one, period=360)
+        for one in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
+    ])  # fmt: skip
+    moved = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span) * rate_hz
+    cos, sin = np.cos(np.radians(heading)), np.sin(np.radians(heading))
+    ahead = moved[:, 0] * cos - moved[:, 1] * sin
+    aside = -moved[:, 0] * sin - moved[:, 1] * cos
+    return np.stack([
+        np.column_stack([ahead, side * aside, side * moved[:, 2]]) for side in (1, -1)
+    ])  # fmt: skip

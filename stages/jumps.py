@@ -1,0 +1,35 @@
+"""Stage `jumps`: where the film can go on as a frame that looks and moves alike, or its mirror."""
+
+from stages.run import run, save_metrics  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+from finloop.features.table import FEATURES
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import open_cutouts
+from finloop.io.table import load_table, save_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.jumps.film import film_jumps
+from finloop.jumps.search import JUMPS
+from finloop.jumps.settings import Settings
+from finloop.reel import Reel
+from stages.poses import load_poses
+from stages.settings import load
+
+DATA, OUT, REPORT = Path("data"), Path("data/jumps"), Path("reports/jumps")
+
+
+def main() -> None:
+    """Make data/jumps/, reports/jumps/."""
+    p: Settings = load("jumps")
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
+    with open_cutouts(DATA / "extract/cutouts.arrow") as film:
+        jumps, numbers = film_jumps(Reel(features, film), load_poses(features), rate_hz, p)
+    with whole_folder(OUT) as folder:
+        save_table(folder / "jumps.parquet", jumps, JUMPS)
+    save_metrics(REPORT / "metrics.json", numbers)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,142 @@
+"""Jumps to nearest neighbours: against every pair, one a passage, and mirror images alike."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from toy_film import HEAD, TOUCH, swum, table_of, waters_of
+
+from finloop.animate.film import film, neighbour_jumps
+from finloop.animate.kinematics import Spot
+from finloop.animate.listing import folded
+from finloop.animate.loops import FilmSwimmer
+from finloop.animate.planner import BODY
+from finloop.base.settings import settings
+from finloop.features.table import wrap_deg
+from finloop.jumps.search import JUMPS, nearest
+from finloop.jumps.sides import sides_apart
+from finloop.jumps.signature import Parts, signatures
+
+COUNT, LEAST = 5, 8
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(0)
+
+
+def walk(rng: np.random.Generator, n: int = 160) -> np.ndarray:
+    """Numbers (2, n, 3) that change little by little; the mirror image has the last one negated."""
+    own = rng.normal(0, 1, (n, 3)).cumsum(0) / 4
+    return np.stack([own, own * (1, 1, -1)])
+
+
+@pytest.mark.parametrize("mirror", [True, False])
+def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
+    values, track = walk(rng), np.repeat([0, 1, 2], [60, 70, 30])
+    n, made = len(track), nearest(values, track, COUNT, LEAST, mirror)
+    assert list(made) == JUMPS.names
+    targets = np.concatenate(values[: 1 + mirror])
+    for row in range(n):
+        far = np.linalg.norm(targets - values[0, row], axis=1)
+        for j in range(len(targets)):
+            to = j % n
+            ends = np.searchsorted(track, track[to], "right") - 1 - to < LEAST
+            near = j < n and track[to] == track[row] and abs(to - row) < LEAST
+            far[j] = np.inf if ends or near else far[j]
+        inner = np.r_[np.inf, far, np.inf]
+        best = np.flatnonzero((far < inner[:-2]) & (far <= inner[2:]))
+        best = best[np.argsort(far[best])][:COUNT]
+        mine = made[made["row"] == row]
+        assert mine["to"].tolist() == (best % n).tolist()
+        assert mine["mirrored"].tolist() == (best >= n).tolist()
+        assert mine["seam"].to_numpy() == pytest.approx(far[best], rel=1e-5)
+
+
+def test_a_film_too_short_to_go_on_has_no_jump(rng):
+    assert nearest(walk(rng, LEAST), np.zeros(LEAST, int), COUNT, LEAST).empty
+
+
+def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
+    n = 200
+    sides = np.stack([walk(rng, n)[0]] * 2)
+    noise = rng.normal(0, 100, (2, n, 4))
+    made = Parts(sides, sides, sides, noise)
+    goes_on = np.arange(n) < n - 1
+    values = signatures(made, goes_on, settings("jumps", look=0.0))
+    assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
+    louder = signatures(made._replace(look=7 * noise), goes_on, settings("jumps", look=0.0))
+    assert louder == pytest.approx(values)
+    scaled = signatures(made._replace(pose=9 * sides), goes_on, settings("jumps", look=0.0))
+    assert scaled == pytest.approx(values)
+
+
+def test_sides_that_are_alike_are_near_and_others_far(rng):
+    class Pictures:
+        def __init__(self, patch: float) -> None:
+            self.patch = patch
+
+        def __call__(self, rows):
+            one = np.zeros((len(rows), 16, 16, 2), np.float32)
+            one[:, 4:12, 2:14] = 0.5
+            one[:, 4:8, 4:8] += self.patch
+            return one + rng.normal(0, 0.02, one.shape).astype(np.float32)
+
+    track = np.zeros(100, int)
+    assert sides_apart(Pictures(0.0), track) == pytest.approx(1, abs=0.1)
+    assert sides_apart(Pictures(0.3), track) > 3
+
+
+def both_sides():
+    """A film of two circles and a line, which can go on anywhere as its mirror image."""
+    table = table_of(*(swum([rate] * 149) for rate in (0.0, 3.0, -5.0)))
+    n, rows = len(table), np.arange(10, 440, 10)
+    jumps = pd.DataFrame(
+        {"row": rows, "to": (rows + 37) % 430, "mirrored": rows % 20 == 0, "seam": 0.5}
+    )
+    ways = neighbour_jumps(jumps, n)
+    motion = waters_of().motion
+    return table, jumps, film(table, ways, motion, BODY, np.zeros(n, bool))
+
+
+def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
+    table, jumps, made = both_sides()
+    n = len(table)
+    assert made.filmed == n and len(made.rows) == 2 * n
+    for row, to, across in zip(jumps["row"], jumps["to"], jumps["mirrored"], strict=True):
+        for side in (0, 1):
+            k = made.end[row + side * n]
+            assert made.to[made.start[k] : made.start[k + 1]].tolist() == [
+                to + n * (side ^ int(across))
+            ]
+
+
+def test_without_mirror_images_the_film_is_no_longer():
+    table, jumps, _ = both_sides()
+    ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
+    assert len(ways.end) == len(table)
+    made = film(table, ways, waters_of().motion, BODY, np.zeros(len(table), bool))
+    assert made.filmed == len(made.rows)
+
+
+def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_heading():
+    table, _, made = both_sides()
+    n, rows = len(table), np.arange(200, 260)
+    for name, sign in (("dx", 1), ("dy", -1), ("heading", -1), ("speed", 1), ("area", 1)):
+        assert getattr(made, name)[rows + n] == pytest.approx(sign * getattr(made, name)[rows])
+    rot = np.full(len(rows), 25.0)
+    shown = folded(np.ones(len(rows), bool), rows + n, rot, made)
+    assert shown.mirrored.all() and shown.number.tolist() == rows.tolist()
+    drawn = table["heading_deg"].to_numpy()[rows] + shown.rot
+    assert wrap_deg(drawn - (made.heading[rows + n] + rot)) == pytest.approx(0, abs=1e-9)
+
+
+def test_who_wanders_takes_the_film_as_it_comes(rng):
+    waters = waters_of(free_s=1e-6)
+    swimmer = FilmSwimmer(waters)
+    fish = swimmer.begin(rng)
+    spot = Spot(400.0, 300.0, TOUCH, HEAD, free=True)
+    options = swimmer.options(fish, spot)
+    assert options.legal.any()
+    assert np.all(options.value[options.legal] * waters.motion.rate_hz >= swimmer.rules.horizon)
+    stretch = swimmer.swim(fish, spot, rng)
+    assert not stretch.touched
