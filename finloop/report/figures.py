@@ -84,6 +84,10 @@ FILM = Chapter(
         Figure("features/trajectories.png", "", "Tracks",
                "Where every fish that could be followed went.",
                "Coloured tracks over the background of the tank."),
+        Figure("pose/shapes.png", "", "Postures",
+               "The few shapes that postures consist of, from two standard deviations to one side "
+               "to two to the other. After a jump the animal goes on bending in them.",
+               "Rows of one animal, bent more and more to one side and to the other."),
         Figure("bpn/fig15.png", "Fig. 15", "Learning",
                "Error per epoch, on rows learnt from and on rows held out.",
                "Two charts of error that falls quickly and then stays level."),
