@@ -16,8 +16,8 @@ import stages.clip
 import stages.distance
 import stages.extract
 import stages.features
-import stages.forecast
 import stages.gateways
+import stages.jumps
 import stages.loops
 import stages.plots.realism
 import stages.pose
@@ -322,7 +322,7 @@ def folder(tmp_path_factory):
         patch.chdir(path)
         for stage in (
             stages.clip, stages.extract, stages.features, stages.pose, stages.bpn, stages.sprites,
-            stages.distance, stages.loops, stages.gateways, stages.animate, stages.realism,
+            stages.distance, stages.loops, stages.jumps, stages.gateways, stages.animate, stages.realism,
         ):  # fmt: skip
             stage.main()
     return path
