@@ -67,9 +67,13 @@ class Bodies:
         before = np.arange(len(codes)) - np.append(False, more[:-1])
         return (codes[after] - codes[before]) / np.maximum(after - before, 1)[:, None]
 
+    @cached_property
+    def _orientations(self) -> int:
+        return orientations_of(self.sprites)
+
     def line_deg(self, orientation: int, rotation_deg: float) -> Floats:
         """The direction of a sprite's line on screen: as stored, and turned on."""
-        return direction_deg(orientation, orientations_of(self.sprites)) + rotation_deg
+        return direction_deg(orientation, self._orientations) + rotation_deg
 
     def of(self, frame: Mask, number: Rows, turn_deg: Floats, mirrored: Mask) -> Body:
         """The bodies of pictures (…).

@@ -139,8 +139,6 @@ def drawn(shown: Shown, heading: Floats, player: Player) -> dict[str, NDArray[An
         "source": shown.number,
         "orientation": np.where(shown.frame, 0, sector),
         "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
-        "scale": np.where(
-            shown.frame, waters.film.scale[frame], player.cast.sprites["scale"].to_numpy()[sprite]
-        ),
+        "scale": np.where(shown.frame, waters.film.scale[frame], player.cast.sprite_scale[sprite]),
         "mirrored": shown.frame & shown.mirrored,
     }

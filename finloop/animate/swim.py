@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -31,6 +32,11 @@ class Cast:
     sprites: pd.DataFrame
     sprite_hulls: Sequence[Floats]
     frame_hulls: NDArray[np.float32]
+
+    @cached_property
+    def sprite_scale(self) -> Floats:
+        """Drawn size / filmed size (n,) of every sprite."""
+        return self.sprites["scale"].to_numpy(float)
 
 
 @dataclass(frozen=True)
