@@ -32,6 +32,7 @@ from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
+from stages.forecasts import load_forecast
 from stages.poses import load_poses
 from stages.settings import load
 
@@ -48,6 +49,7 @@ def bring(p: Settings) -> Iterator[Planner]:
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
+    poses = load_poses(features)
     points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
@@ -63,7 +65,8 @@ def bring(p: Settings) -> Iterator[Planner]:
             load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
             load_table(DATA / "jumps/jumps.parquet", JUMPS),
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
-            load_poses(features),
+            poses,
+            load_forecast(features, poses, facts.frame_rate_hz),
         )
         yield planner(made, p)
 

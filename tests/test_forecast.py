@@ -1,18 +1,16 @@
-"""The forecast: states, learning, similar rows, sampling; laws on drawn series, then the stage.
+"""The forecast: states, learning, similar rows, sampling, measures: laws on a drawn fish.
 
-A drawn fish bends by an autoregressive law that is written down in the test; its spread is known.
+The law by which it bends and swims, and so its spread, is written down in toy_swim.py.
 """
 
 import json
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
+from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, swum
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import settings
-from finloop.features.table import wrap_deg
 from finloop.forecast.assess import (
     ahead,
     autocorrelation,
@@ -35,40 +33,6 @@ from finloop.forecast.sampling import (
     step,
     ways,
 )
-
-RATE, DELTA, NOISE = 25.0, 5, 0.3
-MIRROR = np.diag([-1.0, 1.0])
-HOW = settings("forecast", epochs=12, hidden=24, share=0.999)
-
-
-def swum(count=3000, seed=0, tracks=1, drift=0.0):
-    """A fish (features, codes) whose bend and speed are autoregressive, and whose bend turns it."""
-    rng = np.random.default_rng(seed)
-    bend, speed = np.zeros(count), np.full(count, 1.5)
-    for t in range(1, count):
-        bend[t] = 0.9 * bend[t - 1] + NOISE * rng.normal() + drift
-        speed[t] = 1.5 + 0.8 * (speed[t - 1] - 1.5) + 0.1 * rng.normal()
-    turning = 4 * bend  # rad/s
-    heading = np.cumsum(turning) / RATE
-    before = np.append(0.0, heading[:-1])
-    length = 60.0
-    slip = 0.1 * rng.normal(size=count)
-    x = np.cumsum(speed * np.cos(before) - slip * np.sin(before)) / RATE * length
-    y = -np.cumsum(speed * np.sin(before) + slip * np.cos(before)) / RATE * length
-    track = np.arange(count) * tracks // count
-    ends = np.append(track[DELTA:], np.full(DELTA, -1)) != track
-    moved = np.hypot(np.roll(x, -DELTA) - x, np.roll(y, -DELTA) - y) / length
-    turned = wrap_deg(np.degrees(np.roll(heading, -DELTA) - heading))
-    features = pd.DataFrame(
-        {
-            "track_id": track, "frame": np.arange(count), "x_px": x, "y_px": y,
-            "heading_deg": wrap_deg(np.degrees(heading)), "body_length_px": length,
-            "displacement": np.where(ends, np.nan, moved),
-            "included_angle_deg": np.where(ends, np.nan, turned),
-        }
-    )  # fmt: skip
-    codes = np.stack([bend, 0.2 * bend**2 + 0.05 * rng.normal(size=count)], 1)
-    return features, codes
 
 
 @pytest.fixture(scope="module")

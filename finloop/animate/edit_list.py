@@ -19,7 +19,8 @@ SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a sprite in an orientation, or a row of the film."""
 
 NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
-"""The modes: sprites moved by what the network learnt; the film, jumping at loops; both in turn."""
+"""The modes: what a network learnt moves sprites or, by its forecast, frames in any pose; the film,
+jumping at loops; both in turn."""
 
 INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
@@ -69,11 +70,11 @@ Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the motion area of the stronge
 share of the film's displacement for which there was `room`. Of a phase: the `film_speed` at which
 the film's began."""
 
-REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT = (
-    "phase", "turn", "wall", "play", "jump", "enter", "spot",
+REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD = (
+    "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
-loop, enter the film by a gateway, turn on the spot as no way leads on."""
+loop, enter the film by a gateway, turn on the spot as no way leads on; swim as is foretold."""
 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
 """The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""

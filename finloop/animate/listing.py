@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from finloop.animate.edit_list import EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
 from finloop.animate.film import Film
 from finloop.animate.joins import INERTIAL, Shown, cross_fades, inertialized
-from finloop.animate.motion import STATES
+from finloop.animate.motion import FORECAST, STATES
 from finloop.animate.state import Decision, Stretch
 from finloop.animate.swim import Player, Swim, swim
 from finloop.base.arrays import Floats, Ints, Mask
@@ -81,6 +81,7 @@ def edit_columns(
     speed[:1] = speed[1:2]
     new = np.array([s.new for s in stretches])[: len(first)] & (first > 0)
     aims = np.array([s.aim for s in stretches])
+    state = np.array([s.state for s in stretches])[owner]
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / motion.rate_hz,
@@ -90,8 +91,8 @@ def edit_columns(
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([s.area for s in stretches])[owner],
-        "mode": np.where(shown.frame, LOOPS, NETWORK),
-        "state": np.array(STATES)[np.array([s.state for s in stretches])][owner],
+        "mode": np.where(shown.frame & (state != FORECAST), LOOPS, NETWORK),
+        "state": np.array(STATES)[state],
         "goal": np.array(names)[owner],
         "aim_x_px": aims[owner, 0],
         "aim_y_px": aims[owner, 1],

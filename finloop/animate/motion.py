@@ -21,9 +21,9 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
-STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM = range(6)
-STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film")
-"""What a fish does: by sprites, or as a stretch of film."""
+STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
+STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
+"""What a fish does: by sprites, as a stretch of film, or as is foretold."""
 
 
 @dataclass(frozen=True)

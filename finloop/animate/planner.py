@@ -1,7 +1,7 @@
 """Everything that plans an animation, from what has been made of a film."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
+from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.joins import Joins, joins
 from finloop.animate.listing import edit_list
 from finloop.animate.loops import FilmSwimmer
@@ -30,6 +31,7 @@ from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import BODY, distance
 from finloop.features.table import delta_frames
+from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
@@ -41,7 +43,8 @@ class Material(NamedTuple):
 
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline: a row for each row
     of the reel, lists outline_x_px, outline_y_px; loops, jumps, gateways: columns of `LOOPS`,
-    `JUMPS`, `GATEWAYS`; poses: of the rows of the reel.
+    `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
+    little for one.
     """
 
     rate_hz: float
@@ -54,6 +57,7 @@ class Material(NamedTuple):
     jumps: pd.DataFrame
     gateways: pd.DataFrame
     poses: FilmPoses
+    forecast: Sampler | None = None
 
 
 @dataclass(frozen=True)
@@ -109,6 +113,10 @@ def planner(made: Material, p: Settings) -> Planner:
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
     company = players(waters, cast, made.model, gates, joins(p, bodies, rate_hz, pictures.helps))
+    if made.forecast is not None and p.sprites == "learned":
+        swimmer = ForecastSwimmer(waters, made.forecast, sprites["row"].to_numpy())
+        policy = replace(company[NETWORK].policy, forecast=swimmer)
+        company[NETWORK] = replace(company[NETWORK], policy=policy)
     return Planner(waters, company, pictures, facts.step_median)
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from finloop.animate import search
 from finloop.animate.crossing import Crossing, refused
 from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE
+from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
@@ -20,20 +21,28 @@ from finloop.base.arrays import Mask
 
 @dataclass(frozen=True)
 class Policy:
-    """What may be shown next in a mode. crossing: None where there is no film to be in."""
+    """What may be shown next in a mode. crossing: None where there is no film to be in.
+
+    forecast: whoever swims in network mode if not sprites.
+    """
 
     mode: str
     sprites: SpriteSwimmer
     crossing: Crossing | None = None
+    forecast: ForecastSwimmer | None = None
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank: gliding, in loops mode in the film."""
+        if self.forecast is not None:
+            return self.forecast.begin(rng)
         if self.crossing is not None and self.mode == LOOPS:
             return self.crossing.film.begin(rng)
         return self.sprites.begin(rng)
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """What is shown next, on the way to a goal; first into the film, or out of it."""
+        if self.forecast is not None:
+            return self.forecast.next(fish, goal, rng)
         if self.crossing is None:
             return self.sprites.figure18(fish, goal, rng)
         if self.mode == HYBRID:

@@ -46,7 +46,14 @@ class Settings:
     speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
     speed_high: Share  # ... and the upper one
 
-    # Network mode (Fig. 18).
+    # Network mode: as is foretold (`finloop.forecast`), or by the paper's sprites and network (Fig.
+    # 18), as also where the film shows too little to foretell by
+    sprites: Literal["learned", "paper"]
+    ahead_s: Positive  # s; ways are looked at so far ahead
+    chance_s: Positive  # s; a way that takes so much longer is taken a third as often
+    wall: NotNegative  # s that a way costs for every second that it is out of the tank
+    follow_most_s: Positive  # s; a row of the film is followed so long at most
+    # Sprites in network mode (Fig. 18).
     alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
     turn_quantile: Share  # of the film's turns; a smaller error of the heading is left to drift
     turn_least_deg: NotNegative  # a larger error is never left to the drift

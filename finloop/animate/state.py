@@ -60,7 +60,8 @@ class Fish:
     tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
     it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
     a legal way on; recent (m, 3): stretches of film that were on screen, oldest first, each its
-    first row, its last row, and the tick of the first.
+    first row, its last row, and the tick of the first. As is foretold: past (L + 1, d), its last
+    states, the present one first (`finloop.forecast.sampling`).
     """
 
     x: float
@@ -77,6 +78,7 @@ class Fish:
     since: int = 0
     waits: int = 0
     recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    past: Floats | None = None
 
     @property
     def bent(self) -> bool:
@@ -168,6 +170,7 @@ class Stretch:
     waits: bool = False
     whole: bool = True
     options: Options | None = None
+    past: Floats | None = None
 
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""
@@ -179,6 +182,7 @@ class Stretch:
             number=self.number[:ticks],
             rot=None if self.rot is None else self.rot[:ticks],
             phase=None if self.phase is None else self.phase[:ticks],
+            past=None if self.past is None else self.past[: len(self.past) - len(self.way) + ticks],
             touched=False,
             whole=False,
         )
@@ -198,6 +202,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
             since=ticks - 1 if stretch.new else fish.since + ticks,
             waits=fish.waits + ticks if stretch.waits else 0,
             recent=_remembered(fish, stretch, waters),
+            past=None if stretch.past is None else stretch.past[ticks:][::-1],
         )  # fmt: skip
     before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
     step = np.hypot(x - before_x, y - before_y) / motion.body_length_px

@@ -2,7 +2,17 @@
 
 import math
 
-from finloop.animate.edit_list import ENTER, JUMP, NO_WAY, PHASE, PLAY, SPOT, TURNING, WALL
+from finloop.animate.edit_list import (
+    ENTER,
+    FORETOLD,
+    JUMP,
+    NO_WAY,
+    PHASE,
+    PLAY,
+    SPOT,
+    TURNING,
+    WALL,
+)
 from finloop.animate.state import Decision
 
 
@@ -33,6 +43,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
         SPOT: "no way on: turn on the spot",
+        FORETOLD: f"as is foretold, one of {decision.ways} rows: {decision.value_s:.1f} s",
     }
     if decision.reason in sprites:
         return sprites[decision.reason]

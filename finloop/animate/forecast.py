@@ -1,0 +1,176 @@
+"""Network mode by the forecast: the pose and motion of every tick are foretold (`finloop.forecast`).
+
+At every decision the fish may follow the row that it follows, or a similar one of the film or its
+mirror image. Where each leads is looked at along the film; those that lead to the goal in less time,
+and stay in the tank, are more likely. The fish then asks for that row's control, and moves as is
+foretold for its own state. What is drawn is the frame of the row, its pose going on as joins do.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from finloop.animate.arena import inside
+from finloop.animate.edit_list import FORETOLD, FRAME
+from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
+from finloop.animate.motion import FORECAST
+from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.base.arrays import Ints, Mask
+from finloop.features.table import wrap_deg
+from finloop.forecast.film import MOTION
+from finloop.forecast.sampling import Sampler, follow, ways
+from finloop.forecast.sampling import at_row as state_at
+
+_TRIES = 8  # ways that are tried one after the other before the fish slides along a wall
+
+
+class Pace(NamedTuple):
+    """How ways are followed and compared.
+
+    px: per tick at one body length/s; turn_deg: per tick at one rad/s; horizon: ticks looked ahead;
+    speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick out of the tank
+    costs.
+    """
+
+    px: float
+    turn_deg: float
+    horizon: int
+    speed: float
+    turning: float
+    wall: float
+
+
+class ForecastSwimmer:
+    """Swims as is foretold. sampler: of the film of `waters`; sprite_rows (s,): behind sprites."""
+
+    def __init__(self, waters: Waters, sampler: Sampler, sprite_rows: Ints) -> None:
+        motion, p = waters.motion, waters.settings
+        self.waters = waters
+        self.sampler = swum = shown_only(sampler, waters.film.more)
+        self._sprite_rows = sprite_rows
+        usable = np.flatnonzero(swum.usable)
+        speed = swum.states[usable][:, -MOTION:]
+        px = motion.body_length_px / motion.rate_hz
+        turn_deg = float(np.degrees(1 / motion.rate_hz))
+        self._pace = Pace(
+            px, turn_deg, max(2, waters.ticks(p.ahead_s)),
+            float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), 0.75)) * px,
+            max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
+        )  # fmt: skip
+        after = np.searchsorted(usable, np.arange(len(swum.usable)))
+        self._near = usable[np.minimum(after, len(usable) - 1)]
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """A fish somewhere in the tank, in a state of the film."""
+        x, y = self.waters.tank.random_point(rng)
+        row = int(rng.choice(np.flatnonzero(self.sampler.usable)))
+        fish = Fish(x, y, float(rng.uniform(-180, 180)), 0.0, FORECAST, -1, row=row)
+        return self._with_past(fish)
+
+    def _with_past(self, fish: Fish) -> Fish:
+        """The fish with a past; one that has none takes that of the row on screen."""
+        if fish.past is not None:
+            return fish
+        row = fish.row if fish.row >= 0 else int(self._sprite_rows[fish.sprite])
+        row = row if self.sampler.usable[row] else int(self._near[row])
+        return replace(fish, row=row, past=state_at(self.sampler, row).past)
+
+    def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Swim on towards the goal: follow a row till the next decision."""
+        fish, swum, p = self._with_past(fish), self.sampler, self.waters.settings
+        aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
+        rows, chance = ways(swum, fish.row)
+        if fish.since >= self.waters.ticks(p.follow_most_s) and len(rows) > 1:
+            chance[-1] = 0.0
+        start = np.array([fish.x, fish.y, fish.heading])
+        costs = look(swum, self.waters.tank.legal, rows, start, (goal, aim, self._pace))
+        with np.errstate(divide="ignore"):
+            liked = np.log(chance) - costs / self.waters.ticks(p.chance_s)
+        order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
+        ticks = int(rng.geometric(1 / swum.follow))
+        for row in rows[order[:_TRIES]].tolist():
+            states = follow(swum, fish.past, row, ticks, swum.control[row])[::-1]
+            way, good, touched = course(self.waters.tank.legal, states, start, goal, self._pace)
+            if good:
+                break
+        else:
+            way[0, :2] = self.waters.tank.into(*way[0, :2])
+            good, touched = 1, len(way)
+        n = min(good, touched + 1)
+        numbers = row + 1 + np.arange(n)
+        decision = Decision(FORETOLD, value_s=float(costs.min()) / self.waters.motion.rate_hz)
+        return Stretch(
+            FORECAST, way[:n], numbers, row != fish.row, aim, touched < n,
+            decision._replace(ways=len(rows)), FRAME,
+            wrap_deg(way[:n, 2] - self.waters.film.heading[numbers]),
+            past=np.concatenate([fish.past[::-1], states[:n]]),
+        )  # fmt: skip
+
+
+def shown_only(sampler: Sampler, more: Mask) -> Sampler:
+    """A sampler of the rows of `animate.Film` alone; more: which of them the film goes on from.
+
+    Without the film's mirror images, where it has none, and without rows that must not be shown.
+    """
+    n, m = len(more), len(sampler.usable)
+    usable = np.zeros(m, bool)
+    usable[:n] = sampler.usable[:n] & more[:m]
+    one = np.repeat(np.arange(m), np.diff(sampler.start))
+    both = usable[one] & usable[sampler.to]
+    start = np.append(0, np.cumsum(both))[sampler.start]
+    return sampler._replace(usable=usable, start=start, to=sampler.to[both])
+
+
+@njit(cache=True, nogil=True)
+def moved(place, state, pace):  # type: ignore[no-untyped-def]
+    """The next place (x, y, heading) of a fish whose next state is this one."""
+    x, y = ahead(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
+    return x, y, place[2] + state[-1] * pace.turn_deg
+
+
+@njit(cache=True, nogil=True)
+def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
+    """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
+
+    start: x, y, heading; towards: goal, aim, `Pace`.
+    """
+    goal, aim, pace = towards
+    costs = np.empty(rows.size)
+    for k in range(rows.size):
+        row, place, t, cost = rows[k], (start[0], start[1], start[2]), 0, -1.0
+        while t < pace.horizon and row + 1 < len(sampler.usable) and sampler.usable[row]:
+            later = moved(place, sampler.states[row + 1], pace)
+            if not inside(legal, later[0], later[1]):
+                cost = pace.wall * (pace.horizon - t)
+                break
+            place, row, t = later, row + 1, t + 1
+            if touches(place[0], place[1], place[2], goal):
+                cost = -2.0
+                break
+        costs[k] = t
+        if cost != -2.0:
+            off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
+            far = np.hypot(aim.x - place[0], aim.y - place[1])
+            costs[k] += far / pace.speed + off / pace.turning + max(cost, 0.0)
+    return costs
+
+
+@njit(cache=True, nogil=True)
+def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
+    """The way (n, 3) of states (n, d) from `start`; how many ticks of it are legal; the touch, n.
+
+    Angles in degrees.
+    """
+    n = len(states)
+    way = np.empty((n, 3))
+    place, good, reached = (start[0], start[1], start[2]), n, n
+    for t in range(n):
+        place = moved(place, states[t], pace)
+        way[t] = place
+        if good == n and not inside(legal, place[0], place[1]):
+            good = t
+        if reached == n and touches(place[0], place[1], place[2], goal):
+            reached = t
+    return way, good, reached

@@ -1,0 +1,155 @@
+"""Network mode by the forecast: goals, walls, repeats, control, what the fish remembers; as laws."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from toy_film import LENGTH, waters_of
+from toy_swim import HOW, MIRROR, RATE, swum
+
+from finloop.animate.edit_list import FRAME, NETWORK, Goal
+from finloop.animate.film import ROW
+from finloop.animate.forecast import ForecastSwimmer, farther, shown_only
+from finloop.animate.kinematics import Spot
+from finloop.animate.motion import FORECAST
+from finloop.animate.policies import Policy
+from finloop.animate.state import Fish, State, after
+from finloop.animate.swim import Player, swim
+from finloop.forecast.film import film_states
+from finloop.forecast.learning import learn, split
+from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.sampling import sampler
+
+GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
+
+
+@cache
+def sample():
+    features, codes = swum()
+    film = film_states(features, codes, MIRROR, RATE, HOW)
+    model, _ = learn(film, split(film, HOW), replace(HOW, epochs=3))
+    return sampler(film, model, similar_rows(film, HOW.neighbours, HOW.fade), HOW)
+
+
+def waters(mirrored=True, barred=()):
+    """The tank of the made-up film, and the film of the drawn fish, with its mirror image."""
+    features, _ = swum()
+    n = len(features)
+    rows = np.zeros(2 * n if mirrored else n, ROW)
+    heading = features["heading_deg"].to_numpy()
+    rows["heading"] = np.concatenate([heading, -heading])[: len(rows)]
+    rows["more"] = True
+    rows["more"][n - 1 :: n] = False
+    rows["more"][list(barred)] = False
+    plain = waters_of()
+    return replace(plain, film=plain.film._replace(rows=rows))
+
+
+def swimmer(**film):
+    return ForecastSwimmer(waters(**film), sample(), np.arange(60))
+
+
+def player(**film):
+    one = swimmer(**film)
+    return Player(Policy(NETWORK, None, None, one), one.waters, None, None)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_all_goals_are_reached_within_the_tank(seed):
+    fish = player()
+    swum = swim(fish, GOALS, 2500, np.random.default_rng(seed))
+    assert (swum.reached >= 0).all()
+    way = np.concatenate([one.way for one in swum.stretches])
+    legal = fish.waters.tank.legal
+    assert legal[np.rint(way[:, 1]).astype(int), np.rint(way[:, 0]).astype(int)].all()
+
+
+def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
+    fish = player()
+    for one in swim(fish, GOALS, 300, np.random.default_rng(0)).stretches:
+        assert one.kind == FRAME and one.state == FORECAST
+        shown = fish.waters.film.heading[one.number] + one.rot
+        assert np.allclose(np.cos(np.radians(shown - one.way[:, 2])), 1)
+        assert (np.diff(one.number) == 1).all()
+
+
+def test_the_fish_moves_as_is_foretold():
+    fish = player()
+    state = fish.begin(np.random.default_rng(1))
+    stretch, _ = fish.step(state, GOALS[1], np.random.default_rng(2))
+    start = np.array([state.fish.x, state.fish.y])
+    way = np.vstack([start, stretch.way[:, :2]])
+    speed = np.hypot(*np.diff(way, axis=0).T) / LENGTH * RATE
+    states = stretch.past[-len(stretch.way) :]
+    assert np.allclose(speed, np.hypot(states[:, -3], states[:, -2]))
+
+
+def test_the_same_draws_give_the_same_swim():
+    ways = [
+        np.concatenate([s.way for s in swim(player(), GOALS, 300, np.random.default_rng(k)).stretches])
+        for k in (4, 4, 5)
+    ]
+    assert np.array_equal(ways[0], ways[1])
+    assert not np.array_equal(ways[0][:100], ways[2][:100])
+
+
+def test_a_stretch_that_is_cut_leaves_the_fish_as_it_was_then():
+    fish = player()
+    state, rng = fish.begin(np.random.default_rng(1)), np.random.default_rng(3)
+    stretch, _ = fish.step(state, GOALS[1], rng)
+    while len(stretch.way) < 3:
+        stretch, _ = fish.step(state, GOALS[1], rng)
+    short, cut = fish.cut(state, stretch, 2)
+    deep = len(state.fish.past) if state.fish.past is not None else len(cut.fish.past)
+    assert len(short.past) == deep + 2
+    assert np.array_equal(cut.fish.past[0], stretch.past[deep + 1])
+    assert cut.fish.row == stretch.number[1]
+
+
+def test_no_row_is_followed_for_longer_than_it_may_be():
+    fish = player()
+    swum = swim(fish, [], 3000, np.random.default_rng(0))
+    number = np.concatenate([one.number for one in swum.stretches])
+    runs = np.diff(np.flatnonzero(np.append(np.diff(number) != 1, True)))
+    most = fish.waters.ticks(fish.waters.settings.follow_most_s)
+    assert np.quantile(runs, 0.99) <= 2 * most
+
+
+def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_are_none():
+    barred = range(1000, 1400)
+    fish = player(mirrored=False, barred=barred)
+    swum = swim(fish, GOALS, 2000, np.random.default_rng(0))
+    shown = np.concatenate([one.number for one in swum.stretches])
+    assert shown.max() < 3000
+    assert not np.isin(shown, list(barred)[1:]).any()
+
+
+def test_only_rows_that_are_shown_are_similar():
+    one = shown_only(sample(), waters(mirrored=False).film.more)
+    assert (one.to < 3000).all()
+    assert one.usable[one.to].all()
+    assert one.start[-1] == len(one.to)
+
+
+def test_farther_round_there_are_more_rows():
+    whole = sample()
+    row = int(np.flatnonzero(whole.usable)[100])
+    near = whole.to[whole.start[row] : whole.start[row + 1]]
+    rows, chance = farther(whole, near)
+    assert set(near) < set(rows.tolist())
+    assert chance.sum() == pytest.approx(1)
+
+
+def test_a_fish_from_sprites_or_from_the_film_goes_on():
+    one = swimmer()
+    goal = Spot(400, 300, 10, 5)
+    for fish in (
+        Fish(300, 300, 0.0, 2.0, 0, sprite=7),
+        Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),
+        Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=1),
+    ):
+        stretch = one.next(fish, goal, np.random.default_rng(0))
+        later = after(fish, stretch, one.waters)
+        assert later.past is not None
+        assert State(later, np.zeros(2)).fish.row == stretch.number[-1]
