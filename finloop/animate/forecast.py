@@ -17,7 +17,7 @@ from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
 from finloop.animate.motion import FORECAST
 from finloop.animate.state import Decision, Fish, Stretch, Waters
-from finloop.base.arrays import Ints, Mask
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
@@ -81,24 +81,31 @@ class ForecastSwimmer:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, swum, p = self._with_past(fish), self.sampler, self.waters.settings
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
+        start = np.array([fish.x, fish.y, fish.heading])
+        towards = goal, aim, self._pace
         rows, chance = ways(swum, fish.row)
         if fish.since >= self.waters.ticks(p.follow_most_s) and len(rows) > 1:
             chance[-1] = 0.0
-        start = np.array([fish.x, fish.y, fish.heading])
-        costs = look(swum, self.waters.tank.legal, rows, start, (goal, aim, self._pace))
+        costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
+        if not free.any():  # a wall is ahead: look farther round
+            rows, chance = farther(swum, rows)
+            costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
         with np.errstate(divide="ignore"):
             liked = np.log(chance) - costs / self.waters.ticks(p.chance_s)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
         ticks = int(rng.geometric(1 / swum.follow))
-        for row in rows[order[:_TRIES]].tolist():
-            states = follow(swum, fish.past, row, ticks, swum.control[row])[::-1]
-            way, good, touched = course(self.waters.tank.legal, states, start, goal, self._pace)
-            if good:
+        best = -1
+        for other in rows[order[:_TRIES]].tolist():
+            foretold = follow(swum, fish.past, other, ticks, swum.control[other])[::-1]
+            whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
+            if whole[1] > best:
+                row, states, (way, best, touched) = other, foretold, whole
+            if min(touched, len(way) - 1) < best:
                 break
-        else:
+        if best == 0:  # along the wall
             way[0, :2] = self.waters.tank.into(*way[0, :2])
-            good, touched = 1, len(way)
-        n = min(good, touched + 1)
+            best, touched = 1, len(way)
+        n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
         decision = Decision(FORETOLD, value_s=float(costs.min()) / self.waters.motion.rate_hz)
         return Stretch(
@@ -123,6 +130,13 @@ def shown_only(sampler: Sampler, more: Mask) -> Sampler:
     return sampler._replace(usable=usable, start=start, to=sampler.to[both])
 
 
+def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:
+    """Rows (k,) that are similar to similar rows, all equally likely."""
+    lists = [rows, *(sampler.to[sampler.start[row] : sampler.start[row + 1]] for row in rows)]
+    every = np.unique(np.concatenate(lists))
+    return every, np.full(len(every), 1 / len(every))
+
+
 @njit(cache=True, nogil=True)
 def moved(place, state, pace):  # type: ignore[no-untyped-def]
     """The next place (x, y, heading) of a fish whose next state is this one."""
@@ -134,16 +148,17 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
+    And whether (k,) it stays in the tank so long.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
     goal, aim, pace = towards
-    costs = np.empty(rows.size)
+    costs, free = np.empty(rows.size), np.ones(rows.size, np.bool_)
     for k in range(rows.size):
         row, place, t, cost = rows[k], (start[0], start[1], start[2]), 0, -1.0
         while t < pace.horizon and row + 1 < len(sampler.usable) and sampler.usable[row]:
             later = moved(place, sampler.states[row + 1], pace)
             if not inside(legal, later[0], later[1]):
-                cost = pace.wall * (pace.horizon - t)
+                cost, free[k] = pace.wall * (pace.horizon - t), False
                 break
             place, row, t = later, row + 1, t + 1
             if touches(place[0], place[1], place[2], goal):
@@ -154,7 +169,7 @@ def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
             off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
             far = np.hypot(aim.x - place[0], aim.y - place[1])
             costs[k] += far / pace.speed + off / pace.turning + max(cost, 0.0)
-    return costs
+    return costs, free
 
 
 @njit(cache=True, nogil=True)
