@@ -87,7 +87,9 @@ def test_the_fish_moves_as_is_foretold():
 
 def test_the_same_draws_give_the_same_swim():
     ways = [
-        np.concatenate([s.way for s in swim(player(), GOALS, 300, np.random.default_rng(k)).stretches])
+        np.concatenate(
+            [s.way for s in swim(player(), GOALS, 300, np.random.default_rng(k)).stretches]
+        )
         for k in (4, 4, 5)
     ]
     assert np.array_equal(ways[0], ways[1])
