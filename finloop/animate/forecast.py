@@ -1,9 +1,9 @@
-"""Network mode by the forecast: the pose and motion of every tick are foretold (`finloop.forecast`).
+"""Network mode by the forecast: every tick is foretold from the ones before (`finloop.forecast`).
 
-At every decision the fish may follow the row that it follows, or a similar one of the film or its
-mirror image. Where each leads is looked at along the film; those that lead to the goal in less time,
-and stay in the tank, are more likely. The fish then asks for that row's control, and moves as is
-foretold for its own state. What is drawn is the frame of the row, its pose going on as joins do.
+At every decision the fish may go on with the row that it follows, or go over to a similar one of
+the film or its mirror image. Where each leads is looked at along the film; one that stays in the
+tank, and leads to the goal in less time, is more likely. The fish moves as is foretold for its own
+past and that row's control. The frame of the row is drawn, its pose going on as joins do.
 """
 
 from dataclasses import replace
@@ -69,17 +69,18 @@ class ForecastSwimmer:
         fish = Fish(x, y, float(rng.uniform(-180, 180)), 0.0, FORECAST, -1, row=row)
         return self._with_past(fish)
 
-    def _with_past(self, fish: Fish) -> Fish:
-        """The fish with a past; one that has none takes that of the row on screen."""
+    def _with_past(self, fish: Fish) -> tuple[Fish, Floats]:
+        """The fish and its past; one that has none takes that of the row on screen."""
         if fish.past is not None:
-            return fish
+            return fish, fish.past
         row = fish.row if fish.row >= 0 else int(self._sprite_rows[fish.sprite])
         row = row if self.sampler.usable[row] else int(self._near[row])
-        return replace(fish, row=row, past=state_at(self.sampler, row).past)
+        return replace(fish, row=row), state_at(self.sampler, row).past
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
-        fish, swum, p = self._with_past(fish), self.sampler, self.waters.settings
+        fish, past = self._with_past(fish)
+        swum, p = self.sampler, self.waters.settings
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
         start = np.array([fish.x, fish.y, fish.heading])
         towards = goal, aim, self._pace
@@ -96,7 +97,7 @@ class ForecastSwimmer:
         ticks = int(rng.geometric(1 / swum.follow))
         best = -1
         for other in rows[order[:_TRIES]].tolist():
-            foretold = follow(swum, fish.past, other, ticks, swum.control[other])[::-1]
+            foretold = follow(swum, past, other, ticks, swum.control[other])[::-1]
             whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
             if whole[1] > best:
                 row, states, (way, best, touched) = other, foretold, whole
@@ -112,7 +113,7 @@ class ForecastSwimmer:
             FORECAST, way[:n], numbers, row != fish.row, aim, touched < n,
             decision._replace(ways=len(rows)), FRAME,
             wrap_deg(way[:n, 2] - self.waters.film.heading[numbers]),
-            past=np.concatenate([fish.past[::-1], states[:n]]),
+            past=np.concatenate([past[::-1], states[:n]]),
         )  # fmt: skip
 
 
