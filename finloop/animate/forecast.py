@@ -30,8 +30,7 @@ class Pace(NamedTuple):
     """How ways are followed and compared.
 
     px: per tick at one body length/s; turn_deg: per tick at one rad/s; horizon: ticks looked ahead;
-    speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick out of the tank
-    costs.
+    speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick at a wall costs.
     """
 
     px: float
@@ -66,8 +65,7 @@ class ForecastSwimmer:
         """A fish somewhere in the tank, in a state of the film."""
         x, y = self.waters.tank.random_point(rng)
         row = int(rng.choice(np.flatnonzero(self.sampler.usable)))
-        fish = Fish(x, y, float(rng.uniform(-180, 180)), 0.0, FORECAST, -1, row=row)
-        return self._with_past(fish)
+        return Fish(x, y, float(rng.uniform(-180, 180)), 0.0, FORECAST, -1, row=row)
 
     def _with_past(self, fish: Fish) -> tuple[Fish, Floats]:
         """The fish and its past; one that has none takes that of the row on screen."""
@@ -149,27 +147,27 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
-    And whether (k,) it stays in the tank so long.
+    Of a fish that only wanders, of leaving the tank alone. And whether (k,) a row stays in it.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
     goal, aim, pace = towards
-    costs, free = np.empty(rows.size), np.ones(rows.size, np.bool_)
+    costs, free = np.zeros(rows.size), np.ones(rows.size, np.bool_)
     for k in range(rows.size):
-        row, place, t, cost = rows[k], (start[0], start[1], start[2]), 0, -1.0
-        while t < pace.horizon and row + 1 < len(sampler.usable) and sampler.usable[row]:
+        row, place, t, touched = rows[k], (start[0], start[1], start[2]), 0, False
+        while t < pace.horizon and sampler.usable[row] and not touched:
             later = moved(place, sampler.states[row + 1], pace)
-            if not inside(legal, later[0], later[1]):
-                cost, free[k] = pace.wall * (pace.horizon - t), False
-                break
+            if not inside(legal, later[0], later[1]):  # it is held up, and turns on
+                later = place[0], place[1], later[2]
+                free[k] = False
+                costs[k] += pace.wall
             place, row, t = later, row + 1, t + 1
-            if touches(place[0], place[1], place[2], goal):
-                cost = -2.0
-                break
-        costs[k] = t
-        if cost != -2.0:
-            off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
-            far = np.hypot(aim.x - place[0], aim.y - place[1])
-            costs[k] += far / pace.speed + off / pace.turning + max(cost, 0.0)
+            touched = not goal.free and touches(place[0], place[1], place[2], goal)
+        if not goal.free:
+            costs[k] += t
+            if not touched:
+                off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
+                far = np.hypot(aim.x - place[0], aim.y - place[1])
+                costs[k] += far / pace.speed + off / pace.turning
     return costs, free
 
 
@@ -187,6 +185,6 @@ def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
         way[t] = place
         if good == n and not inside(legal, place[0], place[1]):
             good = t
-        if reached == n and touches(place[0], place[1], place[2], goal):
+        if reached == n and not goal.free and touches(place[0], place[1], place[2], goal):
             reached = t
     return way, good, reached

@@ -51,7 +51,7 @@ class Settings:
     sprites: Literal["learned", "paper"]
     ahead_s: Positive  # s; ways are looked at so far ahead
     chance_s: Positive  # s; a way that takes so much longer is taken a third as often
-    wall: NotNegative  # s that a way costs for every second that it is out of the tank
+    wall: NotNegative  # s that a way costs for every second that a wall holds it up
     follow_most_s: Positive  # s; a row of the film is followed so long at most
     # Sprites in network mode (Fig. 18).
     alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
