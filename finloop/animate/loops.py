@@ -107,14 +107,17 @@ class FilmSwimmer:
     def weigh(self, fish: Fish, aim: Spot, rows: Ints, rots: Floats, seams: Floats) -> Options:
         """Look ahead from rows (k,) that could be shown next; seam NaN: not a jump, the film's own.
 
-        Showing a row costs its seam, its change of speed, and more where it was on screen just now.
+        Showing a row costs its seam, its change of speed, and more where it, or what follows within
+        the shortest stay, was on screen just now; playing on costs this last part alone.
         """
         film, waters, rate = self.waters.film, self.waters, self.waters.motion.rate_hz
         last = search.last_on_screen(fish.recent, len(film.more))
-        faster, ago = film.speed[rows] - fish.speed, (fish.tick - last[rows]).astype(float)
+        soon = np.minimum(rows[:, None] + np.arange(self.rules.stay), len(last) - 1)
+        faster = film.speed[rows] - fish.speed
+        ago = (fish.tick - last[soon].max(1)).astype(float)
         jumps = ~np.isnan(seams)
         terms = np.array(search.jump_cost(seams, faster, ago, self.rules)).T
-        terms[~jumps] = 0.0
+        terms[~jumps, :2] = 0.0
         x, y = self.arrival(fish)
         costs, since = terms[:, 0] + terms[:, 1] + terms[:, 2], np.where(jumps, 0, fish.since + 1)
         candidates, here = Candidates(rows, rots, costs, since), Here(x, y, fish.tick, last)
