@@ -642,7 +642,7 @@ def test_no_jump_is_offered_before_the_stay_is_over():
 
 def test_frames_that_were_just_seen_are_avoided():
     player, fish = crossing()
-    seen = replace(fish, tick=1000, recent=np.array([[171, 299, 861]]))
+    seen = replace(fish, tick=1000, recent=np.array([[181, 299, 861]]))
 
     def costs(fish):
         return swimmer_of(player).options(fish, spot(400, 100)).terms.sum(1)
@@ -738,7 +738,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     weighed = found.considered(900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
-    assert (again.groupby("tick")["taken"].sum() == 1).all()
+    assert again.groupby("tick")["taken"].sum().isin([0, 1]).all()  # 0: the film is left
     assert set(again["fails"]) <= {"", "tank", "quadrant", "heading", "passed over"}
     assert (again["value_s"].isna() <= again["fails"].isin(["tank", "passed over"])).all()
     taken = again[again["taken"]]
@@ -746,7 +746,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     assert list(back["source"].iloc[taken["tick"]]) == list(taken["row"])
     decided = back.iloc[taken["tick"]]
     assert decided["reason"].isin(["play", "jump", "enter"]).all()
-    assert list(decided["ways"]) == list(again.groupby("tick").size())
+    assert list(decided["ways"]) == list(again.groupby("tick").size()[taken["tick"]])
     assert decided["value_s"].to_numpy() == pytest.approx(taken["value_s"].to_numpy())
     assert (decided["seam"].isna() == (decided["reason"] == "play")).all()
     later = back["reason"].isna()
@@ -835,7 +835,8 @@ def test_figure19_is_the_network_till_a_gateway_fits_and_the_film_while_a_way_is
         if before.row >= 0 and stretch.kind == SPRITE:
             exits += 1
             options = stretch.options
-            assert not worth(crossing, options, before, stretch.aim).all()
+            legal = worth(crossing, options, before, stretch.aim)
+            assert not legal.size or not legal.all()
     assert exits
 
 
