@@ -65,6 +65,13 @@ def test_all_goals_are_reached_within_the_tank(seed):
     assert legal[np.rint(way[:, 1]).astype(int), np.rint(way[:, 0]).astype(int)].all()
 
 
+def test_a_goal_at_a_wall_is_reached_by_the_head():
+    fish = player()
+    y, x = np.argwhere(fish.waters.tank.legal).min(0)
+    goal = Goal("A", float(x) - 0.9 * fish.waters.head_px, float(y) + 200)
+    assert (swim(fish, [goal], 1500, np.random.default_rng(0)).reached >= 0).all()
+
+
 def test_what_is_shown_is_the_row_turned_to_the_fishs_heading():
     fish = player()
     for one in swim(fish, GOALS, 300, np.random.default_rng(0)).stretches:

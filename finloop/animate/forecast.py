@@ -83,7 +83,8 @@ class ForecastSwimmer:
         start = np.array([fish.x, fish.y, fish.heading])
         towards = goal, aim, self._pace
         rows, chance = ways(swum, fish.row)
-        if fish.since >= self.waters.ticks(p.follow_most_s) and len(rows) > 1:
+        most = max(1, self.waters.ticks(p.follow_most_s))
+        if fish.since + 1 >= most and len(rows) > 1:
             chance[-1] = 0.0
         costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
         if not free.any():  # a wall is ahead: look farther round
@@ -95,15 +96,19 @@ class ForecastSwimmer:
         ticks = int(rng.geometric(1 / swum.follow))
         best = -1
         for other in rows[order[:_TRIES]].tolist():
-            foretold = follow(swum, past, other, ticks, swum.control[other])[::-1]
+            left = max(1, most - fish.since - 1) if other == fish.row else most
+            foretold = follow(swum, past, other, min(ticks, left), swum.control[other])[::-1]
             whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
             if whole[1] > best:
                 row, states, (way, best, touched) = other, foretold, whole
             if min(touched, len(way) - 1) < best:
                 break
-        if best == 0:  # along the wall
+        if best == 0:  # a wall holds it up: along it, and round to the aim
+            error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - way[0, 2])
             way[0, :2] = self.waters.tank.into(*way[0, :2])
-            best, touched = 1, len(way)
+            way[0, 2] += min(max(error, -p.spot_deg), p.spot_deg)
+            there = not goal.free and touches(*way[0], goal)
+            best, touched = 1, 0 if there else len(way)
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
         decision = Decision(FORETOLD, value_s=float(costs.min()) / self.waters.motion.rate_hz)
