@@ -107,7 +107,7 @@ class ForecastSwimmer:
             error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - way[0, 2])
             way[0, :2] = self.waters.tank.into(*way[0, :2])
             way[0, 2] += min(max(error, -p.spot_deg), p.spot_deg)
-            there = not goal.free and touches(*way[0], goal)
+            there = not goal.free and touches(way[0, 0], way[0, 1], way[0, 2], goal)
             best, touched = 1, 0 if there else len(way)
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
