@@ -22,7 +22,7 @@ from finloop.io.table import load_table
 EXAMPLE = ROOT / "examples/ten_lines.py"
 STAGES = (
     "clip", "extract", "features", "pose", "bpn", "forecast", "sprites", "distance", "loops",
-    "gateways", "animate",
+    "jumps", "gateways", "animate",
 )  # fmt: skip
 
 
@@ -71,7 +71,16 @@ def test_the_ten_lines_make_what_the_stages_make(tiny, tmp_path, monkeypatch):
         verbs.steer(
             *(
                 names[one]
-                for one in ("tracks", "reel", "model", "similar", "loops", "gateways", "poses")
+                for one in (
+                    "tracks",
+                    "reel",
+                    "model",
+                    "similar",
+                    "loops",
+                    "jumps",
+                    "gateways",
+                    "poses",
+                )
             ),
             mode="crawl",
         )

@@ -16,6 +16,7 @@ import stages.clip
 import stages.distance
 import stages.extract
 import stages.features
+import stages.forecast
 import stages.gateways
 import stages.jumps
 import stages.loops
@@ -321,7 +322,8 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
         for stage in (
-            stages.clip, stages.extract, stages.features, stages.pose, stages.bpn, stages.sprites,
+            stages.clip, stages.extract, stages.features, stages.pose, stages.bpn,
+            stages.forecast, stages.sprites,
             stages.distance, stages.loops, stages.jumps, stages.gateways, stages.animate, stages.realism,
         ):  # fmt: skip
             stage.main()

@@ -94,6 +94,12 @@ FILM = Chapter(
         Figure("bpn/held_out.png", "", "Foretold and true",
                "Held-out rows: motion area Δ later, and swimming type as a table of confusions.",
                "A scatter of predicted against true motion area, and a three by three table."),
+        Figure("forecast/learning.png", "", "Learning to foretell the next pose",
+               "Error per epoch, and how often the truth lies within the spread that is foretold.",
+               "A chart of error that falls and then stays level; a chart of shares near a line."),
+        Figure("forecast/free.png", "", "Swimming as is foretold",
+               "A fish that swims freely by the forecast, beside the fish of the film.",
+               "Distributions of speeds, turn rates and postures, and how long they last."),
         Figure("distance/fig9.png", "Fig. 9", "How alike the frames are",
                "Dark is alike. Left every pair (Eq. 5), right only like with like (Eq. 6): what "
                "is tinted was never computed.",
