@@ -24,7 +24,7 @@ import stages.plots.realism
 import stages.pose
 import stages.realism
 import stages.sprites
-from finloop.animate.edit_list import EDIT, LOOPS, NETWORK
+from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.extract.background import Scene
@@ -38,7 +38,8 @@ from finloop.io.video import load_facts, load_mask
 from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, stretches, verdict
-from finloop.realism.instrument import Instrument, Swimming, as_filmed, swimming
+from finloop.realism.instrument import Instrument, Swimming, swimming
+from finloop.realism.lists import as_filmed
 from finloop.realism.windows import (
     CHANNELS,
     Windows,
@@ -386,9 +387,10 @@ def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
     save_table(tmp_path / "film.parquet", as_filmed(np.arange(3), np.ones((3, 2))), EDIT)
 
 
-def test_only_ticks_that_play_the_film_have_its_rows():
+def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
     edit = as_filmed(np.arange(5, 9), np.ones((4, 2)))
-    edit.loc[2, "mode"] = NETWORK
+    edit.loc[1, "mode"] = NETWORK
+    edit.loc[2, "kind"] = SPRITE
     table = fish(0, 4 / RATE)
     twice = swimming([edit, edit], [table, table], RATE)
     assert twice.row.tolist() == [5, 6, -1, 8] * 2

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats
+from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
@@ -98,8 +99,7 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
     place = track[["x_px", "y_px"]].to_numpy(float) / length_px
     moved = (place[after] - place[before]) / span[:, None]
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
-    angle = np.radians(heading)
-    step = np.gradient(place, axis=0)
+    step = ahead_left(np.gradient(place, axis=0), np.radians(heading))
     bend = track["bend"].to_numpy(float)
     mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
@@ -108,8 +108,8 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
     return Course(
         speed=speed,
         heading_deg=heading,
-        forward=step[:, 0] * np.cos(angle) - step[:, 1] * np.sin(angle),
-        sideways=-step[:, 0] * np.sin(angle) - step[:, 1] * np.cos(angle),
+        forward=step[:, 0],
+        sideways=step[:, 1],
         growth=faster / np.maximum(speed, 1e-9),
         sway=np.sqrt(np.maximum(spread, 0.0)),
         kind=track["swimming_type"].to_numpy(),

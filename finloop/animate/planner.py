@@ -26,6 +26,7 @@ from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, swim
 from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.axes import ahead_left
 from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
@@ -129,10 +130,7 @@ def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArr
     centre = places[["x_px", "y_px"]].to_numpy(float)
     offset = (outline_px - centre[:, None]) * scale[:, None, None]
     angle = np.radians(places["heading_deg"].to_numpy(float))[:, None]
-    cos, sin = np.cos(angle), np.sin(angle)
-    ahead = offset[..., 0] * cos - offset[..., 1] * sin
-    left = -offset[..., 0] * sin - offset[..., 1] * cos
-    return np.stack([ahead, left], axis=-1).astype(np.float32)
+    return ahead_left(offset, angle).astype(np.float32)
 
 
 def reach(

@@ -14,6 +14,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from finloop.base.arrays import Floats, Points, Reals
+from finloop.base.axes import ahead_left
 from finloop.distance.picture import typical_length
 
 _AHEAD, _LEFT, _STEPS = 0, 1, 2
@@ -116,8 +117,6 @@ def filmed(features: pd.DataFrame, backbones: Reals) -> Pose:
     angles = np.arctan2(-way[..., 1], way[..., 0]) - heading[:, None]
     angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
     length = np.hypot(way[..., 0], way[..., 1]) / size[:, None]
-    dx, dy = (lines[:, 0] - np.stack([x, y], -1)).T / size
-    cos, sin = np.cos(heading), np.sin(heading)
-    head = np.stack([cos * dx - sin * dy, -sin * dx - cos * dy], -1)
+    head = ahead_left((lines[:, 0] - np.stack([x, y], -1)) / size[:, None], heading)
     posture = np.concatenate([head, np.unwrap(angles, axis=1), length], 1)
     return Pose(x, y, heading, size, posture)

@@ -1,7 +1,7 @@
 """Who is compared with whom: an animation with its film, one half of the film with the other."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +14,9 @@ from finloop.realism.classifier import answers
 from finloop.realism.instrument import Swimming
 from finloop.realism.settings import Settings
 from finloop.realism.windows import (
+    AGAIN,
     CHANNELS,
+    HALVES,
     Blocks,
     Cutting,
     Ticks,
@@ -23,6 +25,9 @@ from finloop.realism.windows import (
     equal_blocks,
     windows,
 )
+
+Sides = dict[str, tuple[Windows, Windows]]
+"""Two sets of windows to tell apart, the film's first, by name."""
 
 LEAST = 2
 """Windows that a block tests and learns from."""
@@ -86,6 +91,19 @@ class Sample:
         blocks = self.blocks(2)
         early = self.frame_s[self.film.row] < blocks.edges[self.p.blocks]
         return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
+
+    def sides(self, swum: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
+        """All that is told apart: each mode and the film, the film's halves, and the film again.
+
+        swum: of modes; features: of the film as it was filmed.
+        """
+        film, blocks = self.film, self.blocks()
+        before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
+        return {
+            **{mode: self.beside(made) for mode, made in swum.items()},
+            HALVES: self.halves(),
+            AGAIN: (self.windows(replace(film, table=before), blocks), self.windows(film, blocks)),
+        }
 
 
 def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) -> Sample:

@@ -1,6 +1,7 @@
 """The most obviously false windows of an animation, each beside the film window most like it."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import cv2
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from finloop.animate.edit_list import EDIT
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
+from finloop.realism.compare import Sample, Sides, Verdict
+from finloop.realism.instrument import Swimming
+from finloop.realism.lists import Work
 from finloop.realism.windows import CHANNELS, Windows
 from finloop.render.gallery import Gallery, placed
 from finloop.render.marks import write
@@ -35,6 +39,9 @@ CURVES = Schema(
     *(Column(name, "float64", "see CHANNELS") for name in CHANNELS),
 )
 """What the classifier saw of them."""
+
+Tables = tuple[pd.DataFrame, pd.DataFrame]
+"""Examples and what was seen of them: columns of `EXAMPLES`, and of `CURVES`."""
 
 WORDS_PX = 28
 """Height of the line of words above a film of an example."""
@@ -67,6 +74,55 @@ def worst(film: Windows, made: Windows, score: Floats, count: int, length: int) 
             pairs.append(Pair(int(number), int(far.argmin()), float(score[number])))
             taken.append(begin)
     return pairs
+
+
+@dataclass(frozen=True)
+class Show:
+    """All that the most obviously false windows are picked from: of the film and of each mode.
+
+    works: edit lists; swum: what was measured of them.
+    """
+
+    sample: Sample
+    works: Mapping[str, Sequence[Work]]
+    swum: Mapping[str, Swimming]
+
+    def _window(self, name: str, windows: Windows, number: int) -> pd.DataFrame:
+        """A window of the film or of a mode as an edit list, with the heading it begins with."""
+        swum = self.swum[name]
+        rows = windows.first[number] + np.arange(self.sample.cut.length + 1)
+        edit = self.works[name][int(swum.part[rows[0]])][0].iloc[swum.tick[rows]]
+        return edit.assign(start_deg=float(swum.table["heading_deg"].iloc[rows[0]]))
+
+    def _of(self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict) -> Iterator[Tables]:
+        """The examples of a mode, but for their numbers."""
+        film, made = pair
+        cut = self.sample.cut
+        score = verdict.scores.score[len(film.x) :]
+        for one in worst(film, made, score, self.sample.p.examples, cut.length):
+            edit = [
+                self._window(mode, made, one.made).assign(side=MADE),
+                self._window(FILM, film, one.film).assign(side=FILM),
+            ]
+            seen = {MADE: made.x[one.made], FILM: film.x[one.film]}
+            yield (
+                pd.concat(edit, ignore_index=True).assign(compared=mode, score=one.score),
+                curves(seen, cut.step / self.sample.rate_hz),
+            )
+
+    def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
+        """The examples of all modes."""
+        every = [
+            [table.assign(example=number) for table in example]
+            for number, example in enumerate(
+                example
+                for mode, verdict in verdicts.items() if mode in self.swum
+                for example in self._of(mode, sides[mode], verdict)
+            )
+        ]  # fmt: skip
+        both = zip(*every, strict=True) if every else ([pd.DataFrame()], [pd.DataFrame()])
+        whole = [pd.concat(parts, ignore_index=True) for parts in both]
+        return whole[0].reindex(columns=EXAMPLES.names), whole[1].reindex(columns=CURVES.names)
 
 
 class View(NamedTuple):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, FRAME, LOOPS
+from finloop.animate.edit_list import FRAME
 from finloop.base.arrays import Floats, Ints, Picture
 from finloop.extract.background import Scene
 from finloop.extract.film import Detections, Detector, Typical, rows, tracks
@@ -110,31 +110,12 @@ def _moved_fish(fish: Fish, x: int, y: int) -> Fish:
     )
 
 
-def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
-    """An edit list (columns of `EDIT`) that shows rows (n,) of the film at their places (n, 2)."""
-    empty = {"string": "", "bool": False}
-    rest = {
-        column.name: None if column.nullable else empty.get(column.dtype, 0)
-        for column in EDIT.columns
-    }
-    own = {
-        "tick": np.arange(len(source)),
-        "kind": FRAME,
-        "source": source,
-        "scale": 1.0,
-        "x_px": places_px[:, 0],
-        "y_px": places_px[:, 1],
-        "mode": LOOPS,
-    }
-    return pd.DataFrame(rest | own, index=np.arange(len(source)))
-
-
 @dataclass(frozen=True)
 class Swimming:
     """Fish measured again. table: columns of `FEATURES`, no two tracks of one number.
 
-    Of each row (n,): part, the number of the edit list; tick of it; row of the film that is played,
-    −1 where it is not the film that goes on; time_s, the own clock, on over all parts.
+    Of each row (n,): part, the number of the edit list; tick of it; row of the film whose frame is
+    drawn, −1 where it is a sprite; time_s, the own clock, on over all parts.
     """
 
     table: pd.DataFrame
@@ -151,8 +132,7 @@ def swimming(
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)
-        film = ((edit["mode"] == LOOPS) & (edit["kind"] == FRAME)).to_numpy()
-        row = np.where(film, edit["source"].to_numpy(), -1)[tick]
+        row = np.where(edit["kind"] == FRAME, edit["source"].to_numpy(), -1)[tick]
         own = table.assign(
             track_id=table["track_id"] + tracks_before,
             part=number, tick=tick, row=row, clock=(before + tick) / rate,

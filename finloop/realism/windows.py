@@ -4,11 +4,12 @@ A window is a stretch of one fish. Its channels are forward and sideways speed, 
 relative motion area (fish paper §2.2-2.3), in the fish's own frame: where it swims and in which
 direction does not show.
 
-A tick that plays the film is of the film's time, any other of the animation's own; both times are
-divided into blocks. A window is tested in the block that most of its ticks are of. The classifier
-of a block learns from no window with a tick in the block, or within a gap of it. So the same frames
-of film, played by an animation, are never learnt from as one kind and tested as the other: else a
-perfect copy of the film would be told from it the wrong way round, with an AUC near 0.
+A tick that shows a frame of the film is of the film's time, whatever moves it; a tick with a sprite
+is of the animation's own. Both times are divided into blocks. A window is tested in the block that
+most of its ticks are of. The classifier of a block learns from no window with a tick in the block,
+or within a gap of it. So the same frames of film, played by an animation, are never learnt from as
+one kind and tested as the other: else a perfect copy of the film would be told from it the wrong
+way round, with an AUC near 0.
 """
 
 from collections.abc import Sequence
@@ -20,6 +21,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.axes import ahead_left
 
 CHANNELS = ("forward", "sideways", "turning", "area")
 """Forward, sideways: body lengths/s; turning: °/s, + = left; area: of the film's largest."""
@@ -98,10 +100,8 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     moved = np.diff(track[["x_px", "y_px"]].to_numpy(float), axis=0) * (rate_hz / length)
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians((heading[1:] + heading[:-1]) / 2)
-    cos, sin = np.cos(angle), np.sin(angle)
     return np.column_stack([
-        moved[:, 0] * cos - moved[:, 1] * sin,
-        -moved[:, 0] * sin - moved[:, 1] * cos,
+        ahead_left(moved, angle),
         np.diff(heading) * rate_hz,
         track["motion_area"].to_numpy(float)[1:] / largest,
     ])  # fmt: skip

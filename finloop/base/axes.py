@@ -1,0 +1,15 @@
+"""An animal's own axes: ahead and to its left, of what is given in x and y of a picture."""
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Reals
+
+
+def ahead_left(offset: Reals, heading_rad: Reals) -> Floats:
+    """Offsets (…, 2), x to the right and y down, along an animal's own axes, (…, 2).
+
+    heading_rad (…,): anticlockwise as seen, 0 = to the right.
+    """
+    dx, dy = offset[..., 0], offset[..., 1]
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return np.stack([dx * cos - dy * sin, -dx * sin - dy * cos], axis=-1)

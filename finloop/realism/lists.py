@@ -1,0 +1,67 @@
+"""The edit lists that are compared: animations as `animate` makes them, and the film itself."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.edit_list import EDIT, FRAME, LOOPS
+from finloop.animate.planner import Planner
+from finloop.animate.settings import Settings as AnimateSettings
+from finloop.animate.swim import random_goals
+from finloop.base.arrays import Floats, Ints
+from finloop.realism.compare import stretches
+
+Work = tuple[pd.DataFrame, Sequence[int]]
+"""An edit list, and its ticks at which another fish begins."""
+
+
+def animations(planner: Planner, mode: str, seconds: float, p: AnimateSettings) -> Iterator[Work]:
+    """Animations of so many seconds in all, as `animate` makes them, with other seeds and goals.
+
+    Each is `animate.seconds` long: to random goals first, then the fish wanders.
+    """
+    waters = planner.waters
+    for number in range(int(np.ceil(seconds / p.seconds))):
+        left = seconds - number * p.seconds
+        one = replace(p, seed=p.seed + 1 + number, seconds=min(p.seconds, left))
+        rng, reach = np.random.default_rng(one.seed), waters.touch_px + waters.head_px
+        goals = random_goals(waters.tank, reach, p.trial_goals, rng)
+        again = replace(planner, waters=replace(waters, settings=one))
+        yield again.plan(mode, [g._replace(radius_px=waters.touch_px) for g in goals])[1], ()
+
+
+def filmed(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:
+    """The film to compare with as edit lists, each of about `longest` ticks."""
+    places = tracks[["x_px", "y_px"]].to_numpy()
+    works: list[Work] = []
+    rows: list[np.ndarray] = []
+    chosen = stretches(tracks["track_id"].to_numpy(), longest, most, seed)
+    for one in chosen:
+        rows.append(np.arange(one.start, one.stop))
+        if sum(map(len, rows)) >= longest or one is chosen[-1]:
+            every = np.concatenate(rows)
+            cuts = np.cumsum([len(part) for part in rows])[:-1].tolist()
+            works.append((as_filmed(every, places[every]), cuts))
+            rows = []
+    return works
+
+
+def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
+    """An edit list (columns of `EDIT`) that shows rows (n,) of the film at their places (n, 2)."""
+    empty = {"string": "", "bool": False}
+    rest = {
+        column.name: None if column.nullable else empty.get(column.dtype, 0)
+        for column in EDIT.columns
+    }
+    own = {
+        "tick": np.arange(len(source)),
+        "kind": FRAME,
+        "source": source,
+        "scale": 1.0,
+        "x_px": places_px[:, 0],
+        "y_px": places_px[:, 1],
+        "mode": LOOPS,
+    }
+    return pd.DataFrame(rest | own, index=np.arange(len(source)))
