@@ -257,7 +257,7 @@ def find_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, **changes: Any) -> 
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """
-    return as_loaded(film_jumps(reel, poses, rate_hz, settings("jumps", **changes))[0], JUMPS)
+    return as_loaded(film_jumps(reel, poses, rate_hz, settings("jumps", **changes)).jumps, JUMPS)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

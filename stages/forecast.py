@@ -12,7 +12,7 @@ from finloop.base.errors import FinloopError
 from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
-from finloop.forecast.film import MOTION, FilmStates, film_states
+from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.learning import Sides, learn, split
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import NEIGHBOURS, similar_rows, table
@@ -23,6 +23,7 @@ from finloop.io.record import load_record, save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.pose.film import FilmPoses
+from stages.forecasts import load_look, load_states
 from stages.poses import load_poses
 from stages.settings import load
 
@@ -74,7 +75,7 @@ def main() -> None:
     poses = load_poses(features)
     with whole_folder(OUT) as folder:
         try:
-            film = film_states(features, poses.codes, poses.shapes.mirror, rate_hz, p)
+            film = load_states(features, poses, rate_hz)
             sides = split(film, p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
@@ -84,7 +85,7 @@ def main() -> None:
             return
         with progress("forecast", p.epochs, "epochs") as advance:
             model, curve = learn(film, sides, p, advance)
-        graph = similar_rows(film, p.neighbours, p.fade)
+        graph = similar_rows(film, load_look(), p)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
@@ -94,7 +95,6 @@ def main() -> None:
     save_metrics(REPORT / "metrics.json", {
         "models": 1,
         "state_numbers": len(film.scale),
-        "handedness": film.handedness,
         "mirrored": int(len(film.states) > film.count),
         "train_rows": len(sides.train),
         "held_out_rows": len(sides.held_out),

@@ -1,19 +1,36 @@
-"""The forecast of a film, where the stage `forecast` left it."""
+"""What a film teaches of the next pose and motion, and what the stage `forecast` learnt of it."""
 
 from pathlib import Path
 
 import pandas as pd
 
-from finloop.forecast.film import film_states
+from finloop.base.arrays import Floats
+from finloop.base.schema import lists_to_array
+from finloop.forecast.film import FilmStates, film_states
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import NEIGHBOURS, from_table
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.io.record import load_record
 from finloop.io.table import load_table
+from finloop.jumps.film import LOOK
 from finloop.pose.film import FilmPoses
 from stages.settings import load
 
 FOLDER = Path("data/forecast")
+
+
+def load_look() -> Floats:
+    """How rows look, (n, k), or (2 n, k) with their mirror images, as the stage `jumps` left it."""
+    return lists_to_array(load_table(Path("data/jumps/look.parquet"), LOOK)["look"])
+
+
+def load_states(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> FilmStates:
+    """The states of a film, with mirror images if `jumps` has them.
+
+    features, poses: of the same rows. FinloopError if the film shows too little.
+    """
+    mirror = poses.shapes.mirror if len(load_look()) > len(features) else None
+    return film_states(features, poses.codes, mirror, rate_hz, load("forecast"))
 
 
 def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> Sampler | None:
@@ -24,8 +41,7 @@ def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> S
     """
     if (FOLDER / "reason.json").exists():
         return None
-    p = load("forecast")
-    film = film_states(features, poses.codes, poses.shapes.mirror, rate_hz, p)
+    film = load_states(features, poses, rate_hz)
     model = load_record(FOLDER / "model.json", forecast_model, "forecast")
     edges = load_table(FOLDER / "neighbours.parquet", NEIGHBOURS)
-    return sampler(film, model, from_table(edges, len(film.states)), p)
+    return sampler(film, model, from_table(edges, len(film.states)), load("forecast"))

@@ -4,12 +4,14 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
 from pathlib import Path
 
+import pandas as pd
+
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.jumps.film import film_jumps
+from finloop.jumps.film import LOOK, film_jumps
 from finloop.jumps.search import JUMPS
 from finloop.jumps.settings import Settings
 from finloop.reel import Reel
@@ -25,10 +27,12 @@ def main() -> None:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
-        jumps, numbers = film_jumps(Reel(features, film), load_poses(features), rate_hz, p)
+        made = film_jumps(Reel(features, film), load_poses(features), rate_hz, p)
     with whole_folder(OUT) as folder:
-        save_table(folder / "jumps.parquet", jumps, JUMPS)
-    save_metrics(REPORT / "metrics.json", numbers)
+        save_table(folder / "jumps.parquet", made.jumps, JUMPS)
+        look = pd.DataFrame({"look": list(made.look.astype("float32"))})
+        save_table(folder / "look.parquet", look, LOOK)
+    save_metrics(REPORT / "metrics.json", made.numbers)
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, swum
+from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum
 
 from finloop.base.errors import FinloopError
 from finloop.forecast.assess import (
@@ -48,7 +48,7 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return sampler(film, learnt[0], similar_rows(film, HOW.neighbours, HOW.fade), HOW)
+    return sampler(film, learnt[0], similar_rows(film, plain(film), HOW), HOW)
 
 
 def rng(seed=0):
@@ -85,9 +85,9 @@ def test_rows_at_the_ends_of_tracks_cannot_be_learnt_from():
 
 
 def test_a_fish_whose_sides_differ_is_not_mirrored():
-    film = film_states(*swum(drift=0.1), MIRROR, RATE, HOW)
-    assert film.handedness > HOW.handed
+    film = film_states(*swum(), None, RATE, HOW)
     assert len(film.states) == film.count
+    assert film.side.tolist() == [1, 1]
     assert np.array_equal(film.mirror, np.eye(len(film.scale)))
 
 
@@ -180,6 +180,18 @@ def test_neighbours_are_of_other_passages_and_nearer_than_others(film, swim):
         apart = np.abs(film.states[near] - film.states[row]) / film.scale
         other = np.abs(film.states[r.choice(film.rows, 200)] - film.states[row]) / film.scale
         assert apart.mean() < 0.7 * other.mean()
+
+
+def test_rows_that_look_different_are_no_neighbours(film):
+    open_fins = np.random.default_rng(1).random(film.count) < 0.5
+    look = 2.0 * np.tile(open_fins, 2)[:, None]
+    mixed = {}
+    for weight in (0.0, 3.0):
+        start, to = similar_rows(film, look, replace(HOW, look=weight))
+        one = np.repeat(np.arange(len(look)), np.diff(start))
+        mixed[weight] = float((look[one] != look[to]).mean())
+    assert mixed[0.0] > 0.4
+    assert mixed[3.0] < 0.05
 
 
 def test_a_graph_is_read_as_it_was_written(film, swim):

@@ -13,7 +13,7 @@ from finloop.animate.planner import BODY
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
 from finloop.jumps.search import JUMPS, nearest
-from finloop.jumps.sides import sides_apart
+from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Parts, signatures
 
 COUNT, LEAST = 5, 8
@@ -84,6 +84,19 @@ def test_sides_that_are_alike_are_near_and_others_far(rng):
     track = np.zeros(100, int)
     assert sides_apart(Pictures(0.0), track) == pytest.approx(1, abs=0.1)
     assert sides_apart(Pictures(0.3), track) > 3
+
+
+@pytest.mark.parametrize(("rates", "least", "most"), [
+    ((3.0, -3.0), 0.0, 0.1), ((5.0, 5.0), 0.9, 1.0), ((5.0, 5.0, 5.0, -5.0), 0.4, 0.6),
+])  # fmt: skip
+def test_who_turns_one_way_more_often_is_handed(rng, rates, least, most):
+    turning = np.repeat(rates, 100) * rng.uniform(0.9, 1.1, 100 * len(rates))
+    motion = np.column_stack([np.ones_like(turning), 0 * turning, turning])
+    pose = rng.normal(0, 1, (len(turning), 2)) * (1, 0.1)
+    made = Parts(
+        np.stack([pose, pose * (-1, 1)]), None, np.stack([motion, motion * (1, -1, -1)]), None
+    )
+    assert least <= handedness(made) <= most
 
 
 def both_sides():

@@ -14,12 +14,17 @@ MIRROR = np.diag([-1.0, 1.0])
 HOW = settings("forecast", epochs=12, hidden=24, share=0.999)
 
 
-def swum(count=3000, seed=0, tracks=1, drift=0.0):
+def plain(film):
+    """How rows look that all look alike."""
+    return np.zeros((len(film.states), 1))
+
+
+def swum(count=3000, seed=0, tracks=1):
     """A fish (features, codes) whose bend and speed are autoregressive, and whose bend turns it."""
     rng = np.random.default_rng(seed)
     bend, speed = np.zeros(count), np.full(count, 1.5)
     for t in range(1, count):
-        bend[t] = 0.9 * bend[t - 1] + NOISE * rng.normal() + drift
+        bend[t] = 0.9 * bend[t - 1] + NOISE * rng.normal()
         speed[t] = 1.5 + 0.8 * (speed[t - 1] - 1.5) + 0.1 * rng.normal()
     turning = 4 * bend  # rad/s
     heading = np.cumsum(turning) / RATE

@@ -10,7 +10,6 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from finloop.animate.arena import inside
 from finloop.animate.edit_list import FORETOLD, FRAME
@@ -18,6 +17,7 @@ from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
 from finloop.animate.motion import FORECAST
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
@@ -141,14 +141,14 @@ def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:
     return every, np.full(len(every), 1 / len(every))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def moved(place, state, pace):  # type: ignore[no-untyped-def]
     """The next place (x, y, heading) of a fish whose next state is this one."""
     x, y = ahead(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
     return x, y, place[2] + state[-1] * pace.turn_deg
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
@@ -176,7 +176,7 @@ def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
     return costs, free
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
     """The way (n, 3) of states (n, d) from `start`; how many ticks of it are legal; the touch, n.
 

@@ -5,8 +5,7 @@ Glossary: a *state* is the posture's codes, and forward, sideways [body lengths/
 one first; the *control* of a row is what its fish then did (Eqs. 1, 3): displacement [body lengths]
 and included angle [rad] over the next Δ.
 
-Rows n … 2 n − 1 are the mirror images of rows 0 … n − 1. An animal whose sides differ, as a mouse
-that is filmed running round one way, has none: its left is not drawn as its right.
+Rows n … 2 n − 1 are the mirror images of rows 0 … n − 1. An animal whose sides differ has none.
 """
 
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
 from finloop.features.table import delta_of
@@ -38,8 +38,7 @@ class FilmStates:
     the past, the control and the next state exist. mirror: (d, d), states @ mirror are those of the
     mirror image; the identity where the sides differ, and side (2,), for controls, ones. lags: (l,)
     frames, rising from 0. scale: (d,), control_scale: (2,) standard deviations. frame: (m,). delta:
-    Δ in frames. count: n. handedness: how far the mean of what changes sides is off 0, in standard
-    deviations, at most.
+    Δ in frames. count: n.
     """
 
     states: Floats
@@ -54,7 +53,6 @@ class FilmStates:
     delta: int
     rate_hz: float
     count: int
-    handedness: float
 
     @property
     def rows(self) -> Ints:
@@ -67,12 +65,13 @@ class FilmStates:
 
 
 def film_states(
-    features: pd.DataFrame, codes: Reals, mirror: Reals, rate_hz: float, p: Settings
+    features: pd.DataFrame, codes: Reals, mirror: Reals | None, rate_hz: float, p: Settings
 ) -> FilmStates:
     """The states of a film.
 
     features: columns of `FEATURES` (n rows); codes: (n, c) of their postures, the most important
-    first; mirror: (c, c), codes @ mirror are those of the mirror image.
+    first; mirror: (c, c), codes @ mirror are those of the mirror image; None for a fish that is not
+    to be mirrored.
 
     Raises
     ------
@@ -91,40 +90,28 @@ def film_states(
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
     usable = (place > lags[-1]) & next_row & np.isfinite(control).all(1)
     _check(control[usable])
-    whole, side = np.eye(c + MOTION), np.array([1.0, -1.0])
-    whole[:c, :c] = np.asarray(mirror)[:c, :c]
-    whole[range(c, c + MOTION), range(c, c + MOTION)] = 1, -1, -1
+    whole, side = np.eye(c + MOTION), np.ones(2)
+    if mirror is not None:
+        whole[:c, :c], side[1] = np.asarray(mirror)[:c, :c], -1
+        whole[range(c, c + MOTION), range(c, c + MOTION)] = 1, -1, -1
     scale = np.maximum(np.nanstd(states, axis=0), _LEAST)
-    handedness = _handedness(states[usable], whole, scale)
-    if handedness > p.handed:
-        whole, side = np.eye(c + MOTION), np.ones(2)
-    both = np.arange(2 * n if handedness <= p.handed else n) % n
+    both = np.arange(n if mirror is None else 2 * n) % n
     turned = (np.arange(len(both)) >= n)[:, None]
     return FilmStates(
         np.where(turned, (states @ whole)[both], states[both]),
         np.where(turned, (control * side)[both], control[both]), usable[both], whole, side, lags,
-        scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n, handedness,
+        scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
     )  # fmt: skip
-
-
-def _handedness(states: Floats, mirror: Floats, scale: Floats) -> float:
-    """The largest mean of what the mirror reverses (m, d), in standard deviations."""
-    reversed_part = (states - states @ mirror).mean(0) / 2
-    return float(np.abs(reversed_part / scale).max())
 
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     """Forward, sideways and turning speed (n, 3) from the row before; NaN at a track's first."""
-    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    place = features[["x_px", "y_px"]].to_numpy(float)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
-    dx, dy, turn = (np.diff(values, prepend=values[:1]) for values in (x, y, heading))
-    before = np.append(heading[:1], heading[:-1])
-    cos, sin = np.cos(before), np.sin(before)
-    motion = np.stack([
-        (dx * cos - dy * sin) / length, (-dx * sin - dy * cos) / length,
-        np.angle(np.exp(1j * turn)),
-    ], 1) * rate_hz  # fmt: skip
+    step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))
+    moved = ahead_left(step, np.append(heading[:1], heading[:-1])) / length[:, None]
+    motion = np.column_stack([moved, np.angle(np.exp(1j * turn))]) * rate_hz
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     first = np.append(True, (np.diff(track) != 0) | (np.diff(frame) != 1))
     motion[first] = np.nan

@@ -12,13 +12,12 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Reals
+from finloop.base.kernel import finite_kernel
 
 Weights = NDArray[np.float32]
-KERNEL = njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 _LAYERS = ("first", "second", "third")
 _UNITS = ("lags", "scale", "control_scale", "mirror", "side")
 
@@ -119,7 +118,7 @@ def silu(x: Reals) -> Reals:
     return x / (1 + np.exp(-x))
 
 
-@KERNEL
+@finite_kernel
 def next_mean(net: Net, past: Weights, out: Floats) -> None:
     """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last."""
     d, h = out.size, net.second_bias.shape[1]
@@ -136,7 +135,7 @@ def next_mean(net: Net, past: Weights, out: Floats) -> None:
                 out[j] += two[i] * net.third[side, i, j]
 
 
-@KERNEL
+@finite_kernel
 def _layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
     """SiLU(x weights + bias) into `out`."""
     for j in range(out.size):

@@ -1,7 +1,8 @@
 """Rows in similar states: to which rows of the film a fish may go over (delay embedding).
 
 Two rows are similar if their pasts are: their postures, and their speeds in units of their standard
-deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969).
+deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969). And if
+they look alike now: fins open or folded, light, skin.
 
 A fish that goes over to similar rows at random would end where the film is densest, in rest. So the
 relation is made symmetric, and a step to a row with more neighbours is taken less often (Metropolis
@@ -11,9 +12,10 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Ints
+from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.schema import Schema, columns
 from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.settings import Settings
 
 NEIGHBOURS = Schema(*columns("int32", "1", "row", "neighbour"))
 """The graph of similar rows, sorted; each of its edges is there in both directions."""
@@ -22,25 +24,27 @@ _LOT = 512  # rows at a time
 _NEAR = 8  # times `count` nearest rows are looked at for `count` of different passages
 
 
-def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
-    """The pasts (m, l d) of rows in which Euclidean distance says how similar they are.
+def embedding(film: FilmStates, look: Reals, rows: Ints, p: Settings) -> Floats:
+    """The pasts of rows, and how they look, (m, l d + k): how far apart says how similar they are.
 
-    fade: in Δ; a state so long ago counts half.
+    look: (m, k) of all rows of the film, together of the deviation 1.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
-    weight = 0.5 ** (film.lags / (fade * film.delta))
-    return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
+    weight = 0.5 ** (film.lags / (p.fade * film.delta))
+    past = (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
+    return np.concatenate([past, p.look * np.asarray(look)[rows]], 1)
 
 
-def similar_rows(film: FilmStates, count: int, fade: float) -> tuple[Ints, Ints]:
+def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
-    count: so many of different passages, each at least Δ from the others and from the row itself;
-    then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
+    As many as `p.neighbours` of different passages, each at least Δ from the others and from the
+    row itself; then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
+    look: of `embedding`.
     """
-    rows, n, m = film.rows, film.count, len(film.states)
-    space = embedding(film, rows, fade).astype(np.float32)
+    rows, n, m, count = film.rows, film.count, len(film.states), p.neighbours
+    space = embedding(film, look, rows, p).astype(np.float32)
     space -= space.mean(0)
     square = (space**2).sum(1)
     ours = rows[rows < n]

@@ -16,8 +16,9 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import finite_kernel
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.model import KERNEL, Forecast, Net, next_mean
+from finloop.forecast.model import Forecast, Net, next_mean
 from finloop.forecast.settings import Settings
 
 
@@ -133,7 +134,7 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
     return np.concatenate(states)[:ticks], np.concatenate(rows)[:ticks]
 
 
-@KERNEL
+@finite_kernel
 def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
     """The states (ticks, d), the last one first, of following a row; fewer where its film ends.
 

@@ -14,9 +14,6 @@ class Settings:
 
     # The state.
     share: Share  # of the variance of the postures' codes that those of a state explain
-    # an animal whose mean bend, or the like, is so many standard deviations off 0 has sides that
-    # differ: it is not mirrored
-    handed: NotNegative
     # the past: states so many Δ ago, from 0
     lags: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=1)]
 
@@ -37,6 +34,7 @@ class Settings:
     # The spread: the film's departures from the mean, of rows in similar states.
     neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
     fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
+    look: NotNegative  # what a difference in light and skin counts, 1 = as one in the posture
     follow_s: Positive  # s, on average, for which the departures of successive rows are taken
     obey: Positive  # of how much the controls of similar rows differ; so well is a control followed
     # s in which a difference to the row that is followed halves, beside what the network foretells:

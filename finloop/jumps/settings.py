@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from finloop.base.settings import Count, NotNegative, Positive
+from finloop.base.settings import Count, NotNegative, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,8 @@ class Settings:
     look: NotNegative  # ... light and skin, drawn in one pose
     look_px: Count  # across the pictures that light and skin are compared in ...
     look_numbers: Count  # ... by so many principal components
-    # whether a fish is shown mirrored; auto: if its sides differ by less than `sides_most`
+    # whether a fish is shown mirrored; auto: if its sides look alike, and it uses them alike
     mirror: Literal["auto", "yes", "no"]
-    # a fish's mirror image is so many times as far from it as its other pictures, at most
+    # alike: its mirror image is so many times as far from it as its other pictures, at most ...
     sides_most: Positive
+    handed_most: Share  # ... and the mean of its bends and turns is such a part of them, at most

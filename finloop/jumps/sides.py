@@ -1,10 +1,10 @@
-"""Whether a fish may be shown mirrored: how much its two sides differ."""
+"""Whether a fish may be shown mirrored: how much its two sides differ, in look and in motion."""
 
 import numpy as np
 
 from finloop.base.arrays import Ints
 from finloop.distance.picture import apart
-from finloop.jumps.signature import Straight
+from finloop.jumps.signature import Parts, Straight
 
 _ROWS = 300  # pictures at most
 
@@ -23,3 +23,17 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
     one, other = straight(rows), straight(rng.integers(first, last))
     mirror, usual = (float(np.median(apart(one, two))) for two in (one[:, ::-1], other))
     return mirror / max(usual, 1e-12)
+
+
+def handedness(made: Parts) -> float:
+    """How much more a fish bends, goes aside or turns to one side than to the other.
+
+    Of each the length of its mean to the root mean square, of what changes in the mirror; the
+    largest. 0: all is done to both sides alike; 1: to one side alone.
+    """
+    largest = 0.0
+    for both in (made.pose, made.motion[..., 1:2], made.motion[..., 2:]):
+        odd = (both[0] - both[1]) / 2
+        square = float((odd**2).mean(0).sum())
+        largest = max(largest, float(np.linalg.norm(odd.mean(0))) / max(square, 1e-24) ** 0.5)
+    return largest

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask
+from finloop.base.axes import ahead_left
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings
 from finloop.pose.film import FilmPoses
@@ -86,15 +87,15 @@ def signatures(made: Parts, goes_on: Mask, settings: Settings) -> Floats:
     next row is the next frame of the same track.
     """
     weights = (settings.pose, settings.change, settings.motion, settings.look)
-    scaled = [_scaled(part, name == "motion") * weight for (name, part), weight in
-              zip(made._asdict().items(), weights, strict=True)]  # fmt: skip
-    values = np.concatenate(scaled, axis=-1)
+    sides = [scaled(part, name == "motion") * weight for (name, part), weight in
+             zip(made._asdict().items(), weights, strict=True)]  # fmt: skip
+    values = np.concatenate(sides, axis=-1)
     rows = np.flatnonzero(goes_on)
     step = np.median(np.linalg.norm(values[0, rows + 1] - values[0, rows], axis=-1))
     return values / max(float(step), 1e-12)
 
 
-def _scaled(part: Floats, each: bool) -> Floats:
+def scaled(part: Floats, each: bool = False) -> Floats:
     """Deviations from the mean; in units of the part's deviation, or of each of its numbers'."""
     apart = part - part.mean((0, 1))
     square = (apart**2).mean((0, 1))
@@ -122,9 +123,5 @@ def _motion(reel: Reel, rate_hz: float, span: int) -> Floats:
         for one in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
     ])  # fmt: skip
     moved = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span) * rate_hz
-    cos, sin = np.cos(np.radians(heading)), np.sin(np.radians(heading))
-    ahead = moved[:, 0] * cos - moved[:, 1] * sin
-    aside = -moved[:, 0] * sin - moved[:, 1] * cos
-    return np.stack([
-        np.column_stack([ahead, side * aside, side * moved[:, 2]]) for side in (1, -1)
-    ])  # fmt: skip
+    speed = np.column_stack([ahead_left(moved[:, :2], np.radians(heading)), moved[:, 2]])
+    return np.stack([speed, speed * (1, -1, -1)])

@@ -9,13 +9,12 @@ from matplotlib.figure import Figure
 
 from finloop.features.table import FEATURES
 from finloop.forecast.assess import FREE, HELD_OUT
-from finloop.forecast.film import film_states
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.forecast import free_figure, learning_figure
+from stages.forecasts import load_states
 from stages.poses import load_poses
-from stages.settings import load
 
 DATA, REPORT = Path("data"), Path("reports/forecast")
 
@@ -30,7 +29,7 @@ def main() -> None:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     poses = load_poses(features)
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    film = film_states(features, poses.codes, poses.shapes.mirror, rate_hz, load("forecast"))
+    film = load_states(features, poses, rate_hz)
     curve = pd.read_csv(REPORT / "curve.csv")
     held_out = load_table(folder / "held_out.parquet", HELD_OUT)
     save_figure(REPORT / "learning.png", learning_figure(curve, held_out))
