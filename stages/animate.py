@@ -1,11 +1,12 @@
 """Stage `animate`: goals become an edit list a mode, with the measures of how good each is."""
 
-from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,8 @@ from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import Player, random_goals
+from finloop.animate.swim import random_goals
+from finloop.base.parallel import ordered_map, warm_up
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -39,8 +41,14 @@ from stages.settings import load
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 OUTLINE = ("outline_x_px", "outline_y_px")
 
+WORKERS_NEED = ["stages.animate"]
+TRIALS_AT_A_TIME = 10
+
 Swum = tuple[np.ndarray, np.ndarray]
 """Speed and turn rate of everything that swam."""
+
+Lot = tuple[str, Sequence[int]]
+"""A mode, and seeds of animations."""
 
 
 @contextmanager
@@ -71,20 +79,40 @@ def bring(p: Settings) -> Iterator[Planner]:
         yield planner(made, p)
 
 
-def trials(p: Settings, player: Player, film_motion: Swum) -> dict[str, float]:
-    """The measures of further animations, to random goals, on average; none looks at a picture."""
-    player = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
-    waters = player.waters
-    ticks, goal_reach = waters.ticks(p.seconds), waters.touch_px + waters.head_px
+def trials_of(p: Settings, lot: Lot) -> list[dict[str, float]]:
+    """The measures of animations to random goals; none looks at a picture. For its own process."""
+    mode, seeds = lot
     numbers = []
-    with progress("animate", p.trials, "trials") as advance:
-        for seed in range(p.trials):
+    with bring(p) as plans:
+        player, waters = plans.players[mode], plans.waters
+        player = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
+        film_motion = measures.motion_of_film(plans.pictures.reel.features, waters.motion)
+        ticks, goal_reach = waters.ticks(p.seconds), waters.touch_px + waters.head_px
+        for seed in seeds:
             rng = np.random.default_rng([p.seed, seed])
             goals = random_goals(waters.tank, goal_reach, p.trial_goals, rng)
             edit = play(player, goals, ticks, rng)
             numbers.append(measures.of_plan(edit, goals, player, film_motion))
-            advance()
-    return pd.DataFrame(numbers).mean().add_prefix("trials_").to_dict()
+    return numbers
+
+
+def trials(p: Settings, modes: Iterable[str]) -> dict[str, dict[str, float]]:
+    """The measures of further animations of every mode, on average."""
+    lots: list[Lot] = [
+        (mode, range(first, min(first + TRIALS_AT_A_TIME, p.trials)))
+        for mode in modes
+        for first in range(0, p.trials, TRIALS_AT_A_TIME)
+    ]
+    numbers: dict[str, list[dict[str, float]]] = {mode: [] for mode, _ in lots}
+    with progress("animate", sum(len(seeds) for _, seeds in lots), "trials") as advance:
+        results = ordered_map(partial(trials_of, p), lots, THREADS)
+        for (mode, seeds), measured in zip(lots, results, strict=True):
+            numbers[mode] += measured
+            advance(len(seeds))
+    return {
+        mode: pd.DataFrame(every).mean().add_prefix("trials_").to_dict()
+        for mode, every in numbers.items()
+    }
 
 
 def animation(
@@ -97,7 +125,7 @@ def animation(
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """Make the edit list of a mode: its measures, and itself. steps: columns of `STEPS`."""
     player, waters, pictures = plans.players[mode], plans.waters, plans.pictures
-    p, ticks = waters.settings, waters.ticks(waters.settings.seconds)
+    ticks = waters.ticks(waters.settings.seconds)
     swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
     save_table(
@@ -115,13 +143,14 @@ def animation(
         **measures.of_states(edit),
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
-        **trials(p, player, film_motion),
     }, edit
 
 
 def main() -> None:
     """Make data/animate/, reports/animate/."""
     p: Settings = load("animate")
+    if THREADS > 1:
+        warm_up(WORKERS_NEED)
     numbers: dict[str, dict[str, float]] = {}
     moved = {}
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
@@ -136,6 +165,8 @@ def main() -> None:
         film_numbers = measures.of_film(
             features, swum, steps["as_filmed"].to_numpy(float), waters.motion
         )
+        for mode, averages in trials(p, plans.players).items():
+            numbers[mode] |= averages
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
     if LOOPS not in numbers:

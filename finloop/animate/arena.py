@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import count
 
 import cv2
@@ -28,6 +29,13 @@ class Tank:
     arena: Mask
     legal: Mask
     nearest: NDArray[np.int32]
+
+    @cached_property
+    def depth_px(self) -> NDArray[np.float32]:
+        """How far (h, w) the middle of each pixel is from that of the nearest one outside."""
+        walled = np.pad(self.arena.astype(np.uint8), 1)
+        depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+        return np.asarray(depth[1:-1, 1:-1], np.float32)
 
     def into(self, x: float, y: float) -> tuple[float, float]:
         """The point itself where it is legal, else the legal pixel nearest to it."""

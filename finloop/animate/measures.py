@@ -30,6 +30,8 @@ KINEMATICS = Schema(
 )
 """How the film (mode FILM_MOTION) and each mode's fish move, a row a tick; both over Δ."""
 
+_ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
+
 
 def of_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: Player, film: tuple[Floats, Floats]
@@ -162,9 +164,15 @@ def outside(edit: pd.DataFrame, player: Player) -> int:
     height, width = tank.arena.shape
     angle = np.radians(edit["heading_deg"].to_numpy(float))
     x, y = edit["x_px"].to_numpy(), edit["y_px"].to_numpy()
+    column, row = np.round(x).astype(int), np.round(y).astype(int)
+    there = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    depth = np.where(there, tank.depth_px[row * there, column * there], 0.0)
     pictures = edit.groupby(["kind", "source", "mirrored"]).indices
-    for (kind, source, mirrored), ticks in pictures.items():
+    for (kind, source, mirrored), shown in pictures.items():
         ahead, left = player.hull(str(kind), int(source)).T * [[1], [-1 if mirrored else 1]]
+        ticks = shown[depth[shown] <= np.hypot(ahead, left).max() + _ROUNDED_PX]
+        if not len(ticks):
+            continue
         cos, sin = np.cos(angle[ticks, None]), np.sin(angle[ticks, None])
         column = np.round(x[ticks, None] + ahead * cos - left * sin).astype(int)
         row = np.round(y[ticks, None] - ahead * sin - left * cos).astype(int)
