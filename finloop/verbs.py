@@ -10,6 +10,7 @@
     gateways = find_gateways(similar, reel, film.rate_hz)          (§4.2)
     poses = find_poses(tracks, features)            how every fish is bent
     jumps = find_jumps(reel, poses, film.rate_hz)   which frames look and move alike
+    forecast = foretell(features, poses, jumps, film.rate_hz)   the next pose and motion
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
 
@@ -52,6 +53,11 @@ from finloop.extract import film as extraction
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
+from finloop.forecast.film import film_states
+from finloop.forecast.learning import learn as train
+from finloop.forecast.learning import split as hold_out
+from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
@@ -59,7 +65,7 @@ from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME, film_writer
 from finloop.io.movie import Mp4Writer
 from finloop.io.table import as_loaded, load_table
 from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
-from finloop.jumps.film import film_jumps
+from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.normalise import normalise, open_source
@@ -72,8 +78,8 @@ from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
-    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "learn",
-    "make_sprites", "measure", "open_film", "steer", "track", "write_video",
+    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "foretell",
+    "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
 
 _OPEN = ExitStack()  # stores and temporary folders, till the program ends
@@ -252,12 +258,28 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
     return film_poses(tracks.table, features, settings("pose", **changes))
 
 
-def find_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, **changes: Any) -> pd.DataFrame:
-    """Where the film can go on as a frame that looks and moves alike: columns of `JUMPS`.
+def find_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, **changes: Any) -> FilmJumps:
+    """Where the film can go on as a frame that looks and moves alike, and how its rows look.
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """
-    return as_loaded(film_jumps(reel, poses, rate_hz, settings("jumps", **changes)).jumps, JUMPS)
+    made = film_jumps(reel, poses, rate_hz, settings("jumps", **changes))
+    return made._replace(jumps=as_loaded(made.jumps, JUMPS))
+
+
+def foretell(
+    features: pd.DataFrame, poses: FilmPoses, jumps: FilmJumps, rate_hz: float, **changes: Any
+) -> Sampler:
+    """A network of the next pose and motion, trained, and what is sampled beside it.
+
+    `changes`: of `finloop.forecast.settings.Settings`. FinloopError also if the film is too short,
+    or no fish in it moves or turns.
+    """
+    p = settings("forecast", **changes)
+    mirror = poses.shapes.mirror if len(jumps.look) > len(features) else None
+    states = film_states(features, poses.codes, mirror, rate_hz, p)
+    foreteller, _ = train(states, hold_out(states, p), p)
+    return sampler(states, foreteller, similar_rows(states, jumps.look, p), p)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)
@@ -266,31 +288,25 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     model: MotionModel,
     similar: Similar,
     loops: pd.DataFrame,
-    jumps: pd.DataFrame,
+    jumps: FilmJumps,
     gateways: pd.DataFrame,
     poses: FilmPoses,
+    forecast: Sampler | None = None,
     mode: str = HYBRID,
     **changes: Any,
 ) -> pd.DataFrame:
     """Send the fish to its goals: an edit list, columns of `EDIT`, a row a frame (Figs. 18, 19).
 
-    `mode`: "nn" (sprites alone), "loops" (film alone) or "hybrid". `changes`: of
+    `mode`: "nn" (as the forecast foretells; without one, sprites alone), "loops" (film alone) or
+    "hybrid". `changes`: of
     `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
     and height) and seconds=30.0. Without loops there is no mode "loops".
     """
     film = tracks.film
     made = Material(
-        film.rate_hz,
-        film.arena,
-        reel,
-        tracks.table,
-        model,
-        similar.facts,
-        loops,
-        jumps,
-        gateways,
-        poses,
-    )
+        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, jumps.jumps,
+        gateways, poses, forecast,
+    )  # fmt: skip
     plans = planner(made, settings("animate", **changes))
     if mode not in plans.players:
         raise FinloopError(
@@ -302,13 +318,9 @@ def steer(  # noqa: PLR0913  (a result of every verb)
 
 
 def write_video(
-    path: str | Path,
-    edit: pd.DataFrame,
-    tracks: Tracks,
-    reel: Reel,
-    poses: FilmPoses,
+    path: str | Path, edit: pd.DataFrame, tracks: Tracks, reel: Reel, poses: FilmPoses,
     **changes: Any,
-) -> None:
+) -> None:  # fmt: skip
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a row.
 
     `changes`: of `finloop.render.settings.Settings`; crf counts here, the quality.

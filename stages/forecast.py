@@ -23,7 +23,7 @@ from finloop.io.record import load_record, save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.pose.film import FilmPoses
-from stages.forecasts import load_look, load_states
+from stages.forecasts import load_look, states_of
 from stages.poses import load_poses
 from stages.settings import load
 
@@ -72,10 +72,10 @@ def main() -> None:
     p: Settings = load("forecast")
     features = load_table(DATA / "features/features.parquet", FEATURES)
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    poses = load_poses(features)
+    poses, look = load_poses(features), load_look()
     with whole_folder(OUT) as folder:
         try:
-            film = load_states(features, poses, rate_hz)
+            film = states_of(features, poses, look, rate_hz)
             sides = split(film, p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
@@ -85,7 +85,7 @@ def main() -> None:
             return
         with progress("forecast", p.epochs, "epochs") as advance:
             model, curve = learn(film, sides, p, advance)
-        graph = similar_rows(film, load_look(), p)
+        graph = similar_rows(film, look, p)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))

@@ -24,12 +24,12 @@ def load_look() -> Floats:
     return lists_to_array(load_table(Path("data/jumps/look.parquet"), LOOK)["look"])
 
 
-def load_states(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> FilmStates:
-    """The states of a film, with mirror images if `jumps` has them.
+def states_of(features: pd.DataFrame, poses: FilmPoses, look: Floats, rate_hz: float) -> FilmStates:
+    """The states of a film, with mirror images if `look` has them.
 
     features, poses: of the same rows. FinloopError if the film shows too little.
     """
-    mirror = poses.shapes.mirror if len(load_look()) > len(features) else None
+    mirror = poses.shapes.mirror if len(look) > len(features) else None
     return film_states(features, poses.codes, mirror, rate_hz, load("forecast"))
 
 
@@ -41,7 +41,7 @@ def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> S
     """
     if (FOLDER / "reason.json").exists():
         return None
-    film = load_states(features, poses, rate_hz)
+    film = states_of(features, poses, load_look(), rate_hz)
     model = load_record(FOLDER / "model.json", forecast_model, "forecast")
     edges = load_table(FOLDER / "neighbours.parquet", NEIGHBOURS)
     return sampler(film, model, from_table(edges, len(film.states)), load("forecast"))

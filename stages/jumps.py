@@ -30,7 +30,7 @@ def main() -> None:
         made = film_jumps(Reel(features, film), load_poses(features), rate_hz, p)
     with whole_folder(OUT) as folder:
         save_table(folder / "jumps.parquet", made.jumps, JUMPS)
-        look = pd.DataFrame({"look": list(made.look.astype("float32"))})
+        look = pd.DataFrame({"look": list(made.look)})
         save_table(folder / "look.parquet", look, LOOK)
     save_metrics(REPORT / "metrics.json", made.numbers)
 

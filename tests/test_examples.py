@@ -5,12 +5,15 @@ import importlib
 import re
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import av
+import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT, TINY_CARP
 from scratch import prepare
+from toy_swim import MIRROR, RATE, swum
 
 import finloop
 import stages.extract
@@ -18,12 +21,15 @@ from finloop import verbs
 from finloop.animate.edit_list import EDIT
 from finloop.base.errors import FinloopError
 from finloop.io.table import load_table
+from finloop.jumps.film import FilmJumps
 
 EXAMPLE = ROOT / "examples/ten_lines.py"
 STAGES = (
-    "clip", "extract", "features", "pose", "bpn", "forecast", "sprites", "distance", "loops",
-    "jumps", "gateways", "animate",
+    "clip", "extract", "features", "pose", "jumps", "bpn", "forecast", "sprites", "distance",
+    "loops", "gateways", "animate",
 )  # fmt: skip
+
+STEERED = ("tracks", "reel", "model", "similar", "loops", "jumps", "gateways", "poses")
 
 
 def changes(word):
@@ -67,25 +73,24 @@ def test_the_ten_lines_make_what_the_stages_make(tiny, tmp_path, monkeypatch):
         frames = [frame.to_ndarray(format="gray") for frame in video.decode(video=0)]
     assert len(frames) == len(wanted)
     assert frames[0].shape == names["film"].arena.shape
+    made = [names[one] for one in STEERED]
     with pytest.raises(FinloopError, match="mode 'crawl'"):
-        verbs.steer(
-            *(
-                names[one]
-                for one in (
-                    "tracks",
-                    "reel",
-                    "model",
-                    "similar",
-                    "loops",
-                    "jumps",
-                    "gateways",
-                    "poses",
-                )
-            ),
-            mode="crawl",
-        )
+        verbs.steer(*made, mode="crawl")
+    with pytest.raises(FinloopError, match="rows with a past"):
+        verbs.foretell(names["features"], names["poses"], names["jumps"], names["film"].rate_hz)
     again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)
     assert (again.facts.width_px, again.facts.frames) == (320, len(list(again)))
+
+
+@pytest.mark.parametrize("sides", [1, 2])
+def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
+    features, codes = swum(count=400)
+    poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
+    jumps = FilmJumps(pd.DataFrame(), np.zeros((sides * len(features), 1), np.float32), {})
+    forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden=4)
+    assert len(forecast.states) == sides * len(features)
+    image = forecast.states[-399:] * ([-1, 1, 1, -1, -1] if sides == 2 else 1)
+    assert np.allclose(forecast.states[1:400], image)
 
 
 def test_the_readme_shows_the_example():

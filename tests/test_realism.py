@@ -323,9 +323,9 @@ def folder(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
         for stage in (
-            stages.clip, stages.extract, stages.features, stages.pose, stages.bpn,
-            stages.forecast, stages.sprites,
-            stages.distance, stages.loops, stages.jumps, stages.gateways, stages.animate, stages.realism,
+            stages.clip, stages.extract, stages.features, stages.pose, stages.jumps, stages.bpn,
+            stages.forecast, stages.sprites, stages.distance, stages.loops, stages.gateways,
+            stages.animate, stages.realism,
         ):  # fmt: skip
             stage.main()
     return path

@@ -12,8 +12,8 @@ PLACES = {  # column and row of every stage
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
     "morph": (3, 5),
-    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 4), "forecast": (4, 3), "animate": (5, 1),
-    "render": (6, 0), "tank": (6, 1), "export": (6, 2), "realism": (6, 3), "report": (7, 1),
+    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), "animate": (6, 1),
+    "render": (7, 0), "tank": (7, 1), "export": (7, 2), "realism": (7, 3), "report": (8, 1),
 }  # fmt: skip
 TIP = (
     '<marker id="tip" viewBox="0 0 8 8" refX="1" refY="4" markerWidth="6" markerHeight="6" '

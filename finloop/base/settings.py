@@ -35,8 +35,8 @@ Crf = Annotated[int, Field(ge=0, le=51)]  # quality of H.264: 0 = lossless or be
 Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
 WORDS = (
-    "clip", "extract", "features", "pose", "bpn", "forecast", "sprites", "distance", "loops",
-    "jumps", "gateways", "animate", "render", "realism", "tank", "export", "morph", "gait",
+    "clip", "extract", "features", "pose", "jumps", "bpn", "forecast", "sprites", "distance",
+    "loops", "gateways", "animate", "render", "realism", "tank", "export", "morph", "gait",
     "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from finloop.base.arrays import Floats
 from finloop.base.schema import ANY, Column, Schema
 from finloop.jumps.search import nearest
 from finloop.jumps.settings import Settings
@@ -23,7 +23,7 @@ class FilmJumps(NamedTuple):
     """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images; numbers of both."""
 
     jumps: pd.DataFrame
-    look: Floats
+    look: NDArray[np.float32]
     numbers: dict[str, float]
 
 
@@ -43,7 +43,7 @@ def film_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings)
     step = np.linalg.norm(np.diff(values[0], axis=0), axis=-1)[reel.goes_on[:-1]]
     best = jumps.groupby("row")["seam"].min()
     look = scaled(made.look)[: 1 + mirror].reshape(-1, made.look.shape[-1])
-    return FilmJumps(jumps, look, {
+    return FilmJumps(jumps, look.astype(np.float32), {
         "jumps": len(jumps),
         "rows_with_jumps_pct": 100 * len(best) / len(track),
         "seam_median_steps": float(jumps["seam"].median()),

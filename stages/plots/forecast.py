@@ -13,7 +13,7 @@ from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.plots.forecast import free_figure, learning_figure
-from stages.forecasts import load_states
+from stages.forecasts import load_look, states_of
 from stages.poses import load_poses
 
 DATA, REPORT = Path("data"), Path("reports/forecast")
@@ -29,7 +29,7 @@ def main() -> None:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     poses = load_poses(features)
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    film = load_states(features, poses, rate_hz)
+    film = states_of(features, poses, load_look(), rate_hz)
     curve = pd.read_csv(REPORT / "curve.csv")
     held_out = load_table(folder / "held_out.parquet", HELD_OUT)
     save_figure(REPORT / "learning.png", learning_figure(curve, held_out))
