@@ -41,7 +41,7 @@ from stages.settings import load
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 OUTLINE = ("outline_x_px", "outline_y_px")
 
-WORKERS_NEED = ["stages.animate"]
+WORKERS_NEED = ["finloop.animate.planner", "finloop.animate.measures", "stages.forecasts"]
 TRIALS_AT_A_TIME = 10
 
 Swum = tuple[np.ndarray, np.ndarray]
