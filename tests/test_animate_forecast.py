@@ -10,7 +10,7 @@ from toy_swim import HOW, MIRROR, RATE, plain, swum
 
 from finloop.animate.edit_list import FRAME, NETWORK, Goal
 from finloop.animate.film import ROW
-from finloop.animate.forecast import ForecastSwimmer, farther, shown_only
+from finloop.animate.forecast import ForecastSwimmer, endless, farther
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FORECAST
 from finloop.animate.policies import Policy
@@ -47,7 +47,8 @@ def waters(mirrored=True, barred=()):
 
 
 def swimmer(**film):
-    return ForecastSwimmer(waters(**film), sample(), np.arange(60))
+    here = waters(**film)
+    return ForecastSwimmer(here, endless(sample(), here.film.more), np.arange(60))
 
 
 def player(**film):
@@ -135,10 +136,25 @@ def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_
 
 
 def test_only_rows_that_are_shown_are_similar():
-    one = shown_only(sample(), waters(mirrored=False).film.more)
+    one = endless(sample(), waters(mirrored=False).film.more)
     assert (one.to < 3000).all()
     assert one.usable[one.to].all()
     assert one.start[-1] == len(one.to)
+
+
+def test_rows_that_only_lead_to_an_end_of_the_film_are_not_followed():
+    whole = sample()
+    start = whole.start.copy()
+    lonely = slice(1000, 1101)  # the last rows before a cut have no neighbours
+    gone = np.isin(np.repeat(np.arange(len(whole.usable)), np.diff(start)), np.r_[lonely])
+    gone |= np.isin(whole.to, np.r_[lonely])
+    start = np.append(0, np.cumsum(~gone))[start]
+    more = np.arange(3000) % 1101 != 1100
+    one = endless(whole._replace(start=start, to=whole.to[~gone]), more)
+    assert not one.usable[lonely].any()
+    assert one.usable[800:1000].all()
+    rows = np.flatnonzero(one.usable)
+    assert (one.usable[rows + 1] | (one.start[rows + 1] > one.start[rows])).all()
 
 
 def test_farther_round_there_are_more_rows():

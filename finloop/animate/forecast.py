@@ -22,6 +22,7 @@ from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
 from finloop.forecast.sampling import at_row as state_at
+from finloop.loops.graph import endless_rows
 
 _TRIES = 8  # ways that are tried one after the other before the fish slides along a wall
 
@@ -42,15 +43,15 @@ class Pace(NamedTuple):
 
 
 class ForecastSwimmer:
-    """Swims as is foretold. sampler: of the film of `waters`; sprite_rows (s,): behind sprites."""
+    """Swims as is foretold. sampler: of `endless`; sprite_rows (s,): behind sprites."""
 
     def __init__(self, waters: Waters, sampler: Sampler, sprite_rows: Ints) -> None:
         motion, p = waters.motion, waters.settings
         self.waters = waters
-        self.sampler = swum = shown_only(sampler, waters.film.more)
+        self.sampler = sampler
         self._sprite_rows = sprite_rows
-        usable = np.flatnonzero(swum.usable)
-        speed = swum.states[usable][:, -MOTION:]
+        usable = np.flatnonzero(sampler.usable)
+        speed = sampler.states[usable][:, -MOTION:]
         px = motion.body_length_px / motion.rate_hz
         turn_deg = float(np.degrees(1 / motion.rate_hz))
         self._pace = Pace(
@@ -58,8 +59,10 @@ class ForecastSwimmer:
             float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), 0.75)) * px,
             max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
         )  # fmt: skip
-        after = np.searchsorted(usable, np.arange(len(swum.usable)))
-        self._near = usable[np.minimum(after, len(usable) - 1)]
+        rows = np.arange(len(sampler.usable))
+        after = np.minimum(np.searchsorted(usable, rows), len(usable) - 1)
+        near = usable[np.stack([np.maximum(after - 1, 0), after])]
+        self._near = near[np.abs(near - rows).argmin(0), rows]
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""
@@ -120,15 +123,24 @@ class ForecastSwimmer:
         )  # fmt: skip
 
 
-def shown_only(sampler: Sampler, more: Mask) -> Sampler:
-    """A sampler of the rows of `animate.Film` alone; more: which of them the film goes on from.
+def endless(sampler: Sampler, more: Mask) -> Sampler:
+    """A sampler of those rows of `animate.Film` from which a fish can swim for ever.
 
-    Without the film's mirror images, where it has none, and without rows that must not be shown.
+    more: which of them the film goes on from. Without the film's mirror images, where it has none,
+    without rows that must not be shown, and without those that only lead to an end of the film.
     """
     n, m = len(more), len(sampler.usable)
     usable = np.zeros(m, bool)
     usable[:n] = sampler.usable[:n] & more[:m]
-    one = np.repeat(np.arange(m), np.diff(sampler.start))
+    shown = _among(sampler, usable)
+    plays = usable & np.append(usable[1:], False)
+    ends = np.where(usable, np.arange(m), -1)
+    return _among(shown, usable & endless_rows(plays, ends, shown.start, shown.to))
+
+
+def _among(sampler: Sampler, usable: Mask) -> Sampler:
+    """A sampler of these rows (m,) alone."""
+    one = np.repeat(np.arange(len(usable)), np.diff(sampler.start))
     both = usable[one] & usable[sampler.to]
     start = np.append(0, np.cumsum(both))[sampler.start]
     return sampler._replace(usable=usable, start=start, to=sampler.to[both])

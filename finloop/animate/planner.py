@@ -13,7 +13,7 @@ from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
-from finloop.animate.forecast import ForecastSwimmer
+from finloop.animate.forecast import ForecastSwimmer, endless
 from finloop.animate.joins import Joins, joins
 from finloop.animate.listing import edit_list
 from finloop.animate.loops import FilmSwimmer
@@ -114,10 +114,12 @@ def planner(made: Material, p: Settings) -> Planner:
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
     company = players(waters, cast, made.model, gates, joins(p, bodies, rate_hz, pictures.helps))
-    if made.forecast is not None and p.sprites == "learned":
-        swimmer = ForecastSwimmer(waters, made.forecast, sprites["row"].to_numpy())
-        policy = replace(company[NETWORK].policy, forecast=swimmer)
-        company[NETWORK] = replace(company[NETWORK], policy=policy)
+    swum = None if made.forecast is None else endless(made.forecast, way.more)
+    if swum is not None and swum.usable.any() and p.sprites == "learned":
+        swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy())
+        for mode in (NETWORK, HYBRID):
+            policy = replace(company[mode].policy, forecast=swimmer)
+            company[mode] = replace(company[mode], policy=policy)
     return Planner(waters, company, pictures, facts.step_median)
 
 

@@ -1,8 +1,9 @@
 """The three modes, which differ in what may be shown next.
 
 Network mode shows sprites (Fig. 18), loops mode the film, hybrid mode the film where it leads to
-the goal and sprites between (§4.3, Figs. 17, 19). Every policy goes on from any state that a fish
-is in: by a gateway where it may not show more of what is on screen.
+the goal and sprites between (§4.3, Figs. 17, 19). A fish that swims as is foretold takes the place
+of sprites, where there is one. Every policy goes on from any state that a fish is in: by a gateway
+where it may not show more of what is on screen.
 """
 
 from dataclasses import dataclass, replace
@@ -14,6 +15,7 @@ from finloop.animate.crossing import Crossing, refused
 from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot
+from finloop.animate.motion import FILM
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
 from finloop.base.arrays import Mask
@@ -23,7 +25,7 @@ from finloop.base.arrays import Mask
 class Policy:
     """What may be shown next in a mode. crossing: None where there is no film to be in.
 
-    forecast: whoever swims in network mode if not sprites.
+    forecast: whoever swims in place of sprites.
     """
 
     mode: str
@@ -42,6 +44,8 @@ class Policy:
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """What is shown next, on the way to a goal; first into the film, or out of it."""
         if self.forecast is not None:
+            if self.mode == HYBRID and self.crossing is not None:
+                return film_or_forecast(self.crossing, self.forecast, fish, goal, rng)
             return self.forecast.next(fish, goal, rng)
         if self.crossing is None:
             return self.sprites.figure18(fish, goal, rng)
@@ -78,6 +82,27 @@ def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generato
         if taken is not None:
             return replace(film.play(fish, taken, goal, aim), waits=True)
     return refused(left, options)
+
+
+def film_or_forecast(
+    crossing: Crossing, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
+) -> Stretch:
+    """Fig. 19 without sprites: by the film where that is legal and gains enough, else as foretold.
+
+    No gateways are needed: a fish that swims as is foretold shows a row of the film, too.
+    """
+    film = crossing.film
+    if fish.row < 0 or not film.waters.film.more[fish.row]:
+        return forecast.next(fish, goal, rng)
+    aim = film.aim(fish, goal)
+    options = film.options(fish, aim)
+    taken = film.choose(options, worth(crossing, options, fish, aim), rng)
+    if taken is not None:
+        return film.play(fish, taken, goal, aim)
+    stretch = forecast.next(fish, goal, rng)
+    if fish.state == FILM:
+        stretch = replace(stretch, decision=stretch.decision._replace(exit=NO_WAY))
+    return refused(stretch, options)
 
 
 def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> Mask:

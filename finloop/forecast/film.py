@@ -19,6 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
 from finloop.features.table import delta_of
 from finloop.forecast.settings import Settings
+from finloop.pose.film import memory_frames
 
 MOTION = 3
 """Numbers of a state beside the codes: forward, sideways and turning speed."""
@@ -38,7 +39,7 @@ class FilmStates:
     the past, the control and the next state exist. mirror: (d, d), states @ mirror are those of the
     mirror image; the identity where the sides differ, and side (2,), for controls, ones. lags: (l,)
     frames, rising from 0. scale: (d,), control_scale: (2,) standard deviations. frame: (m,). delta:
-    Δ in frames. count: n.
+    Δ in frames. count: n. memory: frames after which a posture is half forgotten.
     """
 
     states: Floats
@@ -53,6 +54,7 @@ class FilmStates:
     delta: int
     rate_hz: float
     count: int
+    memory: float
 
     @property
     def rows(self) -> Ints:
@@ -101,6 +103,7 @@ def film_states(
         np.where(turned, (states @ whole)[both], states[both]),
         np.where(turned, (control * side)[both], control[both]), usable[both], whole, side, lags,
         scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
+        memory_frames(np.asarray(codes, float), features),
     )  # fmt: skip
 
 

@@ -1,8 +1,8 @@
 """Rows in similar states: to which rows of the film a fish may go over (delay embedding).
 
 Two rows are similar if their pasts are: their postures, and their speeds in units of their standard
-deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969). And if
-they look alike now: fins open or folded, light, skin.
+deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969). And they
+must look alike now: fins open or folded, light, skin.
 
 A fish that goes over to similar rows at random would end where the film is densest, in rest. So the
 relation is made symmetric, and a step to a row with more neighbours is taken less often (Metropolis
@@ -24,39 +24,46 @@ _LOT = 512  # rows at a time
 _NEAR = 8  # times `count` nearest rows are looked at for `count` of different passages
 
 
-def embedding(film: FilmStates, look: Reals, rows: Ints, p: Settings) -> Floats:
-    """The pasts of rows, and how they look, (m, l d + k): how far apart says how similar they are.
+def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
+    """The pasts (m, l d) of rows in which Euclidean distance says how similar they are.
 
-    look: (m, k) of all rows of the film, together of the deviation 1.
+    fade: in Δ; a state so long ago counts half.
     """
     unit = film.scale.copy()
     unit[:-MOTION] = np.sqrt((film.scale[:-MOTION] ** 2).sum())  # codes share one unit
-    weight = 0.5 ** (film.lags / (p.fade * film.delta))
-    past = (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
-    return np.concatenate([past, p.look * np.asarray(look)[rows]], 1)
+    weight = 0.5 ** (film.lags / (fade * film.delta))
+    return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
 
 
 def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
-    As many as `p.neighbours` of different passages, each at least Δ from the others and from the
-    row itself; then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
-    look: of `embedding`.
+    At most `p.neighbours` of different passages, each at least Δ from the others and from the row
+    itself; then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
+    look: (m, k) of all rows of the film, together of the deviation 1; the rows after neighbours,
+    which a fish shows next, are at most `p.look` apart in it. But where the film ends a fish must
+    go over: any look will do.
     """
     rows, n, m, count = film.rows, film.count, len(film.states), p.neighbours
-    space = embedding(film, look, rows, p).astype(np.float32)
-    space -= space.mean(0)
-    square = (space**2).sum(1)
-    ours = rows[rows < n]
+    space, seen = (
+        (one - one.mean(0)).astype(np.float32)
+        for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
+    )
+    square, seen_square = ((one**2).sum(1) for one in (space, seen))
+    ours, last = rows[rows < n], ~np.isin(rows + 1, rows)
     near = min(_NEAR * count, len(rows) - 1)
     pairs: list[tuple[int, int]] = []
     for first in range(0, len(ours), _LOT):
         lot = slice(first, min(first + _LOT, len(ours)))
         apart = square - 2 * space[lot] @ space.T  # + what all of a row share
+        unlike = seen_square[lot, None] + seen_square - 2 * seen[lot] @ seen.T > p.look**2
+        apart[unlike & ~last[lot, None]] = np.inf
         best = np.argpartition(apart, near, axis=1)[:, :near]
         order = np.take_along_axis(best, np.take_along_axis(apart, best, 1).argsort(1), 1)
-        for row, others in zip(ours[lot].tolist(), rows[order].tolist(), strict=True):
-            pairs += ((row, other) for other in _passages(row, others, count, film.delta))
+        alike = np.isfinite(np.take_along_axis(apart, order, 1)).sum(1)
+        for row, others, most in zip(ours[lot].tolist(), rows[order], alike, strict=True):
+            passages = _passages(row, others[:most].tolist(), count, film.delta)
+            pairs += ((row, other) for other in passages)
     there = np.array(pairs, np.int64).reshape(-1, 2)
     image = (there + n) % m if m > n else there
     every = np.concatenate([there, image, there[:, ::-1], image[:, ::-1]])

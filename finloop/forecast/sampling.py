@@ -65,7 +65,7 @@ def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Sett
     return Sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
         film.states[rows].min(0), film.states[rows].max(0), film.lags,
-        0.5 ** (1 / (half_s * film.rate_hz)), *graph, max(1.0, p.follow_s * film.rate_hz),
+        0.5 ** (1 / (half_s * film.rate_hz)), *graph, max(1.0, p.follow_s * film.rate_hz, film.memory),
         p.obey * np.sqrt((differ**2).mean(0)),
     )  # fmt: skip
 
@@ -110,14 +110,20 @@ def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
     """Rows (k,) that a fish at a row may follow next, itself the last, and how likely (Metropolis).
 
-    Where the film ends these are those of the last row before that goes on.
+    Where the film ends these are those of the last row before that goes on, as many rows later; it
+    is not gone back to if there are others.
     """
-    while not swim.usable[row]:
-        row -= 1
-    rows = swim.to[swim.start[row] : swim.start[row + 1]]
+    last = row
+    while not swim.usable[last]:
+        last -= 1
+    rows = swim.to[swim.start[last] : swim.start[last + 1]]
     degree = swim.start[rows + 1] - swim.start[rows]
     chance = 1 / np.maximum(degree, max(len(rows), 1))
-    return np.append(rows, row), np.append(chance, max(1 - chance.sum(), 0.0))
+    stays = max(1 - chance.sum(), 0.0) if last == row or not len(rows) else 0.0
+    later = rows + row - last
+    if (goes_on := swim.usable[np.minimum(later, len(swim.usable) - 1)]).any():
+        rows, chance = later[goes_on], chance[goes_on]
+    return np.append(rows, last), np.append(chance, stays)
 
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:

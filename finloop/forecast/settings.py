@@ -34,8 +34,10 @@ class Settings:
     # The spread: the film's departures from the mean, of rows in similar states.
     neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
     fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
-    look: NotNegative  # what a difference in light and skin counts, 1 = as one in the posture
-    follow_s: Positive  # s, on average, for which the departures of successive rows are taken
+    look: Positive  # deviations in light and skin; rows so far apart at most are similar
+    # s, on average, for which the departures of successive rows are taken; longer in a film whose
+    # postures last longer
+    follow_s: Positive
     obey: Positive  # of how much the controls of similar rows differ; so well is a control followed
     # s in which a difference to the row that is followed halves, beside what the network foretells:
     settle_pose_s: Positive  # of the posture
