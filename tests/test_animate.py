@@ -27,7 +27,7 @@ from toy_film import (
 
 from finloop.animate import kinematics as step
 from finloop.animate import measures
-from finloop.animate.arena import in_sight, inside, place_goals, tank
+from finloop.animate.arena import in_sight, inside, place_goals, roamed, tank
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
@@ -67,6 +67,26 @@ def test_a_centre_is_legal_where_the_whole_fish_fits_in():
     rows, columns = np.nonzero(found.legal)
     assert (rows.min(), rows.max()) == (45, 554)
     assert (columns.min(), columns.max()) == (55, 744)
+
+
+def disc(radius: float) -> np.ndarray:
+    """Outlines (40, 12, 2) of small fish all round a disc in the middle of 200 × 160 px."""
+    middle = np.stack([radius * np.cos(np.arange(40.0)), radius * np.sin(np.arange(40.0))], -1)
+    edge = 4 * np.stack([np.cos(np.arange(12)), np.sin(np.arange(12))], -1)
+    return (100, 80) + middle[:, None] + edge
+
+
+def test_without_an_arena_the_fish_is_where_animals_were_filmed():
+    whole, wide = np.ones((160, 200), bool), disc(66.0)
+    there = roamed(whole, wide, "auto")
+    rows, columns = np.mgrid[:160, :200]
+    away = np.hypot(columns - 100, rows - 80)
+    assert there[away < 68].all() and not there[away > 71].any()
+    given = columns > 50  # an arena that was given is believed
+    assert np.array_equal(roamed(given, wide, "auto"), given)
+    assert np.array_equal(roamed(given, wide, "filmed"), given & there)
+    assert roamed(whole, wide, "arena").all()
+    assert roamed(whole, disc(20.0), "auto").all()  # it held its place
 
 
 def test_the_edge_of_the_picture_is_a_wall():

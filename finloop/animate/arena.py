@@ -12,11 +12,12 @@ import skimage
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
-from finloop.base.arrays import Mask
+from finloop.base.arrays import Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 
 _LOOK_PX = 2.0  # step along a line of sight
+_ROAMS = 0.25  # of the picture
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
 
 
@@ -33,9 +34,7 @@ class Tank:
     @cached_property
     def depth_px(self) -> NDArray[np.float32]:
         """How far (h, w) the middle of each pixel is from that of the nearest one outside."""
-        walled = np.pad(self.arena.astype(np.uint8), 1)
-        depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
-        return np.asarray(depth[1:-1, 1:-1], np.float32)
+        return _depth_px(self.arena)
 
     def into(self, x: float, y: float) -> tuple[float, float]:
         """The point itself where it is legal, else the legal pixel nearest to it."""
@@ -101,10 +100,7 @@ def tank(arena: Mask, reach_px: float) -> Tank:
 
     FinloopError if such a fish does not fit in.
     """
-    clearance = cv2.distanceTransform(
-        np.pad(arena, 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_PRECISE
-    )[1:-1, 1:-1]
-    parts, pools = scipy.ndimage.label(clearance > reach_px + 1)
+    parts, pools = scipy.ndimage.label(_depth_px(arena) > reach_px + 1)
     if pools == 0:
         rows, columns = (int(arena.any(axis).sum()) for axis in (1, 0))
         raise FinloopError(
@@ -118,6 +114,37 @@ def tank(arena: Mask, reach_px: float) -> Tank:
         ~legal, return_distances=False, return_indices=True
     )
     return Tank(arena, legal, nearest.astype(np.int32))
+
+
+def _depth_px(arena: Mask) -> NDArray[np.float32]:
+    """See `Tank.depth_px`."""
+    walled = np.pad(arena.astype(np.uint8), 1)
+    depth = cv2.distanceTransform(walled, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)
+    return np.asarray(depth[1:-1, 1:-1], np.float32)
+
+
+def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
+    """The part (h, w) of an arena where animals were filmed: the convex hull of their outlines.
+
+    outline_px (n, k, 2): x, y of all.
+    """
+    points = np.round(np.asarray(outline_px).reshape(-1, 2)).astype(np.int32)
+    hull = np.zeros(arena.shape, np.uint8)
+    cv2.fillConvexPoly(hull, cv2.convexHull(points), 1)
+    return arena & hull.astype(bool)
+
+
+def roamed(arena: Mask, outline_px: Reals, tank: str) -> Mask:
+    """Where the fish may be: the `arena`, where animals were `filmed`, or by `auto` one of them.
+
+    That is where animals were filmed if the arena is the whole picture, so none was given, and they
+    filled a quarter of it at least: elsewhere there may be no floor. A fish that holds its
+    place in a current was filmed in less; it may swim anywhere.
+    """
+    if tank == "arena" or (tank == "auto" and not arena.all()):
+        return arena
+    filmed = filmed_area(arena, outline_px)
+    return filmed if tank == "filmed" or filmed.mean() >= _ROAMS else arena
 
 
 def goal_name(number: int) -> str:

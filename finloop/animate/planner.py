@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import place_goals, tank
+from finloop.animate.arena import place_goals, roamed, tank
 from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
@@ -96,7 +96,8 @@ def planner(made: Material, p: Settings) -> Planner:
     bodies = Bodies(made.poses, reel.goes_on, sprites)
     pictures = Pictures(reel, facts.size, bodies)
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    hulls = frame_hulls(lists_to_points(made.outline, "outline"), features, scale)
+    outline = lists_to_points(made.outline, "outline")
+    hulls = frame_hulls(outline, features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
     if p.jumps == "loops":
@@ -110,7 +111,8 @@ def planner(made: Material, p: Settings) -> Planner:
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
-    waters = Waters(tank(made.arena, reach_px), way, order, motion, touch_px, float(head), p)
+    water = tank(roamed(made.arena, outline, p.tank), reach_px)
+    waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
     company = players(waters, cast, made.model, gates, joins(p, bodies, rate_hz, pictures.helps))

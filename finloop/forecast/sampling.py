@@ -65,7 +65,8 @@ def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Sett
     return Sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
         film.states[rows].min(0), film.states[rows].max(0), film.lags,
-        0.5 ** (1 / (half_s * film.rate_hz)), *graph, max(1.0, p.follow_s * film.rate_hz, film.memory),
+        0.5 ** (1 / (half_s * film.rate_hz)), *graph,
+        max(1.0, p.follow_s * film.rate_hz, film.memory),
         p.obey * np.sqrt((differ**2).mean(0)),
     )  # fmt: skip
 
