@@ -34,6 +34,7 @@ from stages.settings import load
 
 CLIP, OUT, REPORT = DATA / "clip", DATA / "realism", Path("reports/realism")
 WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "stages.gallery"]
+WELL_FOLLOWED = 0.8  # share of ticks; of fewer it is said
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
@@ -51,11 +52,13 @@ def followed(
     swum: dict[str, Swimming] = {}
     for name, part in works.items():
         own, tables = tables[: len(part)], tables[len(part) :]
-        if any(len(table) for table in own):
+        share = sum(map(len, own)) / sum(len(edit) for edit, _ in part) if part else 0.0
+        if share > 0:
             swum[name] = swimming([edit for edit, _ in part], own, instrument.rate_hz)
-        else:
-            print(f"realism: extraction could follow no fish in {name}: no numbers for it; look at "
-                  f"the film that render.mode={name} makes", file=sys.stderr)  # fmt: skip
+        if share < WELL_FOLLOWED:
+            print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
+                  "ticks, and the numbers are of these; look at the film that "
+                  f"render.mode={name} makes", file=sys.stderr)  # fmt: skip
     return swum
 
 
@@ -99,15 +102,24 @@ def save_film(folder: Path, drawn: Drawn, slower: int) -> None:
                 writer.write(frame)
 
 
-def save_report(verdicts: dict[str, Verdict], sample: Sample, swum: dict[str, Swimming]) -> None:
+def save_report(
+    verdicts: dict[str, Verdict], sample: Sample, works: dict[str, list[Work]],
+    swum: dict[str, Swimming],
+) -> None:  # fmt: skip
     """Write numbers and curves."""
     save_csv(REPORT / "auc.csv", compare.table(verdicts), decimals=4)
     curves = [roc(one.scores).assign(compared=name) for name, one in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
-    seconds = {f"{name}_s": len(one.row) / sample.rate_hz for name, one in swum.items()}
-    save_metrics(REPORT / "metrics.json", compare.numbers(verdicts) | seconds)
+    numbers = compare.numbers(verdicts)
+    for name, one in swum.items():
+        ticks = sum(len(edit) for edit, _ in works[name])
+        numbers |= {
+            f"{name}_s": len(one.row) / sample.rate_hz,
+            f"{name}_followed_pct": 100 * len(one.row) / ticks,
+        }
+    save_metrics(REPORT / "metrics.json", numbers)
 
 
 def main() -> None:
@@ -145,7 +157,7 @@ def main() -> None:
         save_table(folder / "examples.parquet", shown, examples.EXAMPLES)
         save_table(folder / "curves.parquet", seen, examples.CURVES)
         save_film(folder, drawn, p.slower)
-    save_report(verdicts, sample, swum)
+    save_report(verdicts, sample, works, swum)
 
 
 if __name__ == "__main__":

@@ -431,4 +431,4 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
     monkeypatch.setattr(stages.realism, "THREADS", 1)
     assert stages.realism.followed(works, load_drawn(NETWORK, "realism"), instrument_of(carp)) == {}
-    assert "no fish in nn" in capsys.readouterr().err
+    assert "the fish of nn in 0 %" in capsys.readouterr().err
