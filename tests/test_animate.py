@@ -137,6 +137,15 @@ def test_goals_in_shares_of_the_tank_and_in_pixels():
     assert place_goals([[31, 77]], "px", room, 60.0) == [Goal("A", 31.0, 77.0)]
 
 
+def test_a_goal_in_the_corner_of_a_round_tank_is_moved_inside():
+    rows, columns = np.mgrid[:400, :400]
+    room = tank(np.hypot(columns - 200, rows - 200) < 150, 20.0)
+    corner, middle = place_goals([[0.0, 0.0], [0.5, 0.5]], "tank", room, 5.0)
+    assert np.hypot(corner.x_px - 200, corner.y_px - 200) == pytest.approx(129, abs=2)
+    assert corner.x_px == pytest.approx(corner.y_px, abs=2)
+    assert np.hypot(middle.x_px - 200, middle.y_px - 200) < 2
+
+
 @pytest.mark.parametrize(
     ("given", "unit", "said"),
     [

@@ -157,6 +157,17 @@ def test_rows_that_only_lead_to_an_end_of_the_film_are_not_followed():
     assert (one.usable[rows + 1] | (one.start[rows + 1] > one.start[rows])).all()
 
 
+def test_rows_that_only_lead_round_among_themselves_are_not_followed():
+    whole = sample()
+    one = np.repeat(np.arange(len(whole.usable)), np.diff(whole.start))
+    trap = (one >= 1050) & (one < 1101)
+    into = np.where(trap, 1060, whole.to)  # a few frames, again and again
+    more = np.arange(3000) % 1101 != 1100
+    film = endless(whole._replace(to=into), more)
+    assert not film.usable[1050:1101].any()
+    assert film.usable[600:1000].mean() > 0.9
+
+
 def test_farther_round_there_are_more_rows():
     whole = sample()
     row = int(np.flatnonzero(whole.usable)[100])

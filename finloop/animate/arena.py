@@ -159,8 +159,9 @@ def place_goals(
     """Goals from the configuration, in pixels.
 
     `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
-    left. A fish touches what is within `touch_px` of a legal centre. FinloopError if there is none,
-    one is no pair of numbers, or one cannot be reached; all are named.
+    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that it cannot
+    touch, as in the corner of a round tank, is moved to the nearest legal centre. FinloopError if
+    there is none, one is no pair of numbers, or one cannot be reached; all are named.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
@@ -176,7 +177,11 @@ def place_goals(
             continue
         x, y = map(float, pair)
         if unit == "tank":
+            within = 0 <= min(x, y) <= max(x, y) <= 1
             x, y = left + x * (right - left), top + y * (bottom - top)
+            legal = tank.into(x, y)
+            if within and np.hypot(legal[0] - x, legal[1] - y) > touch_px:
+                x, y = legal
         goals.append(Goal(name, x, y))
         if not inside(tank.arena, x, y):
             problems.append(f"{name}: ({x:.0f}, {y:.0f}) px is outside the tank")

@@ -10,11 +10,13 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 
 from finloop.animate.arena import inside
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
 from finloop.animate.motion import FORECAST
+from finloop.animate.search import last_on_screen
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
@@ -22,7 +24,6 @@ from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
 from finloop.forecast.sampling import at_row as state_at
-from finloop.loops.graph import endless_rows
 
 _TRIES = 8  # ways that are tried one after the other before the fish slides along a wall
 
@@ -78,6 +79,14 @@ class ForecastSwimmer:
         row = row if self.sampler.usable[row] else int(self._near[row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
+    def _again(self, fish: Fish, rows: Ints) -> Floats:
+        """Ticks (k,) that following rows costs, where what is shown then was on screen just now."""
+        p, waters = self.waters.settings, self.waters
+        last = last_on_screen(fish.recent, len(self.sampler.usable))
+        soon = rows[:, None] + 1 + np.arange(max(1, round(self.sampler.follow)))
+        ago = fish.tick - last[np.minimum(soon, len(last) - 1)].max(1)
+        return waters.ticks(p.again_s) * np.maximum(0.0, 1 - ago / waters.ticks(p.memory_s))
+
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, past = self._with_past(fish)
@@ -93,6 +102,7 @@ class ForecastSwimmer:
         if not free.any():  # a wall is ahead: look farther round
             rows, chance = farther(swum, rows)
             costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
+        costs = costs + self._again(fish, rows)
         with np.errstate(divide="ignore"):
             liked = np.log(chance) - costs / self.waters.ticks(p.chance_s)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
@@ -127,15 +137,26 @@ def endless(sampler: Sampler, more: Mask) -> Sampler:
     """A sampler of those rows of `animate.Film` from which a fish can swim for ever.
 
     more: which of them the film goes on from. Without the film's mirror images, where it has none,
-    without rows that must not be shown, and without those that only lead to an end of the film.
+    and without rows that must not be shown. Of the rest: the largest set of rows that lead to each
+    other, and all that lead there; not those that only lead to an end of the film, or round and
+    round in a few frames.
     """
     n, m = len(more), len(sampler.usable)
     usable = np.zeros(m, bool)
     usable[:n] = sampler.usable[:n] & more[:m]
     shown = _among(sampler, usable)
-    plays = usable & np.append(usable[1:], False)
-    ends = np.where(usable, np.arange(m), -1)
-    return _among(shown, usable & endless_rows(plays, ends, shown.start, shown.to))
+    plays = np.flatnonzero(usable[:-1] & usable[1:])
+    one = np.append(np.repeat(np.arange(m), np.diff(shown.start)), plays)
+    ways = (np.ones(len(one), np.int8), (one, np.append(shown.to, plays + 1)))
+    graph = scipy.sparse.csr_array(ways, shape=(m, m))
+    part = scipy.sparse.csgraph.connected_components(graph, connection="strong")[1]
+    counts = np.bincount(part, minlength=1)
+    if counts.max(initial=0) < 2:
+        return _among(shown, np.zeros(m, bool))
+    inner = int(np.flatnonzero(part == counts.argmax())[0])
+    leads = np.zeros(m, bool)
+    leads[scipy.sparse.csgraph.breadth_first_order(graph.T, inner, True, False)] = True
+    return _among(shown, usable & leads)
 
 
 def _among(sampler: Sampler, usable: Mask) -> Sampler:

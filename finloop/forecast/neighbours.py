@@ -39,7 +39,8 @@ def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
     At most `p.neighbours` of different passages, each at least Δ from the others and from the row
-    itself; then whoever has a neighbour is its neighbour. Mirror images have the mirror images.
+    itself, and so long that a posture is half forgotten; then whoever has a neighbour is its
+    neighbour. Mirror images have the mirror images.
     look: (m, k) of all rows of the film, together of the deviation 1; the rows after neighbours,
     which a fish shows next, are at most `p.look` apart in it. But where the film ends a fish must
     go over: any look will do.
@@ -51,7 +52,7 @@ def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints
     )
     square, seen_square = ((one**2).sum(1) for one in (space, seen))
     ours, last = rows[rows < n], ~np.isin(rows + 1, rows)
-    near = min(_NEAR * count, len(rows) - 1)
+    near, passage = min(_NEAR * count, len(rows) - 1), max(film.delta, round(film.memory))
     pairs: list[tuple[int, int]] = []
     for first in range(0, len(ours), _LOT):
         lot = slice(first, min(first + _LOT, len(ours)))
@@ -62,7 +63,7 @@ def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints
         order = np.take_along_axis(best, np.take_along_axis(apart, best, 1).argsort(1), 1)
         alike = np.isfinite(np.take_along_axis(apart, order, 1)).sum(1)
         for row, others, most in zip(ours[lot].tolist(), rows[order], alike, strict=True):
-            passages = _passages(row, others[:most].tolist(), count, film.delta)
+            passages = _passages(row, others[:most].tolist(), count, passage)
             pairs += ((row, other) for other in passages)
     there = np.array(pairs, np.int64).reshape(-1, 2)
     image = (there + n) % m if m > n else there
