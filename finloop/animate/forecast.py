@@ -61,8 +61,9 @@ class ForecastSwimmer:
             max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
         )  # fmt: skip
         rows = np.arange(len(sampler.usable))
-        after = np.minimum(np.searchsorted(usable, rows), len(usable) - 1)
-        near = usable[np.stack([np.maximum(after - 1, 0), after])]
+        leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
+        after = np.minimum(np.searchsorted(leads, rows), len(leads) - 1)
+        near = leads[np.stack([np.maximum(after - 1, 0), after])]
         self._near = near[np.abs(near - rows).argmin(0), rows]
 
     def begin(self, rng: np.random.Generator) -> Fish:
@@ -76,7 +77,7 @@ class ForecastSwimmer:
         if fish.past is not None:
             return fish, fish.past
         row = fish.row if fish.row >= 0 else int(self._sprite_rows[fish.sprite])
-        row = row if self.sampler.usable[row] else int(self._near[row])
+        row = int(self._near[row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
     def _again(self, fish: Fish, rows: Ints) -> Floats:
@@ -139,32 +140,25 @@ def endless(sampler: Sampler, more: Mask) -> Sampler:
     more: which of them the film goes on from. Without the film's mirror images, where it has none,
     and without rows that must not be shown. Of the rest: the largest set of rows that lead to each
     other, and all that lead there; not those that only lead to an end of the film, or round and
-    round in a few frames.
+    round in a few frames. So the last row of a stretch, which cannot be followed, has neighbours.
     """
     n, m = len(more), len(sampler.usable)
-    usable = np.zeros(m, bool)
-    usable[:n] = sampler.usable[:n] & more[:m]
-    shown = _among(sampler, usable)
-    plays = np.flatnonzero(usable[:-1] & usable[1:])
-    one = np.append(np.repeat(np.arange(m), np.diff(shown.start)), plays)
-    ways = (np.ones(len(one), np.int8), (one, np.append(shown.to, plays + 1)))
-    graph = scipy.sparse.csr_array(ways, shape=(m, m))
+    shown = np.zeros(m + 1, bool)
+    shown[:n] = sampler.usable[:n] & more[:m]
+    one = np.repeat(np.arange(m), np.diff(sampler.start))
+    goes = shown[one] & shown[sampler.to] & shown[sampler.to + 1]
+    plays = np.flatnonzero(shown[:-1] & shown[1:])
+    ends = np.append(one[goes], plays), np.append(sampler.to[goes], plays) + 1
+    graph = scipy.sparse.csr_array((np.ones(len(ends[0]), np.int8), ends), shape=(m, m))
     part = scipy.sparse.csgraph.connected_components(graph, connection="strong")[1]
-    counts = np.bincount(part, minlength=1)
-    if counts.max(initial=0) < 2:
-        return _among(shown, np.zeros(m, bool))
-    inner = int(np.flatnonzero(part == counts.argmax())[0])
-    leads = np.zeros(m, bool)
+    inner = int(np.flatnonzero(part == np.bincount(part).argmax())[0])
+    leads = np.zeros(m + 1, bool)
     leads[scipy.sparse.csgraph.breadth_first_order(graph.T, inner, True, False)] = True
-    return _among(shown, usable & leads)
-
-
-def _among(sampler: Sampler, usable: Mask) -> Sampler:
-    """A sampler of these rows (m,) alone."""
-    one = np.repeat(np.arange(len(usable)), np.diff(sampler.start))
-    both = usable[one] & usable[sampler.to]
-    start = np.append(0, np.cumsum(both))[sampler.start]
-    return sampler._replace(usable=usable, start=start, to=sampler.to[both])
+    leads &= shown
+    usable = leads[:-1] & leads[1:]
+    goes = leads[one] & usable[sampler.to]
+    start = np.append(0, np.cumsum(goes))[sampler.start]
+    return sampler._replace(usable=usable, start=start, to=sampler.to[goes])
 
 
 def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:

@@ -42,8 +42,7 @@ def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints
     itself, and so long that a posture is half forgotten; then whoever has a neighbour is its
     neighbour. Mirror images have the mirror images.
     look: (m, k) of all rows of the film, together of the deviation 1; the rows after neighbours,
-    which a fish shows next, are at most `p.look` apart in it. But where the film ends a fish must
-    go over: any look will do.
+    which a fish shows next, are at most `p.look` apart in it.
     """
     rows, n, m, count = film.rows, film.count, len(film.states), p.neighbours
     space, seen = (
@@ -51,14 +50,14 @@ def similar_rows(film: FilmStates, look: Reals, p: Settings) -> tuple[Ints, Ints
         for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
     )
     square, seen_square = ((one**2).sum(1) for one in (space, seen))
-    ours, last = rows[rows < n], ~np.isin(rows + 1, rows)
+    ours = rows[rows < n]
     near, passage = min(_NEAR * count, len(rows) - 1), max(film.delta, round(film.memory))
     pairs: list[tuple[int, int]] = []
     for first in range(0, len(ours), _LOT):
         lot = slice(first, min(first + _LOT, len(ours)))
         apart = square - 2 * space[lot] @ space.T  # + what all of a row share
         unlike = seen_square[lot, None] + seen_square - 2 * seen[lot] @ seen.T > p.look**2
-        apart[unlike & ~last[lot, None]] = np.inf
+        apart[unlike] = np.inf
         best = np.argpartition(apart, near, axis=1)[:, :near]
         order = np.take_along_axis(best, np.take_along_axis(apart, best, 1).argsort(1), 1)
         alike = np.isfinite(np.take_along_axis(apart, order, 1)).sum(1)

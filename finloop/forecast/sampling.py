@@ -111,16 +111,16 @@ def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
     """Rows (k,) that a fish at a row may follow next, itself the last, and how likely (Metropolis).
 
-    Where the film ends these are those of the last row before that goes on, as many rows later; it
-    is not gone back to if there are others.
+    Of a row that cannot be followed they are its neighbours alone; where it has none, those of the
+    last row before that has, as many rows later.
     """
     last = row
-    while not swim.usable[last]:
+    while not swim.usable[last] and swim.start[last] == swim.start[last + 1]:
         last -= 1
     rows = swim.to[swim.start[last] : swim.start[last + 1]]
     degree = swim.start[rows + 1] - swim.start[rows]
     chance = 1 / np.maximum(degree, max(len(rows), 1))
-    stays = max(1 - chance.sum(), 0.0) if last == row or not len(rows) else 0.0
+    stays = max(1 - chance.sum(), 0.0) if swim.usable[row] or not len(rows) else 0.0
     later = rows + row - last
     if (goes_on := swim.usable[np.minimum(later, len(swim.usable) - 1)]).any():
         rows, chance = later[goes_on], chance[goes_on]
