@@ -53,7 +53,7 @@ from finloop.extract import film as extraction
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
-from finloop.forecast.film import film_states
+from finloop.forecast.film import film_states, shown_mirror
 from finloop.forecast.learning import learn as train
 from finloop.forecast.learning import split as hold_out
 from finloop.forecast.neighbours import similar_rows
@@ -276,7 +276,7 @@ def foretell(
     or no fish in it moves or turns.
     """
     p = settings("forecast", **changes)
-    mirror = poses.shapes.mirror if len(jumps.look) > len(features) else None
+    mirror = shown_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
     foreteller, _ = train(states, hold_out(states, p), p)
     return sampler(states, foreteller, similar_rows(states, jumps.look, p), p)

@@ -18,7 +18,7 @@ from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import random_goals
+from finloop.animate.swim import trial_goals
 from finloop.base.parallel import ordered_map, warm_up
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
@@ -87,10 +87,10 @@ def trials_of(p: Settings, lot: Lot) -> list[dict[str, float]]:
         player, waters = plans.players[mode], plans.waters
         player = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
         film_motion = measures.motion_of_film(plans.pictures.reel.features, waters.motion)
-        ticks, goal_reach = waters.ticks(p.seconds), waters.touch_px + waters.head_px
+        ticks = waters.ticks(p.seconds)
         for seed in seeds:
             rng = np.random.default_rng([p.seed, seed])
-            goals = random_goals(waters.tank, goal_reach, p.trial_goals, rng)
+            goals = trial_goals(waters, p.trial_goals, rng)
             edit = play(player, goals, ticks, rng)
             numbers.append(measures.of_plan(edit, goals, player, film_motion))
     return numbers

@@ -13,7 +13,7 @@ from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.learning import Sides, learn, split
+from finloop.forecast.learning import Partition, learn, split
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import NEIGHBOURS, similar_rows, table
 from finloop.forecast.sampling import Sampler, free_run, sampler
@@ -32,10 +32,10 @@ CURVE = ["epoch", "train_error", "held_out_error"]
 
 
 def area_numbers(
-    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, sides: Sides
+    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, parts: Partition
 ) -> dict[str, float]:
     """Errors of the relative motion area Δ later, on rows of the film itself that were held out."""
-    rows = sides.held_out[sides.held_out < film.count]
+    rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
     if not len(rows):
         return {}
@@ -53,15 +53,15 @@ def area_numbers(
 
 
 def measured(
-    film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator, folder: Path
+    film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
     """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
-    told = assess.ensembles(film, swim, sides, rng)
+    told = assess.ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, film.count, rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(told), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
     return {
-        **assess.of_forecasts(film, told, swim, sides),
+        **assess.of_forecasts(film, told, swim, parts),
         **assess.of_free_run(states, rows, film, swim),
         **assess.obedience(swim, film, rng),
     }
@@ -76,7 +76,7 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         try:
             film = states_of(features, poses, look, rate_hz)
-            sides = split(film, p)
+            parts = split(film, p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})
@@ -84,20 +84,20 @@ def main() -> None:
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
         with progress("forecast", p.epochs, "epochs") as advance:
-            model, curve = learn(film, sides, p, advance)
+            model, curve = learn(film, parts, p, advance)
         graph = similar_rows(film, look, p)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
-        numbers = measured(film, swim, sides, rng, folder)
-        numbers |= area_numbers(features, poses, film, model, sides)
+        numbers = measured(film, swim, parts, rng, folder)
+        numbers |= area_numbers(features, poses, film, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {
         "models": 1,
         "state_numbers": len(film.scale),
         "mirrored": int(len(film.states) > film.count),
-        "train_rows": len(sides.train),
-        "held_out_rows": len(sides.held_out),
+        "train_rows": len(parts.train),
+        "held_out_rows": len(parts.held_out),
         "epochs": len(curve) - 1,
         "best_epoch": int(curve["held_out_error"].argmin()),
         "neighbours_per_row": len(graph[1]) / len(film.rows),

@@ -6,7 +6,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats
 from finloop.base.schema import lists_to_array
-from finloop.forecast.film import FilmStates, film_states
+from finloop.forecast.film import FilmStates, film_states, shown_mirror
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import NEIGHBOURS, from_table
 from finloop.forecast.sampling import Sampler, sampler
@@ -29,7 +29,7 @@ def states_of(features: pd.DataFrame, poses: FilmPoses, look: Floats, rate_hz: f
 
     features, poses: of the same rows. FinloopError if the film shows too little.
     """
-    mirror = poses.shapes.mirror if len(look) > len(features) else None
+    mirror = shown_mirror(poses, look)
     return film_states(features, poses.codes, mirror, rate_hz, load("forecast"))
 
 

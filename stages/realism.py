@@ -3,6 +3,7 @@
 from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
+from collections.abc import Sized
 from functools import partial
 from pathlib import Path
 
@@ -38,6 +39,11 @@ WELL_FOLLOWED = 0.8  # share of ticks; of fewer it is said
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
+def share_of(followed: Sized, work: list[Work]) -> float:
+    """The share of the ticks of edit lists at which extraction followed a fish."""
+    return len(followed) / max(1, sum(len(edit) for edit, _ in work))
+
+
 def followed(
     works: dict[str, list[Work]], drawn: Drawn, instrument: Instrument
 ) -> dict[str, Swimming]:
@@ -52,9 +58,10 @@ def followed(
     swum: dict[str, Swimming] = {}
     for name, part in works.items():
         own, tables = tables[: len(part)], tables[len(part) :]
-        share = sum(map(len, own)) / sum(len(edit) for edit, _ in part) if part else 0.0
-        if share > 0:
+        share = 0.0
+        if any(map(len, own)):
             swum[name] = swimming([edit for edit, _ in part], own, instrument.rate_hz)
+            share = share_of(swum[name].row, part)
         if share < WELL_FOLLOWED:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
                   "ticks, and the numbers are of these; look at the film that "
@@ -114,10 +121,9 @@ def save_report(
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
     numbers = compare.numbers(verdicts)
     for name, one in swum.items():
-        ticks = sum(len(edit) for edit, _ in works[name])
         numbers |= {
             f"{name}_s": len(one.row) / sample.rate_hz,
-            f"{name}_followed_pct": 100 * len(one.row) / ticks,
+            f"{name}_followed_pct": 100 * share_of(one.row, works[name]),
         }
     save_metrics(REPORT / "metrics.json", numbers)
 

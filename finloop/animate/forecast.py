@@ -16,7 +16,7 @@ from finloop.animate.arena import inside
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
 from finloop.animate.motion import FORECAST
-from finloop.animate.search import last_on_screen
+from finloop.animate.search import again_cost, last_on_screen
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
@@ -86,7 +86,7 @@ class ForecastSwimmer:
         last = last_on_screen(fish.recent, len(self.sampler.usable))
         soon = rows[:, None] + 1 + np.arange(max(1, round(self.sampler.follow)))
         ago = fish.tick - last[np.minimum(soon, len(last) - 1)].max(1)
-        return waters.ticks(p.again_s) * np.maximum(0.0, 1 - ago / waters.ticks(p.memory_s))
+        return np.asarray(again_cost(ago, waters.ticks(p.again_s), waters.ticks(p.memory_s)))
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""

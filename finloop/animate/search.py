@@ -115,13 +115,22 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
 
 
 @kernel
+def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
+    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
+
+    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
+    """
+    return again * np.maximum(0.0, 1.0 - ago / memory)
+
+
+@kernel
 def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
 
     Numbers or arrays. seam in median steps, faster in body lengths/s; the row that is jumped to was
     on screen `ago` ticks before.
     """
-    again = rules.again * np.maximum(0.0, 1.0 - ago / rules.memory)
+    again = again_cost(ago, rules.again, rules.memory)
     return rules.seam * seam, rules.jerk * np.abs(faster), again
 
 

@@ -148,6 +148,11 @@ def random_goals(tank: Tank, touch_px: float, count: int, rng: np.random.Generat
     return goals
 
 
+def trial_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:
+    """Random goals of a trial: places that the head of a fish can touch."""
+    return random_goals(waters.tank, waters.touch_px + waters.head_px, count, rng)
+
+
 def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
     """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
     motion, tank = waters.motion, waters.tank

@@ -15,7 +15,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.area import bend
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.learning import Sides
+from finloop.forecast.learning import Partition
 from finloop.forecast.model import Forecast
 from finloop.forecast.sampling import Sampler, State, at_row, go_over, step
 from finloop.puppet.pose import Pose, steps
@@ -51,19 +51,21 @@ class Ensemble(NamedTuple):
     rank: Floats
 
 
-def ensembles(film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Generator) -> Ensemble:
+def ensembles(
+    film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
+) -> Ensemble:
     """The next states of held-out rows, foretold from what was learnt from alone.
 
     A member is the mean and the departure of a similar row that was learnt from. rng: where the
     truth lies between two members.
     """
     known = np.zeros(len(film.states), bool)
-    known[sides.train] = True
+    known[parts.train] = True
     rest = np.zeros_like(film.states)
     rest[film.rows] = film.states[film.rows + 1] - swim.mean[film.rows]
     whole = rest[known].var(0)
     rows, means, spreads, ranks = [], [], [], []
-    for row in sides.held_out.tolist():
+    for row in parts.held_out.tolist():
         similar = swim.to[swim.start[row] : swim.start[row + 1]]
         similar = similar[known[similar]]
         if len(similar) < _LEAST:
@@ -82,12 +84,13 @@ def ensembles(film: FilmStates, swim: Sampler, sides: Sides, rng: np.random.Gene
     )
 
 
-def of_forecasts(film: FilmStates, told: Ensemble, swim: Sampler, sides: Sides) -> dict[str, float]:
+def of_forecasts(
+    film: FilmStates, told: Ensemble, swim: Sampler, parts: Partition
+) -> dict[str, float]:
     """Errors, log likelihoods [nats per number of the state] and coverage of held-out forecasts."""
-    held, true = sides.held_out, film.states[sides.held_out + 1]
+    held, true = parts.held_out, film.states[parts.held_out + 1]
     numbers = {}
-    parts = {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}
-    for name, part in parts.items():
+    for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
         unit = film.scale[part]
         error, still = (
             float(np.sqrt(np.mean(((one[held] - true)[:, part] / unit) ** 2)))
@@ -96,7 +99,7 @@ def of_forecasts(film: FilmStates, told: Ensemble, swim: Sampler, sides: Sides) 
         numbers[f"{name}_error"] = error
         numbers[f"persistence_{name}_error"] = still
         numbers[f"{name}_skill_against_persistence"] = 1 - error / still
-    change = film.states[sides.train + 1] - film.states[sides.train]
+    change = film.states[parts.train + 1] - film.states[parts.train]
     if len(told.rows):
         later = film.states[told.rows + 1]
         norm = scipy.stats.norm

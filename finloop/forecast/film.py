@@ -19,7 +19,7 @@ from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
 from finloop.features.table import delta_of
 from finloop.forecast.settings import Settings
-from finloop.pose.film import memory_frames
+from finloop.pose.film import FilmPoses, memory_frames
 
 MOTION = 3
 """Numbers of a state beside the codes: forward, sideways and turning speed."""
@@ -105,6 +105,11 @@ def film_states(
         scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
         memory_frames(np.asarray(codes, float), features),
     )  # fmt: skip
+
+
+def shown_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
+    """The mirror of postures if mirror images may be shown: if `look` of `jumps` has them."""
+    return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:

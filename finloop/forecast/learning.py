@@ -26,14 +26,14 @@ _STEADY = 0.3  # of the noise is different at every lag; the rest moves the whol
 
 
 @dataclass(frozen=True)
-class Sides:
+class Partition:
     """Rows to learn from and rows held out, (m,) and (k,)."""
 
     train: Ints
     held_out: Ints
 
 
-def split(film: FilmStates, p: Settings) -> Sides:
+def split(film: FilmStates, p: Settings) -> Partition:
     """By stretches of time across all fish: a held-out row has no part of its past in the others.
 
     Raises
@@ -48,15 +48,15 @@ def split(film: FilmStates, p: Settings) -> Sides:
     count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
     chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
     begins, ends = np.isin(first, chosen), np.isin(last, chosen)
-    sides = Sides(rows[~begins & ~ends], rows[begins & ends])
-    if min(len(sides.train), len(sides.held_out)) == 0:
+    parts = Partition(rows[~begins & ~ends], rows[begins & ends])
+    if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
-            f"{len(sides.train)} rows to learn from and {len(sides.held_out)} held out, by "
+            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
             f"stretches of {block} frames",
             "some of both",
             "a smaller forecast.block_s, or a longer film",
         )
-    return sides
+    return parts
 
 
 class _Network(nn.Module):
@@ -87,16 +87,16 @@ class _Network(nn.Module):
 
 
 def learn(
-    film: FilmStates, sides: Sides, p: Settings, advance: Callable[[], object] = lambda: None
+    film: FilmStates, parts: Partition, p: Settings, advance: Callable[[], object] = lambda: None
 ) -> tuple[Forecast, pd.DataFrame]:
-    """Train on the first of the sides; the second says when to stop.
+    """Train on the rows to learn from; the rows held out say when to stop.
 
-    advance: called after each epoch. Returns the model, and per epoch the errors of both sides in
+    advance: called after each epoch. Returns the model, and per epoch the errors of both in
     units of that of persistence (mean squares).
     """
     with _one_thread(p.seed) as chance:
         network = _Network(film, p.hidden)
-        known, held = (_tensors(film, rows) for rows in (sides.train, sides.held_out))
+        known, held = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
         weight = 1 / (_mean_square(known[0][:, 0] - known[2]) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
