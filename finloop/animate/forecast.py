@@ -214,7 +214,7 @@ def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
     place, good, reached = (start[0], start[1], start[2]), n, n
     for t in range(n):
         place = moved(place, states[t], pace)
-        way[t] = place
+        way[t, 0], way[t, 1], way[t, 2] = place
         if good == n and not inside(legal, place[0], place[1]):
             good = t
         if reached == n and not goal.free and touches(place[0], place[1], place[2], goal):

@@ -99,7 +99,7 @@ def straight(legal: Mask, start: Floats, swim: Ahead, goal: Spot):  # type: igno
     for k in range(n):
         heading = start[2] + swim.drift[k]
         x, y = ahead(x, y, heading, swim.forward[k], 0.0)
-        way[k] = x, y, heading
+        way[k, 0], way[k, 1], way[k, 2] = x, y, heading
         stop_x, stop_y = ahead(x, y, heading, swim.brake[k], 0.0)
         if good == n and not (inside(legal, x, y) and inside(legal, stop_x, stop_y)):
             good = k
@@ -133,7 +133,7 @@ def turn(  # type: ignore[no-untyped-def]
         towards = bearing(x, y, aim.x, aim.y) - error * (1.0 - swim.share[k])
         step = wrap(towards - heading)
         heading += step
-        way[k] = x, y, heading
+        way[k, 0], way[k, 1], way[k, 2] = x, y, heading
         if not (0.0 <= side * step <= fastest and inside(legal, x, y)):
             return way, False, n
         if touches(x, y, heading, goal):

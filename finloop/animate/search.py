@@ -9,7 +9,7 @@ from finloop.animate.arena import inside
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, kernel_or_numpy
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -114,7 +114,7 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
     return far / rules.pace + error / rules.turning
 
 
-@kernel
+@kernel_or_numpy
 def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
     """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
 
@@ -123,7 +123,7 @@ def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
     return again * np.maximum(0.0, 1.0 - ago / memory)
 
 
-@kernel
+@kernel_or_numpy
 def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
 
@@ -176,7 +176,7 @@ def look(
             way.cost, way.since = candidates.costs[c], candidates.since[c]
             n += 1
     while n:
-        m = 0
+        m = np.int64(0)  # as a literal, `_branch` would be compiled for it too
         for s in range(n):
             way = ways[s]
             most = max(rules.horizon - way.ticks, 1)
@@ -295,7 +295,7 @@ def swim(film: Film, way: NDArray[np.void], goal: Spot, aim: Spot, rules: Rules)
     while True:
         at, next_row = film.rows[row], film.rows[row + 1]
         heading = at.heading + rot
-        out[n] = x, y, heading
+        out[n, 0], out[n, 1], out[n, 2] = x, y, heading
         n += 1
         goes_on = at.more and next_row.endless and not goal.free
         touched = goes_on and touches(x, y, heading, goal)

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import numba
+import numba.extending
 from numba.core.caching import InTreeCacheLocator, UserWideCacheLocator
 
 _PACKAGE = Path(__file__).parents[1]
@@ -51,3 +52,6 @@ kernel = numba.njit(cache=True, nogil=True)
 
 finite_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 """The same for a function in which nothing is infinite or not a number."""
+
+kernel_or_numpy = numba.extending.register_jitable
+"""A part of kernels that is left as it is where Python calls it, with numbers or arrays."""

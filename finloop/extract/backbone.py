@@ -54,7 +54,7 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
     )
     if len(path) < 4:
         return None
-    xy, width = _refine(field, path, smoother(points), points, floor)
+    xy, width = _refine(np.ascontiguousarray(field), path, smoother(points), points, floor)
     length = float(np.hypot(*np.diff(xy, axis=0).T).sum())
     return Backbone(xy, width, length) if np.isfinite(length) else None
 
@@ -86,10 +86,17 @@ def resample(xy: Floats, points: int) -> Floats:
     arc = np.zeros(len(xy))
     for i in range(1, len(xy)):
         arc[i] = arc[i - 1] + np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
-    even = np.linspace(0.0, arc[-1], points)
     out = np.empty((points, 2))
-    out[:, 0] = np.interp(even, arc, xy[:, 0])
-    out[:, 1] = np.interp(even, arc, xy[:, 1])
+    step, k = arc[-1] / (points - 1), 0
+    for i in range(points):  # np.interp, without the seconds that compiling that takes
+        at = i * step if i < points - 1 else arc[-1]
+        while k + 1 < len(arc) and arc[k + 1] <= at:
+            k += 1
+        for axis in range(2):
+            value = xy[k, axis]
+            if arc[k] != at and k + 1 < len(arc):
+                value += (xy[k + 1, axis] - value) / (arc[k + 1] - arc[k]) * (at - arc[k])
+            out[i, axis] = value
     return out
 
 
@@ -101,14 +108,17 @@ def _share_below(before, here, half):  # type: ignore[no-untyped-def]
 
 @kernel
 def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
-    """Point at which the line `xy`, extended beyond its first end, leaves the fish.
+    """Point x, y at which the line `xy`, extended beyond its first end, leaves the fish.
 
     There the field has half of its height. The extension is straight, in the direction that the
     line has one body width inside: nearer to a blunt end the direction is uncertain, farther from
     a slender end it is a different one.
     """
     step = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1])
-    wide = np.mean(width[1 : len(xy) // 10 + 1])
+    wide, near = 0.0, len(xy) // 10
+    for k in range(1, near + 1):
+        wide += width[k]
+    wide /= near
     deep = min(max(int(_DEPTH * wide / max(step, 1e-6) + 0.5), 2), len(xy) // 4)
     inside, end = xy[deep], xy[max(deep // 2 - 1, 0)]
     dx, dy = end[0] - inside[0], end[1] - inside[1]
@@ -127,7 +137,7 @@ def _tip(field, xy, width, floor):  # type: ignore[no-untyped-def]
             low -= _STEP * _share_below(before, here, half)
             break
         before = here
-    return np.array([inside[0] + low * dx, inside[1] + low * dy])
+    return inside[0] + low * dx, inside[1] + low * dy
 
 
 @kernel
@@ -173,8 +183,8 @@ def ring(alpha: Picture, chain: NDArray[np.int32], points: int) -> Floats:
 def _closed(xy, points):  # type: ignore[no-untyped-def]
     """`points` points at equal arc lengths along the closed polygon `xy` (m, 2)."""
     line = np.empty((len(xy) + 1, 2))
-    line[:-1] = xy
-    line[-1] = xy[0]
+    for i in range(len(line)):
+        line[i, 0], line[i, 1] = xy[i % len(xy), 0], xy[i % len(xy), 1]
     return resample(line, points + 1)[:-1].copy()
 
 
@@ -195,11 +205,33 @@ def upper_level(patch: Picture, threshold: float, share: float) -> float:
 
 
 @kernel
+def _median(values, i):  # type: ignore[no-untyped-def]
+    """Of a value and its two neighbours."""
+    a, b = values[i - 1], values[i]
+    return max(min(a, b), min(max(a, b), values[i + 1]))
+
+
+@kernel
 def _median3(values):  # type: ignore[no-untyped-def]
     out = values.copy()
     for i in range(1, values.size - 1):
-        out[i] = np.median(values[i - 1 : i + 2])
+        out[i] = _median(values, i)
     return out
+
+
+@kernel
+def _quantile(values, share):  # type: ignore[no-untyped-def]
+    """np.quantile of a few values."""
+    rising = values.copy()
+    for i in range(1, values.size):
+        k = i
+        while k > 0 and rising[k - 1] > values[i]:
+            rising[k] = rising[k - 1]
+            k -= 1
+        rising[k] = values[i]
+    rank = 1 + (values.size - 1) * share
+    k = int(rank)
+    return rising[k - 1] * (1 - (rank - k)) + rising[k] * (rank - k)
 
 
 @kernel
@@ -209,13 +241,15 @@ def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
     width = np.zeros(points)
     for _ in range(3):
         ends = np.empty((points + 2, 2))
-        ends[1:-1] = xy
-        ends[0] = _tip(field, xy, width, floor)
-        ends[-1] = _tip(field, xy[::-1], width[::-1], floor)
+        for i in range(points):
+            ends[i + 1, 0], ends[i + 1, 1] = xy[i, 0], xy[i, 1]
+        ends[0, 0], ends[0, 1] = _tip(field, xy, width, floor)
+        ends[-1, 0], ends[-1, 1] = _tip(field, xy[::-1].copy(), width[::-1].copy(), floor)
         inner = ends.copy()
         # a point already beyond the outline is dropped in favour of the tip itself
-        inner[1] = 0.5 * (ends[0] + ends[2])
-        inner[-2] = 0.5 * (ends[-1] + ends[-3])
+        for axis in range(2):
+            inner[1, axis] = 0.5 * (ends[0, axis] + ends[2, axis])
+            inner[-2, axis] = 0.5 * (ends[-1, axis] + ends[-3, axis])
         xy = resample(inner, points)
         length = np.hypot(xy[1, 0] - xy[0, 0], xy[1, 1] - xy[0, 1]) * (points - 1)
         shift, normal = np.zeros(points), np.zeros((points, 2))
@@ -226,15 +260,17 @@ def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
             tx, ty = xy[i + 1, 0] - xy[i - 1, 0], xy[i + 1, 1] - xy[i - 1, 1]
             norm = max(np.hypot(tx, ty), 1e-9)
             nx, ny = -ty / norm, tx / norm
-            half = 0.5 * np.median(ridge[max(i - 1, 0) : i + 2])
+            half = 0.5 * _median(ridge, i)
             point = xy[i, 0], xy[i, 1]
             left = _flank(field, point, (nx, ny), half, 0.25 * length)
             right = _flank(field, point, (-nx, -ny), half, 0.25 * length)
             normal[i, 0], normal[i, 1] = nx, ny
             shift[i], width[i] = 0.5 * (left - right), 0.5 * (left + right)
         # a fin on one side moves one flank only: never by more than the body is wide there
-        typical = np.quantile(width, 0.8)
-        shift = _median3(np.minimum(np.maximum(shift, -typical), typical))
+        typical = _quantile(width, 0.8)
+        for i in range(points):
+            shift[i] = min(max(shift[i], -typical), typical)
+        shift = _median3(shift)
         shift[0] = shift[-1] = 0.0
         for i in range(points):
             xy[i, 0] += shift[i] * normal[i, 0]

@@ -40,13 +40,16 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
     visited = np.zeros(count, np.bool_)
-    best_start, best_size = -1, 0
+    best_start, best_size = xs.size, 0  # as a literal, `_geodesic` would be compiled for it
     for start in range(count):
         if not visited[start]:
-            reached = np.isfinite(_geodesic(number, xs, ys, weight, start)[0])
-            visited |= reached
-            if reached.sum() > best_size:
-                best_start, best_size = start, reached.sum()
+            distance, size = _geodesic(number, xs, ys, weight, start)[0], 0
+            for node in range(count):
+                if np.isfinite(distance[node]):
+                    visited[node] = True
+                    size += 1
+            if size > best_size:
+                best_start, best_size = start, size
     if best_size == 0:
         return np.empty((0, 2))
     one_end = _farthest(_geodesic(number, xs, ys, weight, best_start)[0])

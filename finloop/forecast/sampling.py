@@ -151,7 +151,9 @@ def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -
     while ticks > 1 and not swim.usable[row : row + ticks].all():
         ticks -= 1
     states = np.empty((ticks + deep, d))
-    states[ticks:] = past
+    for i in range(deep):
+        for j in range(d):
+            states[ticks + i, j] = past[i, j]
     x, mean = np.empty(lags.size * d + 2, np.float32), np.empty(d)
     for t in range(ticks):
         now = ticks - t

@@ -168,7 +168,6 @@ def _filtered(
     return value
 
 
-@kernel
 def minima(
     pairs: SparseMap, value: NDArray[np.float32], track: NDArray[np.int32], radius: int, least: int
 ) -> tuple[Ints, NDArray[np.int32]]:
@@ -179,6 +178,14 @@ def minima(
     after a; nearer pairs are no loops, but they count in the comparison: what lies on a slope down
     to them is no minimum.
     """
+    places = np.flatnonzero(_minima(pairs, value, track, radius, least))
+    rows = np.searchsorted(pairs.start, places, side="right") - 1
+    return places, rows.astype(np.int32)
+
+
+@kernel
+def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
+    """Whether each pair is such a minimum."""
     start, j = pairs.start, pairs.j
     minimum = np.zeros(len(j), np.bool_)
     for a in range(len(track)):
@@ -200,8 +207,7 @@ def minima(
                 if not smallest:
                     break
             minimum[p] = smallest
-    places = np.flatnonzero(minimum)
-    return places, (np.searchsorted(start, places, side="right") - 1).astype(np.int32)
+    return minimum
 
 
 def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
@@ -236,10 +242,13 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     return bad
 
 
-@kernel
 def chosen(a: Rows, b: Rows, most: int) -> Mask:
     """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
-    used = np.zeros(b.max() + 1, np.int32)
+    return _chosen(a, b, np.zeros(b.max() + 1, np.int32), most)
+
+
+@kernel
+def _chosen(a, b, used, most):  # type: ignore[no-untyped-def]
     keep = np.zeros(len(a), np.bool_)
     for p in range(len(a)):
         if used[a[p]] < most and used[b[p]] < most:

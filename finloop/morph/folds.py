@@ -102,12 +102,11 @@ def _edge_boxes(points: Floats, edges: int) -> tuple[Floats, Floats]:
 def _gathered(boxes: Floats) -> Floats:
     blocks = np.empty(((len(boxes) + BLOCK - 1) // BLOCK, 4))
     for k in range(len(blocks)):
-        blocks[k] = boxes[k * BLOCK]
-        for i in range(k * BLOCK + 1, min((k + 1) * BLOCK, len(boxes))):
-            blocks[k, 0] = min(blocks[k, 0], boxes[i, 0])
-            blocks[k, 1] = min(blocks[k, 1], boxes[i, 1])
-            blocks[k, 2] = max(blocks[k, 2], boxes[i, 2])
-            blocks[k, 3] = max(blocks[k, 3], boxes[i, 3])
+        left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+        for i in range(k * BLOCK, min((k + 1) * BLOCK, len(boxes))):
+            left, top = min(left, boxes[i, 0]), min(top, boxes[i, 1])
+            right, bottom = max(right, boxes[i, 2]), max(bottom, boxes[i, 3])
+        blocks[k, 0], blocks[k, 1], blocks[k, 2], blocks[k, 3] = left, top, right, bottom
     return blocks
 
 
@@ -178,7 +177,7 @@ def _passes(motion: Motion) -> bool:
     """Whether at every moment the cross product is not 0 or the dot product is positive."""
     c0, c1, c2, d0, d1, d2, room = motion
     waiting = np.empty((DEPTH + 2, 7))
-    waiting[0] = (c0, c1, c2, d0, d1, d2, 0.0)
+    _put(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
     left = 1
     while left:
         left -= 1
@@ -191,10 +190,17 @@ def _passes(motion: Motion) -> bool:
         c, d = (c01 + c12) / 2, (d01 + d12) / 2
         if abs(c) <= room and d <= room:
             return False
-        waiting[left] = (c, c12, c2, d, d12, d2, depth + 1)
-        waiting[left + 1] = (c0, c01, c, d0, d01, d, depth + 1)
+        _put(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
+        _put(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
         left += 2
     return True
+
+
+@kernel
+def _put(row, values):  # type: ignore[no-untyped-def]
+    """row[:] = values, without the seconds that compiling that takes."""
+    for i in range(len(values)):
+        row[i] = values[i]
 
 
 @kernel

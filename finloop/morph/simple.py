@@ -178,7 +178,9 @@ def _free(first: Points, second: Points, closed: bool) -> bool:
     path = np.empty((PARTS + 1, len(first), 2))
     for k in range(PARTS + 1):
         share = k / PARTS
-        path[k] = (1 - share) * first + share * second
+        for v in range(len(first)):
+            for axis in range(2):
+                path[k, v, axis] = (1 - share) * first[v, axis] + share * second[v, axis]
     for k in (8, 4, 12, 2, 14):  # most that fold do so at one of these: quicker to find
         if count_folds(path[k], closed, True):
             return False

@@ -55,13 +55,14 @@ def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Pla
     low_x = low_y = HIDDEN
     high_x = high_y = -HIDDEN
     for i in range(len(reach)):
-        if min(here.limits[i : i + 2].min(), there.limits[i : i + 2].min()) <= 2 * LEAST:
+        if min(_least(here.limits, i), _least(there.limits, i)) <= 2 * LEAST:
             reach[i, 0] = reach[i, 1] = 0
             continue
         if how.mirrored:
             reach[i, 0], reach[i, 1] = reach[i, 1], reach[i, 0]
         for side in range(2):
-            reach[i, side] = min(reach[i, side], here.limits[i : i + 2, side].max())
+            longest = max(here.limits[i, side], here.limits[i + 1, side])
+            reach[i, side] = min(reach[i, side], longest)
             sign = 1 - 2 * side
             for k in range(i, i + 2):
                 x = here.points[k, 0] + sign * reach[i, side] * here.normals[k, 0]
@@ -72,6 +73,12 @@ def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Pla
         return Plan(there, here, reach, (0, 0, 0, 0))
     box = math.floor(low_y), math.floor(low_x), math.ceil(high_y) + 1, math.ceil(high_x) + 1
     return Plan(there, here, reach, box)
+
+
+@finite_kernel
+def _least(limits, i):  # type: ignore[no-untyped-def]
+    """The shortest end of the cross-sections i and i + 1."""
+    return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
 
 
 @finite_kernel
@@ -117,7 +124,9 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
     reach = np.empty((m - 1, 2))
     for i in range(m - 1):
         for side in range(2):
-            reach[i, side] = rays[max(i - 1, 0) : i + 3, side].max()
+            reach[i, side] = rays[i, side]
+            for k in range(max(i - 1, 0), min(i + 3, m)):
+                reach[i, side] = max(reach[i, side], rays[k, side])
     return reach
 
 

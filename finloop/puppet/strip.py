@@ -81,10 +81,11 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
     the radius |d|² / (2 d·N(i)): the least one over all j counts.
     """
     m = len(points)
-    first, last = BEYOND, m - 1 - BEYOND
-    while first > 0 and _free(points, first - 1, BEYOND):
+    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # as a literal, `_free` would be compiled for it
+    first, last = head, tail
+    while first > 0 and _free(points, first - 1, head):
         first -= 1
-    while last < m - 1 and _free(points, last + 1, m - 1 - BEYOND):
+    while last < m - 1 and _free(points, last + 1, tail):
         last += 1
     curve = np.full((m, 2), 1 / LEAST)  # 1 / radius
     for i in range(first, last + 1):
