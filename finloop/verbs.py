@@ -55,8 +55,8 @@ from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
 from finloop.forecast.film import film_states, shown_mirror
 from finloop.forecast.learning import learn as train
-from finloop.forecast.learning import split as hold_out
 from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.partition import split as hold_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder

@@ -13,9 +13,10 @@ from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.learning import Partition, learn, split
+from finloop.forecast.learning import learn
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import NEIGHBOURS, similar_rows, table
+from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
 from finloop.io.atomic import whole_folder

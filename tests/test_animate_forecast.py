@@ -17,8 +17,9 @@ from finloop.animate.policies import Policy
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player, swim
 from finloop.forecast.film import film_states
-from finloop.forecast.learning import learn, split
+from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows
+from finloop.forecast.partition import split
 from finloop.forecast.sampling import sampler
 
 GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]

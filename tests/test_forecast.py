@@ -21,9 +21,10 @@ from finloop.forecast.assess import (
     of_free_run,
 )
 from finloop.forecast.film import MOTION, film_states
-from finloop.forecast.learning import learn, split
+from finloop.forecast.learning import learn
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import from_table, similar_rows, table
+from finloop.forecast.partition import split
 from finloop.forecast.sampling import (
     begin,
     follow,

@@ -15,8 +15,8 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.schema import Column, Schema, columns
 from finloop.features.area import bend
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.learning import Partition
 from finloop.forecast.model import Forecast
+from finloop.forecast.partition import Partition
 from finloop.forecast.sampling import Sampler, State, at_row, go_over, step
 from finloop.puppet.pose import Pose, steps
 

@@ -7,7 +7,6 @@ leads back to the film's states from beside them (as a denoising autoencoder; Vi
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -16,47 +15,13 @@ import torch
 from torch import Tensor, nn
 
 from finloop.base.arrays import Ints
-from finloop.base.errors import FinloopError
 from finloop.forecast.film import CONTROL, FilmStates
 from finloop.forecast.model import Forecast
+from finloop.forecast.partition import Partition
 from finloop.forecast.settings import Settings
 
 _FLOOR = 0.02  # of a variance: what hardly changes at all must not count more than the rest
 _STEADY = 0.3  # of the noise is different at every lag; the rest moves the whole past
-
-
-@dataclass(frozen=True)
-class Partition:
-    """Rows to learn from and rows held out, (m,) and (k,)."""
-
-    train: Ints
-    held_out: Ints
-
-
-def split(film: FilmStates, p: Settings) -> Partition:
-    """By stretches of time across all fish: a held-out row has no part of its past in the others.
-
-    Raises
-    ------
-    FinloopError
-        If the film is shorter than two such stretches.
-    """
-    block = max(1, round(p.block_s * film.rate_hz))
-    rows = film.rows
-    first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
-    blocks = np.unique(first)
-    count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
-    chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
-    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
-    parts = Partition(rows[~begins & ~ends], rows[begins & ends])
-    if min(len(parts.train), len(parts.held_out)) == 0:
-        raise FinloopError(
-            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
-            f"stretches of {block} frames",
-            "some of both",
-            "a smaller forecast.block_s, or a longer film",
-        )
-    return parts
 
 
 class _Network(nn.Module):

@@ -4,17 +4,19 @@ Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM).
 the same, however many windows they have.
 """
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.ensemble import HistGradientBoostingClassifier
 from threadpoolctl import threadpool_limits
 
 from finloop.base.arrays import Mask
 from finloop.realism.auc import Scores
 from finloop.realism.settings import Settings
 from finloop.realism.windows import CHANNELS, Windows, joined
+
+if TYPE_CHECKING:
+    from sklearn.ensemble import HistGradientBoostingClassifier
 
 
 class Answers(NamedTuple):
@@ -52,8 +54,11 @@ def answers(film: Windows, made: Windows, p: Settings, channels: tuple[int, ...]
     )
 
 
-def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> HistGradientBoostingClassifier:
+def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> "HistGradientBoostingClassifier":
     """A classifier of windows x (n, steps, channels)."""
+    # Not at the top: the import takes a second, and pictures of what was found need none.
+    from sklearn.ensemble import HistGradientBoostingClassifier
+
     return HistGradientBoostingClassifier(
         max_iter=p.rounds,
         max_leaf_nodes=p.leaves,

@@ -1,0 +1,44 @@
+"""Which rows a forecast learns from, and which are held out."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from finloop.base.arrays import Ints
+from finloop.base.errors import FinloopError
+from finloop.forecast.film import FilmStates
+from finloop.forecast.settings import Settings
+
+
+@dataclass(frozen=True)
+class Partition:
+    """Rows to learn from and rows held out, (m,) and (k,)."""
+
+    train: Ints
+    held_out: Ints
+
+
+def split(film: FilmStates, p: Settings) -> Partition:
+    """By stretches of time across all fish: a held-out row has no part of its past in the others.
+
+    Raises
+    ------
+    FinloopError
+        If the film is shorter than two such stretches.
+    """
+    block = max(1, round(p.block_s * film.rate_hz))
+    rows = film.rows
+    first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
+    blocks = np.unique(first)
+    count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
+    chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
+    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
+    parts = Partition(rows[~begins & ~ends], rows[begins & ends])
+    if min(len(parts.train), len(parts.held_out)) == 0:
+        raise FinloopError(
+            f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
+            f"stretches of {block} frames",
+            "some of both",
+            "a smaller forecast.block_s, or a longer film",
+        )
+    return parts
