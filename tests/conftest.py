@@ -41,6 +41,7 @@ TINY_CARP = [
     "realism.blocks=2",
     "realism.gap_s=0.1",
     "realism.rounds=5",
+    "realism.bins=8",
     "realism.examples=1",
     "tank.seconds=0.3",
     "tank.width_px=160",
@@ -59,14 +60,20 @@ TINY_CARP = [
 ]
 
 
-SLOW = ("pipeline", "extract", "animate_film", "experiment", "sprites", "gait_outline", "params",
-        "morph_stage", "carp", "render", "gait_stage", "features", "bpn", "footage_film",
-        "distance_map", "examples", "gateways", "report")  # fmt: skip
+SLOW = ("pipeline",
+        "morph_stage", "experiment", "gait_stage", "params", "carp", "bpn",
+        "extract", "sprites", "features", "distance_map", "footage_film", "clip",
+        "animate_film", "realism", "examples", "render", "animate_forecast", "gateways", "play",
+        "loops", "morph_simple", "play_server", "curve_dynamics", "forecast", "report")  # fmt: skip
 """The files that take longest, by the word after `test_`."""
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """The slowest file first, so that two workers end at about the same time."""
+    """The slowest file first, so that two workers end at about the same time.
+
+    While one worker runs the pipeline, and compiles its kernels, the other begins with files that
+    need none of those: so nothing is compiled by both.
+    """
     order = {f"test_{word}.py": number for number, word in enumerate(SLOW)}
     items.sort(key=lambda item: order.get(item.path.name, len(SLOW)))
 
