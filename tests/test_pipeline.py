@@ -243,13 +243,15 @@ def overrides(*own: str) -> list[str]:
 
 
 def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
-    text = repo.dvc("exp", "run", "--name", "coarser", *overrides("morph.frames=5"), "morph")
-    assert "Ran experiment(s): coarser" in text
+    text = repo.dvc("exp", "run", "--name", "stricter", *overrides("loops.threshold=0.6"), "loops")
+    assert "Ran experiment(s): stricter" in text
     changed = json.loads(repo.dvc("params", "diff", "--json"))
-    coarser = {"morph.frames": {"old": 6, "new": 5, "diff": -1}}
-    assert changed == {"params.yaml": coarser}
+    assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {"loops.threshold"}
+    stricter = changed["params.yaml"]["loops.threshold"]
+    assert (stricter["old"], stricter["new"]) == (0.7, 0.6)
     diff = json.loads(repo.dvc("metrics", "diff", "--json"))
-    assert diff["reports/morph/metrics.json"]["frames"] == {"old": 6, "new": 5, "diff": -1}
+    assert set(diff) == {"reports/loops/metrics.json"}
+    assert diff["reports/loops/metrics.json"]["pairs_below_threshold"]["diff"] < 0
     repo.dvc("plots", "diff")
     page = repo.text("dvc_plots/index.html")
     assert "vegaEmbed('" in page

@@ -54,7 +54,7 @@ from stages.gallery import open_gallery
 from stages.settings import load
 
 RATE = 25.0
-P = settings("realism", rounds=20, step_s=0.12)
+P = settings("realism", rounds=20, bins=8, step_s=0.12)
 
 
 # --- the area and its interval
