@@ -31,16 +31,16 @@ from finloop.extract.backbone import trace
 from finloop.extract.film import (
     Detector,
     Film,
-    Settings,
     batches,
     cutouts,
     detections,
     rows,
     sample_frames,
-    survey,
     tracks,
 )
 from finloop.extract.segment import silhouettes
+from finloop.extract.settings import Settings
+from finloop.extract.survey import survey
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings

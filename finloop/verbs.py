@@ -50,6 +50,7 @@ from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
 from finloop.extract import film as extraction
+from finloop.extract.survey import Verdict, survey
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
@@ -150,14 +151,14 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     sample = extraction.sample_frames(p.samples, facts.frames, shape, KEY_FRAME_EVERY)
     frames = list(read_spread(clip, sample, colour=facts.colour))
-    scene, typical = extraction.survey(frames, arena, p)
+    scene, typical = survey(frames, arena, p)
     read = partial(read_frames, clip, colour=facts.colour, threads=1)
     spots = extraction.detections(
         extraction.Film(read, facts.frames, film.rate_hz, KEY_FRAME_EVERY),
         scene, extraction.Detector(arena, typical, p), workers,
     )  # fmt: skip
     cuts = [start for start, _ in facts.segments[1:]]
-    verdicts = Counter[extraction.Verdict]()
+    verdicts = Counter[Verdict]()
 
     def linked() -> Iterator[list[extraction.TrackedFish]]:
         for judged, fish in extraction.tracks(spots, typical, p, cuts):

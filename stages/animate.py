@@ -156,6 +156,13 @@ def main() -> None:
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with bring(p) as plans, whole_folder(OUT) as folder:
         waters, features = plans.waters, plans.pictures.reel.features
+        if plans.reach_px >= waters.tank.depth_px.max():
+            print(
+                f"animate: the fish reaches {plans.reach_px:.0f} px from its centre, so that it "
+                "does not fit into the picture everywhere and is cut off at its edge; film from "
+                "farther away",
+                file=sys.stderr,
+            )
         goals = plans.goals()
         save_records(folder / "goals.json", goals)
         swum = measures.motion_of_film(features, waters.motion)

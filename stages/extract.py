@@ -15,6 +15,7 @@ import numpy as np
 from finloop.base.parallel import warm_up
 from finloop.extract import film
 from finloop.extract.settings import Settings
+from finloop.extract.survey import Verdict, survey
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io import video
 from finloop.io.atomic import whole_folder
@@ -39,13 +40,13 @@ def main() -> None:
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
     sample = film.sample_frames(settings.samples, facts.frames, shape, video.KEY_FRAME_EVERY)
     frames = list(video.read_spread(CLIP / video.CLIP_NAME, sample, colour=facts.colour))
-    scene, typical = film.survey(frames, arena, settings)
+    scene, typical = survey(frames, arena, settings)
     # One thread each: every core decodes its own stretch.
     read = partial(video.read_frames, CLIP / video.CLIP_NAME, colour=facts.colour, threads=1)
     clip = film.Film(read, facts.frames, facts.frame_rate_hz, video.KEY_FRAME_EVERY)
     detector = film.Detector(arena, typical, settings)
     cuts = [start for start, _ in facts.segments[1:]]
-    tally: Counter[film.Verdict] = Counter()
+    tally: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
 
     def linked() -> Iterator[list[film.TrackedFish]]:
@@ -74,7 +75,7 @@ def main() -> None:
 
 
 def metrics(
-    frames: int, tank: SceneFacts, tally: Counter[film.Verdict], lengths: Counter[int]
+    frames: int, tank: SceneFacts, tally: Counter[Verdict], lengths: Counter[int]
 ) -> dict[str, float]:
     """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
     long = [count for count in lengths.values() if count >= LONG]
@@ -82,7 +83,7 @@ def metrics(
         "frames": frames,
         **{name: value for name, value in asdict(tank).items() if name.endswith(("_grey", "_px"))},
         "silhouettes": tally.total(),
-        **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(film.Verdict)},
+        **{f"silhouettes_{v.replace(' ', '_')}": tally[v] for v in get_args(Verdict)},
         "fish_frames": lengths.total(),
         "tracks": len(lengths),
         f"tracks_of_{LONG}_frames": len(long),

@@ -8,7 +8,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth, longest_track, summary, table1
 from finloop.features.settings import Settings
-from finloop.features.table import FEATURES, USED, features
+from finloop.features.table import FEATURES, USED, delta_of, features
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
@@ -27,7 +27,7 @@ def main() -> None:
     table, backbones = features(tracks, facts.frame_rate_hz, settings)
     save_table(TABLE, table, FEATURES)
 
-    metrics = summary(table)
+    metrics = summary(table) | {"delta_s": delta_of(table) / facts.frame_rate_hz}
     if (truth := CLIP / TRUTH_NAME).exists():
         metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
     save_csv(REPORT / "table1.csv", table1(table), decimals=3)

@@ -4,6 +4,7 @@ from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (bef
 
 import sys
 from collections.abc import Sized
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -14,7 +15,7 @@ import pandas as pd
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ordered_map, warm_up
-from finloop.features.table import FEATURES
+from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
@@ -146,7 +147,7 @@ def main() -> None:
     drawn = load_drawn(mode, "realism", sprites=True, bodies=True)
     instrument = Instrument(
         load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255, drawn.scene,
-        load("extract"), load("features"), rate,
+        load("extract"), replace(load("features"), delta_s=delta_of(features) / rate), rate,
     )  # fmt: skip
     swum = followed(works, drawn, instrument)
     if FILM not in swum:

@@ -34,6 +34,13 @@ TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 def say(chosen: dict[str, Choice], still: bool) -> None:
     """Tell on stderr what stands in for something that the film does not show."""
+    for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
+        if chosen[word].stands_in:
+            print(
+                f"sprites: no {what} in the film; what is most like one stands in (a longer film "
+                f"may show one, or list frames, e.g. sprites.{word}=8:120-140)",
+                file=sys.stderr,
+            )
     for word, other in zip(SIDES, reversed(SIDES), strict=True):
         if chosen[word].mirrored:
             print(f"sprites: no turn to the {word}; mirrored the {other} one", file=sys.stderr)

@@ -27,7 +27,7 @@ from toy_film import (
 
 from finloop.animate import kinematics as step
 from finloop.animate import measures
-from finloop.animate.arena import in_sight, inside, place_goals, roamed, tank
+from finloop.animate.arena import in_sight, inside, place_goals, roamed, room, tank
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
@@ -101,6 +101,19 @@ def test_of_two_pools_the_larger_is_the_tank():
     arena[10:190, 150:390] = True
     legal = tank(arena, 15.0).legal
     assert legal[100, 300] and not legal[100, 60]
+
+
+def test_a_fish_larger_than_the_picture_keeps_to_its_middle():
+    whole, wide = np.ones((160, 200), bool), disc(66.0)
+    assert np.array_equal(room(whole, wide, 30.0, "auto").arena, roamed(whole, wide, "auto"))
+    arena = room(whole, wide, 75.0, "auto")  # it does not fit into where it was filmed
+    assert arena.arena.all() and arena.legal[80, 100] and not arena.legal[80, 70]
+    cramped = room(whole, wide, 300.0, "auto")
+    assert cramped.legal[80, 100] and not cramped.legal[:50].any()
+    given = np.zeros((160, 200), bool)
+    given[20:60, 20:180] = True
+    with pytest.raises(FinloopError, match="smaller than the fish"):
+        room(given, wide, 30.0, "auto")
 
 
 @pytest.mark.parametrize("arena", [np.ones((30, 200), bool), np.zeros((50, 50), bool)])
@@ -301,10 +314,16 @@ def test_a_film_of_a_larger_fish_teaches_the_same():
 
 
 @pytest.mark.parametrize("only", [0, 1])
-def test_a_film_without_turns_or_without_straight_swimming_is_refused(only):
-    table = lessons().assign(swimming_type=only)
-    with pytest.raises(FinloopError, match=r"no (turning|straight swimming)"):
-        learn(table, RATE, DELTA, settings("animate"))
+def test_a_film_without_turns_or_without_straight_swimming_teaches_what_it_shows(only):
+    found = learn(lessons().assign(swimming_type=only), RATE, DELTA, settings("animate"))
+    assert (found.turns.angle_deg > 0).all() and (found.turns.ticks > 0).all()
+    assert found.phases.ticks.sum() > 0 and found.straight_ticks.sum() > 0
+
+
+def test_a_film_in_which_nothing_moves_is_refused():
+    still = lessons().assign(x_px=100.0, y_px=100.0)
+    with pytest.raises(FinloopError, match="no swimming"):
+        learn(still, RATE, DELTA, settings("animate"))
 
 
 # --- sprites as they are played

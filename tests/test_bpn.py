@@ -714,10 +714,7 @@ def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
     ("lengths", "overrides", "message"),
     [
         ([200], ["bpn.split=tracks"], "1 track"),
-        ([16], [], "1 block"),
         ([4, 5, 3], [], "0 block"),
-        ([30], [], "rows to learn from"),
-        ([200], ["bpn.block_s=1000"], "1 block"),
         ([200], ["bpn.block_s=0.1"], "at least as long as Δ"),
         ([200], ["bpn.learning_rate=1e308"], "without bound"),
     ],
@@ -728,6 +725,23 @@ def test_bad_input_is_one_message_and_leaves_what_was_there(here, lengths, overr
     with pytest.raises(FinloopError, match=message):
         stages.bpn.main()
     assert content(here / "data/bpn") | content(here / "reports") == before
+
+
+@pytest.mark.parametrize("length", [16, 30])
+def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(here, length, capsys):
+    put(here, table([length]))
+    stages.bpn.main()
+    found = metrics(here)
+    assert found["train_rows"] == length - DELTA
+    assert found["held_out_rows"] == 0
+    assert not [name for name in found if name.startswith(("held_out_area", "area_rmse_skill"))]
+    assert "no row is held out" in capsys.readouterr().err
+
+
+def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
+    put(here, table([200]), "bpn.block_s=1000.0")
+    stages.bpn.main()
+    assert 0.1 < metrics(here)["held_out_rows"] / 200 < 0.3
 
 
 @pytest.mark.parametrize("name", ["data/clip/facts.json", "data/features/features.parquet"])

@@ -37,23 +37,21 @@ from finloop.extract.background import (
     in_light_of,
     light,
     median_background,
+    patched_background,
     sample_size,
     survey_noise,
 )
 from finloop.extract.film import (
     Detector,
     Film,
-    Settings,
-    Typical,
     detections,
     follow,
-    judge,
     rows,
-    survey,
     tracks,
-    typical_fish,
 )
 from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
+from finloop.extract.settings import Settings
+from finloop.extract.survey import Typical, judge, survey, typical_fish
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import Settings as FeatureSettings
@@ -705,10 +703,45 @@ def test_a_fish_that_hardly_moves():
         laid(tank, coverage(110 + 3 * np.sin(k / 3), 80, 4 * np.sin(k / 2), size=tank.shape), 60)
         for k in range(30)
     ]
-    settings = replace(SETTINGS, background="threshold")
-    found, tally = followed(frames, settings)
-    assert tally == {"fish": 30}
-    assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.03)
+    for background in ("threshold", "auto"):
+        found, tally = followed(frames, replace(SETTINGS, background=background))
+        assert tally == {"fish": 30}
+        assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.03)
+
+
+def test_the_background_of_fish_that_swim_is_the_median(drawn):
+    frames, _ = drawn("three fish")
+    usual, auto = (
+        surveyed(frames, replace(SETTINGS, background=word))[0] for word in ("median", "auto")
+    )
+    assert np.array_equal(usual.background, auto.background)
+
+
+def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
+    rng = np.random.default_rng(5)
+    tank = cv2.GaussianBlur(rng.normal(170, 20, (240, 320)), (0, 0), 3).clip(0, 255)
+    tank[40:60, 40:90] = 90  # a stone, which is no ghost
+    frames = [
+        np.round(laid(tank, coverage(160 + k, 140, size=tank.shape), 60)).astype(np.uint8)
+        for k in range(24)
+    ]
+    middle = median_background(frames)
+    patched = patched_background(frames, middle, 12.0)
+    body = coverage(172, 140, size=tank.shape) > 0.5
+    assert (middle[body] < 100).mean() > 0.5  # the ghost
+    assert (patched[body] > 130).all()
+    assert np.array_equal(patched[30:70, 30:100], middle[30:70, 30:100])
+    found, tally = followed(frames, replace(SETTINGS, background="auto"))
+    assert tally["fish"] >= 24
+    assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.05)
+
+
+def test_a_fish_that_does_not_move_at_all_is_found():
+    tank = np.full((160, 220), 170, np.uint8)
+    still = [laid(tank, coverage(110, 80, size=tank.shape), 60)] * 20
+    with pytest.raises(FinloopError, match="nothing differs"):
+        surveyed(still, replace(SETTINGS, background="median"))
+    assert followed(still, replace(SETTINGS, background="auto"))[1] == {"fish": 20}
 
 
 def test_verdicts_are_drawn_in_their_colours(drawn):
@@ -895,8 +928,8 @@ def noise():
 
 NO_FISH = {
     "all frames the same": (lambda: [floor()] * 24, [], "nothing differs"),
-    "a still fish": (lambda: walk(1) * 24, [], "nothing differs"),
-    "a single frame": (lambda: walk(1), [], "nothing differs"),
+    "a still fish": (lambda: walk(1) * 24, ["extract.background=median"], "nothing differs"),
+    "a single frame": (lambda: walk(1), [], "could be followed for 10 frames"),
     "black": (lambda: [np.zeros(SIZE, np.uint8)] * 24, [], "nothing differs"),
     "black, with a threshold": (
         lambda: [np.zeros(SIZE, np.uint8)] * 24,

@@ -24,6 +24,7 @@ from finloop.base.errors import FinloopError
 from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
 from finloop.features.head import _posterior, _viterbi, head_first
+from finloop.features.memory import block_frames, measured_delta
 from finloop.features.metrics import against_truth, forwards, longest_track, summary, table1
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
 from finloop.features.table import (
@@ -174,6 +175,30 @@ def test_the_heading_of_a_bent_fish_is_the_chord_of_its_front_third(points):
 )
 def test_delta_is_a_time(delta_s, rate, frames):
     assert delta_frames(delta_s, rate) == frames
+
+
+@pytest.mark.parametrize(
+    ("beat_s", "rate", "frames", "delta_s"),
+    [
+        (1.0, 25, 500, 0.2),  # the paper's: half a beat is longer
+        (0.05, 500, 700, 0.025),  # a larva: half a beat
+        (1.0, 500, 60, 0.03),  # a quarter of the track
+    ],
+)
+def test_delta_is_measured_in_the_film(beat_s, rate, frames, delta_s):
+    bend = np.sin(2 * np.pi * np.arange(frames) / rate / beat_s)
+    assert measured_delta([bend], rate) == pytest.approx(delta_s, rel=0.05)
+
+
+def test_a_fish_that_never_bends_has_the_paper_s_delta():
+    assert measured_delta([np.zeros(300)], 25.0) == 0.2
+
+
+def test_blocks_are_shorter_in_a_short_film():
+    assert block_frames(2.0, 0.2, 25.0, np.arange(1500), 10) == 50
+    assert block_frames(2.0, 0.2, 25.0, np.arange(100), 10) == 20
+    assert block_frames(2.0, 0.2, 25.0, np.arange(20), 10) == 10
+    assert block_frames(2.0, 0.2, 25.0, np.arange(0), 10) == 10
 
 
 # -- motion area ------------------------------------------------------------------------------------

@@ -18,6 +18,7 @@ from finloop.base.kernel import kernel
 
 _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
+_ROOM = 0.75  # of the way from the middle to the edge: what a larger fish keeps free
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
 
 
@@ -145,6 +146,20 @@ def roamed(arena: Mask, outline_px: Reals, tank: str) -> Mask:
         return arena
     filmed = filmed_area(arena, outline_px)
     return filmed if tank == "filmed" or filmed.mean() >= _ROAMS else arena
+
+
+def room(arena: Mask, outline_px: Reals, reach_px: float, where: str) -> Tank:
+    """The tank of a fish, `roamed`; by `auto` the arena, where the fish does not fit into that.
+
+    Where no arena is given and the fish is larger than the picture, its centre may be so near to
+    the edge that a part of it leaves the picture. FinloopError if it does not fit in otherwise.
+    """
+    area = roamed(arena, outline_px, where)
+    if where == "auto" and _depth_px(area).max() <= reach_px + 1:
+        area = arena
+    if area.all() and (deepest := float(_depth_px(area).max())) <= reach_px + 1:
+        reach_px = _ROOM * deepest
+    return tank(area, reach_px)
 
 
 def goal_name(number: int) -> str:

@@ -8,7 +8,7 @@ swimming type, left or right; both sides are kept as turns to the left, as a fis
 Speeds are body lengths per second, distances body lengths, angles degrees, + = left.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -119,7 +119,8 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
 def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings) -> Motion:
     """Phases and turns of a feature table.
 
-    FinloopError if the film shows no straight swimming, or no turn.
+    Where the film shows no straight swimming, all of it counts as straight; where no turn, each
+    track is one. FinloopError if nothing moves, or no heading changes.
     """
     length = float(features["body_length_px"].median())
     courses = [
@@ -127,15 +128,20 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
         for _, track in features.groupby("track_id")
         if len(track) > 2 * delta
     ]
-    beating = np.concatenate([[], *(c.sway[c.kind == TYPE_STRAIGHT] for c in courses)])
-    if not beating.size or max(c.speed.max() for c in courses) <= 0:
-        raise _too_little("straight swimming")
+    if not courses or max(c.speed.max() for c in courses) <= 0:
+        raise _too_little("swimming")
+    if not any((c.kind == TYPE_STRAIGHT).any() for c in courses):
+        courses = [replace(c, kind=np.full_like(c.kind, TYPE_STRAIGHT)) for c in courses]
+    beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in courses])
     speeds = np.concatenate([c.speed for c in courses])
     low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
     runs = [(c, *run) for c in courses for run in _runs(c.kind)]
     straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
     phases = _phases(straight, settings.still * float(np.quantile(beating, 0.9)), settings)
-    turns = _turns([run for run in runs if run[1] != TYPE_STRAIGHT], rate_hz, delta)
+    turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
+    turns = _turns(turning, rate_hz, delta) or _turns([_whole(c) for c in courses], rate_hz, delta)
+    if turns is None:
+        raise _too_little("turning")
     between = np.array([last - first for _, _, first, last in straight], np.int32)
     return Motion(phases, turns, between, float(low), float(high), rate_hz, delta, length)
 
@@ -207,7 +213,14 @@ def _labels(
     return labels
 
 
-def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns:
+def _whole(c: Course) -> Run:
+    """A track as one turn, to the side to which it turns in all."""
+    side = 1 if c.heading_deg[-1] >= c.heading_deg[0] else -1
+    return c, side, 1, len(c.kind) - 1
+
+
+def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns | None:
+    """The turns of runs; None where no run turns."""
     rows = []
     for c, kind, first, last in runs:
         prior, final = max(first - 1, 0), min(last, len(c.kind) - 1)
@@ -221,7 +234,7 @@ def _turns(runs: list[Run], rate_hz: float, delta: int) -> Turns:
         forward = c.forward[first:last]
         rows.append((turned[-1], last - first, over.max(), displacement, forward, sideways))
     if not rows:
-        raise _too_little("turning")
+        return None
     angle, ticks, included, far, ahead, aside = zip(*rows, strict=True)
     return Turns(
         np.array(angle),

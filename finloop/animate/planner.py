@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import place_goals, roamed, tank
+from finloop.animate.arena import place_goals, room
 from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
@@ -63,12 +63,16 @@ class Material(NamedTuple):
 
 @dataclass(frozen=True)
 class Planner:
-    """A player a mode. step: the film's median natural step, the unit of every seam."""
+    """A player a mode. step: the film's median natural step, the unit of every seam.
+
+    reach_px: how far the fish reaches from its centre.
+    """
 
     waters: Waters
     players: dict[str, Player]
     pictures: Pictures
     step: float
+    reach_px: float
 
     def goals(self) -> list[Goal]:
         """The goals of the parameters; FinloopError if one cannot be reached."""
@@ -111,7 +115,7 @@ def planner(made: Material, p: Settings) -> Planner:
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
-    water = tank(roamed(made.arena, outline, p.tank), reach_px)
+    water = room(made.arena, outline, reach_px, p.tank)
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
@@ -122,7 +126,7 @@ def planner(made: Material, p: Settings) -> Planner:
         for mode in (NETWORK, HYBRID):
             policy = replace(company[mode].policy, forecast=swimmer)
             company[mode] = replace(company[mode], policy=policy)
-    return Planner(waters, company, pictures, facts.step_median)
+    return Planner(waters, company, pictures, facts.step_median, reach_px)
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArray[np.float32]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
 from finloop.bpn.settings import Settings
+from finloop.features.memory import block_frames
 
 INPUTS = {
     "motion_area_rel": "1",
@@ -195,7 +196,9 @@ def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
         return split_by_tracks(rows, p.held_out, rng)
-    return split_by_blocks(rows, max(1, round(p.block_s * rate_hz)), p.held_out, rng)
+    least = rows.delta_frames + LEAST_HELD_OUT
+    block = block_frames(p.block_s, p.held_out, rate_hz, rows.frame, least)
+    return split_by_blocks(rows, block, p.held_out, rng)
 
 
 def _chosen(group: Ints, share: float, rng: np.random.Generator) -> list[int]:

@@ -21,6 +21,9 @@ _GRID = 16  # every 16th pixel in both directions is enough to measure the light
 _SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
 _STRIP = 64  # rows
 _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
+_SMALL = 120  # px: the smaller side of the picture that is smoothed
+_AROUND = 41  # px of these, a third of the picture
+_AWAY = 0.1  # of a ghost, at least, is floor in some frame
 _MEMORY = 2**29  # bytes that the frames of a median may take
 _ONE_SIDED = 0.9  # share of changed pixels on one side from which a polarity is called one-sided
 
@@ -81,6 +84,44 @@ def flat_background(frames: Sequence[Picture]) -> Picture:
     tone = np.median(sample[tank], axis=0)
     shape = frames[0].shape
     return np.ascontiguousarray(np.broadcast_to(np.asarray(tone, np.uint8), shape))
+
+
+def patched_background(frames: Sequence[Picture], middle: Picture, least: float) -> Picture:
+    """The median of frames without the ghost of a fish that moved less than its own length.
+
+    A *ghost* is a patch of the median that differs from its surroundings by more than `least` grey
+    levels, while some frame differs by less than half of that: the fish was away, and the floor is
+    seen. It becomes as its surroundings are. What belongs to the tank is there in every frame.
+    """
+    around = _surroundings(middle)
+    differs = _strong(cv2.absdiff(middle, around)) > least
+    seen = np.zeros_like(differs)
+    for frame in frames:
+        here = brightened(frame, 1 / light(frame, middle))
+        seen |= _strong(cv2.absdiff(here, around)) <= least / 2
+    count, label = cv2.connectedComponents(differs.astype(np.uint8))
+    away = np.bincount(label[seen], minlength=count) / np.bincount(label.ravel(), minlength=count)
+    away[0] = 0.0
+    ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    patched = middle.copy()
+    patched[ghost] = around[ghost]
+    return patched
+
+
+def _surroundings(picture: Picture) -> Picture:
+    """Of every pixel the median of its surroundings, in which a narrow fish is a minority."""
+    height, width = picture.shape[:2]
+    less = max(1.0, min(height, width) / _SMALL)
+    size = round(width / less), round(height / less)
+    small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
+    around = cv2.medianBlur(small, _AROUND)
+    return np.asarray(cv2.resize(around, (width, height), interpolation=cv2.INTER_LINEAR))
+
+
+def _strong(change: Picture) -> Picture:
+    """The strongest channel, smoothed."""
+    grey = change if change.ndim == 2 else change.max(axis=-1)
+    return np.asarray(cv2.GaussianBlur(grey, (5, 5), 1.5))
 
 
 def light(frame: Picture, background: Picture) -> float:

@@ -1,6 +1,6 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
-Three steps: `survey` measures tank, noise and a typical fish on frames spread over the clip;
+Three steps: `survey.survey` measures tank, noise and a typical fish on frames spread over the clip;
 `detections` streams the film once and detects the fish of each frame, on every core; `tracks`
 links them. Memory holds some stretches of detections and the fish of `least_frames` frames, however
 long the clip is.
@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Literal, NamedTuple, Protocol
+from typing import NamedTuple, Protocol
 
 import cv2
 import numpy as np
@@ -20,26 +20,15 @@ from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ordered_map
-from finloop.extract.backbone import trace
 from finloop.extract.background import (
     Scene,
-    flat_background,
     in_light_of,
-    median_background,
     sample_size,
-    survey_noise,
 )
 from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
 from finloop.extract.settings import Settings
+from finloop.extract.survey import Typical, Verdict, judge
 from finloop.extract.tracks import Linker, Spot
-
-
-class Typical(NamedTuple):
-    """A typical fish of the clip: area of its silhouette, length of its backbone, its contrast."""
-
-    area_px: float
-    length_px: float
-    contrast: float
 
 
 class TrackedFish(NamedTuple):
@@ -50,24 +39,8 @@ class TrackedFish(NamedTuple):
     fish: Fish
 
 
-Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
-"""Whether a silhouette is one isolated fish, or why not."""
-
 _STRETCH = 240  # frames that a process works on at a time, at most
 _SPECK = 0.125  # of a typical fish's area: smaller patches are ignored
-
-
-def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdict:
-    """The verdict on a silhouette, by its place, size and contrast."""
-    if silhouette.contrast < settings.least_contrast_ratio * typical.contrast:
-        return "too pale"
-    if silhouette.at_border:
-        return "at border"
-    if silhouette.area_px > settings.most_area_ratio * typical.area_px:
-        return "too large"
-    if silhouette.area_px < settings.least_area_ratio * typical.area_px:
-        return "too small"
-    return "fish"
 
 
 def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int) -> list[int]:
@@ -80,63 +53,6 @@ def sample_frames(samples: int, frames: int, shape: tuple[int, ...], stride: int
     if frames >= count * stride:
         numbers = numbers // stride * stride
     return numbers.tolist()
-
-
-def survey(sample: Sequence[Picture], arena: Picture, settings: Settings) -> tuple[Scene, Typical]:
-    """Scene and typical fish from frames spread over the clip.
-
-    FinloopError if nothing stands out from the background, or no silhouette can be an isolated
-    fish.
-    """
-    flat = settings.background == "threshold"
-    make = flat_background if flat else median_background
-    scene = survey_noise(
-        sample, make(sample), settings.polarity, settings.noise_sigmas, settings.least_contrast
-    )
-    candidates = [
-        s
-        for frame in sample
-        for s in silhouettes(
-            frame, in_light_of(scene, frame), arena, settings.least_area_px, settings.outline_share
-        )
-    ]
-    return scene, typical_fish(candidates, scene, settings)
-
-
-def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Settings) -> Typical:
-    """The typical fish of a clip, from silhouettes of sample frames.
-
-    Its area is the median of the silhouettes' areas, weighted by area so that specks of dirt count
-    little; length and contrast are the medians of the silhouettes of about that area.
-    """
-    free = [s for s in candidates if not s.at_border]
-    if not free:
-        raise _no_fish(candidates, scene)
-    areas = np.sort([s.area_px for s in free])
-    weight = np.cumsum(areas)
-    area = float(areas[np.searchsorted(weight, 0.5 * weight[-1])])
-    alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
-    lines = [trace(s.mask, s.field, settings.points, scene.threshold) for s in alike]
-    lengths = [line.length_px for line in lines if line is not None]
-    if not lengths:
-        raise _no_fish(candidates, scene)
-    return Typical(area, float(np.median(lengths)), float(np.median([s.contrast for s in alike])))
-
-
-def _no_fish(candidates: Sequence[Silhouette], scene: Scene) -> FinloopError:
-    if not candidates:
-        why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
-    elif all(s.at_border for s in candidates):
-        why = f"all {len(candidates)} silhouettes touch the edge of the picture or of the arena"
-    else:
-        why = "what differs from the background is too round to have a backbone"
-    return FinloopError(
-        f"no fish found: {why}",
-        "fish that swim clear of the edge, darker or brighter than the tank",
-        "look at the background picture; try extract.background=threshold for a fish that stays in "
-        "place, another extract.polarity, a lower extract.noise_sigmas or extract.least_area_px, "
-        "or set clip.arena",
-    )
 
 
 def follow(

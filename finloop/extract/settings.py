@@ -14,9 +14,10 @@ Ratio = Annotated[float, Field(ge=1)]
 class Settings:
     """How fish are told from the tank, and linked into tracks."""
 
-    # the empty tank: the median of spread-out frames; one even tone, for a fish that stays in
-    # its place; or mog2, a tank that changes slowly
-    background: Literal["median", "threshold", "mog2"]
+    # the empty tank: the median of spread-out frames; threshold, one even tone, for a fish that
+    # stays in its place; mog2, a tank that changes slowly; auto: the median, without the ghost of
+    # a fish that moves little, or an even tone
+    background: Literal["auto", "median", "threshold", "mog2"]
     polarity: Literal["auto", "dark", "bright", "both"]  # fish against the tank
     noise_sigmas: Positive  # noise levels; what differs from the tank by more is no noise
     least_contrast: Positive  # grey levels; the threshold is never below

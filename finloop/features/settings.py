@@ -1,7 +1,7 @@
 """Parameters of `features`: what is measured of each fish (fish paper §2.2-2.3)."""
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -16,7 +16,9 @@ class Settings:
     / `bend_threshold`) reaches 1.
     """
 
-    delta_s: Positive  # s, Δ: the time over which displacement and included angle are measured
+    # s, Δ: the time over which displacement and included angle are measured; auto: the paper's 0.2,
+    # or half a tail beat, or a quarter of the longest track, whichever is shortest
+    delta_s: Literal["auto"] | Positive
     turn_threshold_deg: Positive  # degrees in Δ, the change of heading that makes a turn
     bend_threshold: Positive  # squared body lengths, the signed motion area that makes a turn
     # a turn lasts as long as the mean stays above this

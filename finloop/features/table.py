@@ -1,7 +1,7 @@
 """Tracks → the feature table, one row per fish per frame (fish paper §2.2-2.3, Fig. 7, Table 1).
 
-Glossary: Δ the time over which motion is measured (the paper: 5 frames at 25 Hz); *included angle*
-the change of heading over the next Δ; *bend* the signed motion area. Angles are degrees,
+Glossary: Δ the time over which motion is measured (`finloop.features.memory`); *included angle* the
+change of heading over the next Δ; *bend* the signed motion area. Angles are degrees,
 anticlockwise as seen on screen, 0 = to the right.
 """
 
@@ -14,6 +14,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import at_places, bend
 from finloop.features.head import head_first
+from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
 
@@ -103,16 +104,26 @@ def features(
             "the table that the stage `extract` writes, whose rows are those of the cut-outs",
             "make it again: `dvc repro --force extract`",
         )
-    parts, lines = [], []
-    for _, track in tracks.groupby("track_id"):
-        backbone, confidence = oriented(track, rate_hz)
-        parts.append(_of_track(track, backbone, confidence, rate_hz, settings))
-        lines.append(backbone.astype(np.float32))
-    table = pd.concat(parts, ignore_index=True)
+    every = [track for _, track in tracks.groupby("track_id")]
+    known = [oriented(track, rate_hz) for track in every]
+    delta_s = settings.delta_s
+    bends = [
+        bend(line, track["length_px"].to_numpy(float))
+        for track, (line, _) in zip(every, known, strict=True)
+    ]
+    delta_s = settings.delta_s
+    delta = delta_frames(measured_delta(bends, rate_hz) if delta_s == "auto" else delta_s, rate_hz)
+    table = pd.concat(
+        [
+            _of_track(track, *one, bent, delta, rate_hz, settings)
+            for track, one, bent in zip(every, known, bends, strict=True)
+        ],
+        ignore_index=True,
+    )
     table["motion_area"] = table["bend"].abs()
     largest = table["motion_area"].max()
     table["motion_area_rel"] = table["motion_area"] / (largest if largest > 0 else 1.0)
-    return table[FEATURES.names], np.concatenate(lines)
+    return table[FEATURES.names], np.concatenate([line for line, _ in known]).astype(np.float32)
 
 
 def oriented(tracks: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
@@ -126,13 +137,13 @@ def _of_track(
     track: pd.DataFrame,
     backbone: Floats,
     confidence: Floats,
+    bent: Floats,
+    delta: int,
     rate_hz: float,
     settings: Settings,
 ) -> pd.DataFrame:
     length = track["length_px"].to_numpy(float)
     direction = heading(backbone)
-    bent = bend(backbone, length)
-    delta = delta_frames(settings.delta_s, rate_hz)
     kind = swimming_type(
         turn(direction, delta),
         bent,

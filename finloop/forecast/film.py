@@ -17,9 +17,10 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
+from finloop.features.memory import memory_frames
 from finloop.features.table import delta_of
 from finloop.forecast.settings import Settings
-from finloop.pose.film import FilmPoses, memory_frames
+from finloop.pose.film import FilmPoses
 
 MOTION = 3
 """Numbers of a state beside the codes: forward, sideways and turning speed."""
@@ -103,7 +104,7 @@ def film_states(
         np.where(turned, (states @ whole)[both], states[both]),
         np.where(turned, (control * side)[both], control[both]), usable[both], whole, side, lags,
         scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
-        memory_frames(np.asarray(codes, float), features),
+        memory_frames(codes, track),
     )  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from finloop.base.arrays import Ints
 from finloop.base.errors import FinloopError
+from finloop.features.memory import block_frames
 from finloop.forecast.film import FilmStates
 from finloop.forecast.settings import Settings
 
@@ -26,8 +27,8 @@ def split(film: FilmStates, p: Settings) -> Partition:
     FinloopError
         If the film is shorter than two such stretches.
     """
-    block = max(1, round(p.block_s * film.rate_hz))
-    rows = film.rows
+    rows, least = film.rows, int(film.lags[-1]) + 2
+    block = block_frames(p.block_s, p.held_out, film.rate_hz, film.frame[rows], least)
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
     blocks = np.unique(first)
     count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)

@@ -28,7 +28,8 @@ class Settings:
     # fish whose state the film does not show back to those that it does
     noise: NotNegative
     seed: Seed  # for the split, the first weights, the order of rows and the noise
-    block_s: Positive  # s; stretches of time, of all fish, that are held out together
+    # s; stretches of time, of all fish, that are held out together; a short film's are shorter
+    block_s: Positive
     held_out: Share  # share of the rows that is never learnt from
 
     # The spread: the film's departures from the mean, of rows in similar states.

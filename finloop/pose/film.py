@@ -11,6 +11,7 @@ from finloop.base.arrays import Floats
 from finloop.base.schema import ANY, Column, Schema, lists_to_array, lists_to_points
 from finloop.distance.picture import typical_length
 from finloop.features.head import tail_first
+from finloop.features.memory import memory_frames
 from finloop.pose.settings import Settings
 from finloop.puppet.pose import Pose, filmed
 from finloop.puppet.shapes import PoseShapes
@@ -25,8 +26,6 @@ POSES = Schema(
 
 USED = ("backbone_x_px", "backbone_y_px", "half_width_px")
 """The columns of a table of tracks that poses are made of."""
-
-_HALF = 0.5  # of their spread; when postures differ so much, they have forgotten each other
 
 
 @dataclass(frozen=True)
@@ -104,7 +103,8 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> Fil
     pose = filmed(features, lines)
     shapes = PoseShapes.fit(pose.posture, p.share, p.gap_quantile)
     codes = shapes.encode(pose.posture).astype(np.float32).astype(float)  # as files hold them
-    return _poses(features, codes, shapes, (apart, spread, memory_frames(codes, features)))
+    memory = memory_frames(codes, features["track_id"].to_numpy())
+    return _poses(features, codes, shapes, (apart, spread, memory))
 
 
 def restored(features: pd.DataFrame, table: pd.DataFrame, facts: dict[str, Any]) -> FilmPoses:
@@ -138,21 +138,3 @@ def _poses(
         typical_length(features).to_numpy(float), whole.decode(codes),
     )  # fmt: skip
     return FilmPoses(pose, codes, whole, *facts)
-
-
-def memory_frames(codes: Floats, features: pd.DataFrame) -> float:
-    """After how many frames postures (k, c) are half as far from themselves as from any other.
-
-    From the mean square of codes(t + τ) − codes(t) over all tracks (features: track_id), linear
-    between whole frames τ; the longest track's length where that never happens.
-    """
-    track = features["track_id"].to_numpy()
-    most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
-    half, before = _HALF * 2 * float(codes.var(0).sum()), 0.0
-    for lag in range(1, most if half > 0 else 1):
-        same = track[lag:] == track[:-lag]
-        square = float(((codes[lag:] - codes[:-lag]) ** 2).sum(1)[same].mean())
-        if square >= half:
-            return lag - 1 + (half - before) / max(square - before, 1e-12)
-        before = square
-    return float(most)

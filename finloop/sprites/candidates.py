@@ -5,6 +5,7 @@ A fault is measured in units of what is just acceptable; `settings` are those of
 """
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -71,6 +72,18 @@ def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFr
         if not glides.empty:
             still = glides[glides["tail moves"] <= 1]
             return glides if still.empty else still
+    return pd.DataFrame()
+
+
+def calm(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+    """What stands in for a tail beat where there is none: glides as in `slides`.
+
+    Of straight swimming; if there is none of any; if no frame is usable of any frames.
+    """
+    every = table.assign(type=np.int8(STRAIGHT))
+    for one in (table, every, every.assign(usable=True)):
+        if not (found := slides(one, rate_hz, settings)).empty:
+            return found
     return pd.DataFrame()
 
 
@@ -142,6 +155,32 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
         if strong:
             return pd.DataFrame(strong)
     return pd.DataFrame()
+
+
+def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
+    """What stands in for a whole turn to one side: every bend to it, a row each as in `beats`.
+
+    A bend goes from where the fish is least bent to where it is least bent again.
+    """
+    bend = side * table["bend"].to_numpy()
+    rows = []
+    for span in spans(table):
+        inside = bend[span.start : span.stop - 1]  # a frame of the track follows
+        low = span.start + np.flatnonzero(_minimal(inside))
+        for first, last in pairwise(low.tolist()):
+            peak = float(bend[first : last + 1].max())
+            if last - first >= 2 and peak > max(0.0, bend[first], bend[last]):
+                rows.append({"start": first, "length": last - first + 1, "weaker": peak})
+    found = pd.DataFrame(rows)
+    if not found.empty:
+        found["weaker"] = 1 - found["weaker"] / found["weaker"].max()
+    return found
+
+
+def _minimal(bend: Reals) -> Mask:
+    """Where numbers (n,) are less than the one before and no more than the one after; the ends."""
+    inner = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
+    return np.concatenate([[True], inner, [True]])[: len(bend)]
 
 
 def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:

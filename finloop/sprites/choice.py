@@ -7,7 +7,7 @@ faults explain the choice. Only the best candidates are compared as pictures.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -17,7 +17,7 @@ from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import apart, steps
 from finloop.features.swimming_type import STRAIGHT
-from finloop.sprites.candidates import beats, slides, turns
+from finloop.sprites.candidates import beats, bends, calm, slides, turns
 from finloop.sprites.settings import Settings
 from finloop.sprites.stretch import SIDES, WORDS, Stretch, cycle_heading, from_text
 
@@ -30,10 +30,14 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 
 @dataclass(frozen=True)
 class Choice:
-    """The film's frames for one sequence; `mirrored` where the other side's turn stands in."""
+    """The film's frames for one sequence; `mirrored` where the other side's turn stands in.
+
+    stands_in: there is no tail beat, or no whole turn, and this is the most like one.
+    """
 
     stretch: Stretch
     mirrored: bool = False
+    stands_in: bool = False
 
 
 def choose(
@@ -41,11 +45,17 @@ def choose(
 ) -> dict[str, Choice]:
     """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    `table` is of `swimmers`. A side without a turn gets the other one mirrored. FinloopError if
-    the settings name frames that do not exist, or there is no tail beat, or no turn.
+    `table` is of `swimmers`. A side without a turn gets the other one mirrored; where there is no
+    tail beat or no whole turn at all, the most like one stands in. FinloopError if the settings
+    name frames that do not exist, or the fish never bends.
     """
     sharp = _typical_sharpness(table, look, settings)
     stretches: dict[str, Sequence[Stretch]] = {}
+    stands_in: set[str] = set()
+
+    def best(word: str, candidates: pd.DataFrame) -> list[Stretch]:
+        return best_of_tracks(table, candidates, look, sharp, settings, loops=word not in SIDES)
+
     for word in WORDS:
         text = getattr(settings, word)
         if text is not None:
@@ -55,50 +65,45 @@ def choose(
             candidates = turns(table, SIDES[word], settings)
         else:
             candidates = (beats if word == "straight" else slides)(table, rate_hz, settings)
-        stretches[word] = best_of_tracks(
-            table, candidates, look, sharp, settings, loops=word not in SIDES
-        )
-    _check(stretches, settings)
-    chosen = {word: Choice(s) for word, s in combination(table, stretches, settings).items()}
+        stretches[word] = best(word, candidates)
+    if not stretches["straight"]:
+        stretches["straight"] = best("straight", calm(table, rate_hz, settings))
+        stands_in.add("straight")
+    if not (stretches["left"] or stretches["right"]):
+        for word, side in SIDES.items():
+            stretches[word] = best(word, bends(table, side))
+            stands_in.add(word)
+    _check(stretches)
+    chosen = {
+        word: Choice(s, stands_in=word in stands_in)
+        for word, s in combination(table, stretches, settings).items()
+    }
     if "slide" not in chosen:  # nothing glides: the straightest there is
         chosen["slide"] = chosen["straight"]
     for word, other in (("left", "right"), ("right", "left")):
         if word not in chosen:
-            chosen[word] = Choice(chosen[other].stretch, mirrored=True)
+            chosen[word] = replace(chosen[other], mirrored=True)
     return {word: chosen[word] for word in WORDS}
 
 
 def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> float:
-    """Median `sharpness` of usable frames spread over the film."""
+    """Median `sharpness` of usable frames spread over the film, of all where none is usable."""
     usable = np.flatnonzero(table["usable"])
-    if not usable.size:
-        raise FinloopError(
-            "no frame of the film can become a sprite: everywhere head and tail are in doubt "
-            f"(head_confidence < {settings.head_confidence}), or the length is not the animal's, "
-            "or another fish is near",
-            "frames of one fish, clear of others",
-            "film fewer fish, or a longer clip; or give frames in conf/sprites/default.yaml",
-        )
+    usable = usable if usable.size else np.arange(len(table))
     rows = usable[np.linspace(0, usable.size - 1, min(_SAMPLE, usable.size)).astype(int)]
     return float(np.median(sharpness(look(rows, table["heading"].to_numpy()[rows]))))
 
 
-def _check(stretches: dict[str, Sequence[Stretch]], settings: Settings) -> None:
-    """FinloopError where the film has no tail beat, or no turn to either side."""
-    do = "take a longer clip, or list frames, e.g. sprites.{}=8:120-140"
-    if not stretches["straight"]:
-        raise FinloopError(
-            "no full tail beat in the film: no straight stretch of one track swings its tail once "
-            f"to each side in {settings.beat_least_s}-{settings.beat_most_s} s and "
-            f"{settings.beat_frames} frames",
-            "a fish that swims straight for one tail beat, clear of others",
-            do.format("straight") + "; at a low frame rate film faster",
-        )
+def _check(stretches: dict[str, Sequence[Stretch]]) -> None:
+    """FinloopError where the film has nothing that can stand in for a tail beat, or for a turn."""
+    lacks = [] if stretches["straight"] else ["four frames of one track, one after the other"]
     if not (stretches["left"] or stretches["right"]):
+        lacks.append("a fish that bends")
+    if lacks:
         raise FinloopError(
-            "no whole turn in the film, neither to the left nor to the right",
-            "a fish that bends from straight to one side and back to straight, clear of others",
-            do.format("left") + "; or lower features.turn_threshold_deg, features.bend_threshold",
+            f"the film does not show {' nor '.join(lacks)}",
+            "a fish that swims, some seconds of it",
+            "take a longer film (reports/features/trajectories.png shows what was followed)",
         )
 
 

@@ -1,0 +1,60 @@
+"""How fast an animal's posture forgets itself: the film's own measure of time.
+
+Glossary: the *memory* of a film is the time after which a posture is half as far from itself as
+from any other; Δ the time over which motion is measured (the paper: 5 frames at 25 Hz); *bend* the
+signed motion area.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from finloop.base.arrays import Ints, Reals
+
+DELTA_S = 0.2
+"""The paper's Δ."""
+
+_HALF = 0.5
+_MEMORIES = 3.0  # in Δ; a posture that swings as a sine forgets itself in a sixth of its beat
+_PARTS = 4  # of Δ at least in the longest track
+
+
+def memory_frames(postures: Reals, track: Ints) -> float:
+    """After how many frames postures (n, k) are half as far from themselves as from any other.
+
+    From the mean square of posture(t + τ) − posture(t) over all tracks (n,), linear between whole
+    frames τ; the longest track's length where that never happens.
+    """
+    values = np.asarray(postures, float)
+    most = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
+    half, before = _HALF * 2 * float(values.var(0).sum()), 0.0
+    for lag in range(1, most if half > 0 else 1):
+        same = track[lag:] == track[:-lag]
+        square = float(((values[lag:] - values[:-lag]) ** 2).sum(1)[same].mean())
+        if square >= half:
+            return lag - 1 + (half - before) / max(square - before, 1e-12)
+        before = square
+    return float(most)
+
+
+def block_frames(block_s: float, held_out: float, rate_hz: float, frame: Ints, least: int) -> int:
+    """How long a stretch of time is, in frames, that is held out together: `block_s`, or less.
+
+    In a short film it is the share `held_out` of the film, and `least` frames at least.
+    frame (n,): of the rows.
+    """
+    film = int(np.ptp(frame)) + 1 if len(frame) else 1
+    return min(max(1, round(block_s * rate_hz)), max(least, int(held_out * film)))
+
+
+def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
+    """Δ in s, as `features.delta_s=auto` takes it, from the bend of each track (n,).
+
+    That is the paper's Δ, but at most three memories, half a tail beat, so that a quick animal's
+    motion is not smoothed away, and a quarter of the longest track, so that there is something to
+    learn from.
+    """
+    longest = max(len(one) for one in bends)
+    track = np.repeat(np.arange(len(bends)), [len(one) for one in bends])
+    memory = memory_frames(np.concatenate(bends)[:, None], track)
+    return min(DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)
