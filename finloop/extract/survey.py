@@ -6,7 +6,7 @@ differ, two other backgrounds are tried, the median without such ghosts and one 
 whichever shows fish of one size is taken.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -72,23 +72,29 @@ def survey(sample: Sequence[Picture], arena: Picture, settings: Settings) -> tup
         flat = settings.background == "threshold"
         return _survey(sample, flat_background(sample) if flat else median_background(sample),
                        arena, settings)[:2]  # fmt: skip
-    middle, surveys, first = median_background(sample), list[Survey](), None
-    for make in (
-        lambda: middle,
-        lambda: patched_background(sample, middle, max(settings.least_contrast, _GHOST)),
-        lambda: flat_background(sample),
-    ):
+    middle, ghost = median_background(sample), max(settings.least_contrast, _GHOST)
+
+    def tried(make: Callable[[], Picture]) -> Survey | FinloopError:
         try:
-            surveys.append(_survey(sample, make(), arena, settings))
+            return _survey(sample, make(), arena, settings)
         except FinloopError as error:
-            first = first or error
-        if surveys and surveys[0].scene.polarity != "both" and first is None:
-            break
-    if not surveys:
-        assert first is not None
-        raise first
-    usual, best = surveys[0], min(surveys, key=lambda one: one.spread)
-    return (best if first is not None or best.spread < _BETTER * usual.spread else usual)[:2]
+            return error
+
+    usual = tried(lambda: middle)
+    if isinstance(usual, Survey) and usual.scene.polarity != "both":
+        return usual[:2]
+    makers = (
+        lambda: patched_background(sample, middle, ghost),
+        lambda: flat_background(sample),
+    )
+    others = [one for one in map(tried, makers) if isinstance(one, Survey)]
+    if isinstance(usual, FinloopError) and not others:
+        raise usual
+    best = min(others, key=lambda one: one.spread, default=usual)
+    if isinstance(usual, Survey) and isinstance(best, Survey):
+        best = best if best.spread < _BETTER * usual.spread else usual
+    assert isinstance(best, Survey)
+    return best[:2]
 
 
 def _survey(
