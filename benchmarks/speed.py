@@ -38,9 +38,9 @@ from finloop.extract.film import (
     sample_frames,
     tracks,
 )
+from finloop.extract.samples import survey
 from finloop.extract.segment import silhouettes
 from finloop.extract.settings import Settings
-from finloop.extract.survey import survey
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings

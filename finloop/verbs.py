@@ -50,7 +50,7 @@ from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
 from finloop.extract import film as extraction
-from finloop.extract.survey import Verdict, survey
+from finloop.extract.samples import Verdict, survey
 from finloop.extract.table import tracks_schema
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured

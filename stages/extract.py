@@ -14,8 +14,8 @@ import numpy as np
 
 from finloop.base.parallel import warm_up
 from finloop.extract import film
+from finloop.extract.samples import Verdict, survey
 from finloop.extract.settings import Settings
-from finloop.extract.survey import Verdict, survey
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io import video
 from finloop.io.atomic import whole_folder

@@ -49,9 +49,9 @@ from finloop.extract.film import (
     rows,
     tracks,
 )
+from finloop.extract.samples import Typical, judge, survey, typical_fish
 from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
 from finloop.extract.settings import Settings
-from finloop.extract.survey import Typical, judge, survey, typical_fish
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
 from finloop.features.table import Settings as FeatureSettings

@@ -1,12 +1,13 @@
 """From film to tracks of isolated fish: cut-outs, outlines, backbones (fish paper §2.1-2.2.1).
 
 Background and noise (`background`), silhouettes (`segment`), the backbone (`skeleton`, `backbone`),
-tracks (`tracks`); `survey` looks at the film first; `film` puts them together.
+tracks (`tracks`); `samples` looks at the film first; `film` puts them together.
 """
 
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "background": ["Scene", "median_background"],
-    "film": ["Detector", "detections"], "survey": ["Typical", "survey"], "table": ["tracks_schema"],
+    "film": ["Detector", "detections"], "samples": ["Typical", "survey"],
+    "table": ["tracks_schema"],
 })  # fmt: skip

@@ -1,6 +1,6 @@
 """Film → tracks of isolated fish, each with cut-out, outline and backbone (fish paper §2.1-2.2.1).
 
-Three steps: `survey.survey` measures tank, noise and a typical fish on frames spread over the clip;
+Three steps: `samples.survey` measures tank, noise and a typical fish on frames of the whole clip;
 `detections` streams the film once and detects the fish of each frame, on every core; `tracks`
 links them. Memory holds some stretches of detections and the fish of `least_frames` frames, however
 long the clip is.
@@ -25,9 +25,9 @@ from finloop.extract.background import (
     in_light_of,
     sample_size,
 )
+from finloop.extract.samples import Typical, Verdict, judge
 from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
 from finloop.extract.settings import Settings
-from finloop.extract.survey import Typical, Verdict, judge
 from finloop.extract.tracks import Linker, Spot
 
 

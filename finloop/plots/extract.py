@@ -8,9 +8,9 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.extract.background import Scene, in_light_of
+from finloop.extract.samples import Typical, judge
 from finloop.extract.segment import Silhouette, silhouettes
 from finloop.extract.settings import Settings
-from finloop.extract.survey import Typical, judge
 from finloop.plots.parts import coloured, in_rows, write
 
 _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)

@@ -18,9 +18,9 @@ from finloop.animate.edit_list import FRAME
 from finloop.base.arrays import Floats, Ints, Picture
 from finloop.extract.background import Scene
 from finloop.extract.film import Detections, Detector, rows, tracks
+from finloop.extract.samples import Typical
 from finloop.extract.segment import Fish
 from finloop.extract.settings import Settings as ExtractSettings
-from finloop.extract.survey import Typical
 from finloop.extract.table import SceneFacts
 from finloop.features.settings import Settings as FeatureSettings
 from finloop.features.table import FEATURES, features

@@ -99,7 +99,7 @@ def parallel(table: Comparison) -> go.Figure:
     for name, column in [*table.parameters.items(), *table.measures.items()]:
         numeric = pd.to_numeric(column, errors="coerce")
         axis: dict[str, Any] = {"label": words(str(name))}
-        if numeric.isna().all():  # words: a tick for each
+        if (numeric.isna() & column.notna()).any():  # words among them: a tick for each
             codes, texts = pd.factorize(column.astype(str))
             numeric = pd.Series(codes.astype(float))
             axis |= {"tickvals": list(range(len(texts))), "ticktext": list(texts)}

@@ -8,8 +8,8 @@ from typing import cast
 import numpy as np
 
 from finloop.extract.background import Polarity, Scene
+from finloop.extract.samples import Typical
 from finloop.extract.settings import Settings
-from finloop.extract.survey import Typical
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_record
