@@ -137,6 +137,13 @@ def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
     assert ways > 1
 
 
+def test_a_share_beside_a_slanting_wall_is_moved_into_the_tank():
+    rows, columns = np.mgrid[:160, :200]
+    slanting = tank(rows + columns < 200, 10.0)
+    (goal,) = place_goals([[0.6, 0.7]], "tank", slanting, 60.0)
+    assert slanting.arena[round(goal.y_px), round(goal.x_px)]
+
+
 def test_a_point_beyond_the_legal_is_brought_to_its_edge():
     found = tank(ARENA, 24.0)
     assert found.into(400.0, 300.0) == (400.0, 300.0)

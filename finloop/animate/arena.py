@@ -195,7 +195,8 @@ def place_goals(
             within = 0 <= min(x, y) <= max(x, y) <= 1
             x, y = left + x * (right - left), top + y * (bottom - top)
             legal = tank.into(x, y)
-            if within and np.hypot(legal[0] - x, legal[1] - y) > touch_px:
+            near = np.hypot(legal[0] - x, legal[1] - y) <= touch_px
+            if within and not (near and inside(tank.arena, x, y)):
                 x, y = legal
         goals.append(Goal(name, x, y))
         if not inside(tank.arena, x, y):
