@@ -26,7 +26,6 @@ is unknown or out of range, a file cannot be read, or the film does not show wha
 import atexit
 import tempfile
 import warnings
-from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -49,9 +48,8 @@ from finloop.bpn.model import MotionModel, motion_rows, split
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
-from finloop.extract import film as extraction
-from finloop.extract.samples import Verdict, survey
 from finloop.extract.table import tracks_schema
+from finloop.extraction import BACKGROUND_NAME, extract
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
 from finloop.forecast.film import film_states, shown_mirror
@@ -62,10 +60,11 @@ from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
-from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME, film_writer
+from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.movie import Mp4Writer
+from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
-from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
+from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
@@ -146,34 +145,12 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     `workers`: processes; with more than one the program needs `if __name__ == "__main__":`.
     `changes`: of `finloop.extract.settings.Settings`.
     """
-    p, facts, clip = settings("extract", **changes), film.facts, film.folder / CLIP_NAME
-    arena = film.arena.astype(np.uint8) * 255
-    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    sample = extraction.sample_frames(p.samples, facts.frames, shape, KEY_FRAME_EVERY)
-    frames = list(read_spread(clip, sample, colour=facts.colour))
-    scene, typical = survey(frames, arena, p)
-    read = partial(read_frames, clip, colour=facts.colour, threads=1)
-    spots = extraction.detections(
-        extraction.Film(read, facts.frames, film.rate_hz, KEY_FRAME_EVERY),
-        scene, extraction.Detector(arena, typical, p), workers,
-    )  # fmt: skip
-    cuts = [start for start, _ in facts.segments[1:]]
-    verdicts = Counter[Verdict]()
-
-    def linked() -> Iterator[list[extraction.TrackedFish]]:
-        for judged, fish in extraction.tracks(spots, typical, p, cuts):
-            verdicts.update(judged)
-            yield fish
-
-    home, schema = _folder(folder) / "extract", tracks_schema(p.points)
+    p, home = settings("extract", **changes), _folder(folder) / "extract"
     with whole_folder(home) as part:
-        with film_writer(part, schema) as write:
-            for fish in extraction.batches(linked()):
-                write(extraction.rows(fish), extraction.cutouts(fish))
-        table = load_table(part / TRACKS_NAME, schema)
-        if table.empty:
-            raise extraction.nothing_followed(p, verdicts)
-    return Tracks(film, table, _opened(home / CUTOUTS_NAME), scene.background)
+        extract(film.folder, p, part, workers)
+    table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
+    background = load_picture(home / BACKGROUND_NAME)
+    return Tracks(film, table, _opened(home / CUTOUTS_NAME), background)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:

@@ -1011,7 +1011,7 @@ def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatc
     def stop(*_):
         raise error
 
-    monkeypatch.setattr(f"stages.extract.{where}", stop)
+    monkeypatch.setattr(f"finloop.extraction.{where}", stop)
     with pytest.raises((FinloopError, KeyboardInterrupt)) as caught:
         stages.extract.main()
     assert isinstance(caught.value, KeyboardInterrupt) or "disk is full" in caught.value.came
