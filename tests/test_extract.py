@@ -549,7 +549,7 @@ def test_no_fish_is_said_as_it_is():
     def message(*frames):
         with pytest.raises(FinloopError, match="no fish found") as caught:
             survey([*frames, tank, tank, tank], WHOLE, SETTINGS)
-        assert "extract.background=threshold" in caught.value.do
+        assert "extract.noise_sigmas" in caught.value.do
         return caught.value.came
 
     assert "nothing differs from the background by more than 6.0 grey levels" in message(tank)

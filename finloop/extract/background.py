@@ -21,9 +21,11 @@ _GRID = 16  # every 16th pixel in both directions is enough to measure the light
 _SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
 _STRIP = 64  # rows
 _NOISE_FRAMES = 8  # frames from which the noise is measured, some million pixels
-_SMALL = 120  # px: the smaller side of the picture that is smoothed
-_AROUND = 41  # px of these, a third of the picture
-_AWAY = 0.1  # of a ghost, at least, is floor in some frame
+# The floor around a ghost. On the trout, whose median shows it, the patched background gives the
+# same fish with a smaller side of 60-180, a window of 31-61, a share of 0.02-0.3.
+_SMALL = 120  # px, the smaller side that a picture is reduced to, so that all sizes are alike
+_AROUND = 41  # px of the reduced picture: the window's side, a third of the smaller side
+_AWAY = 0.1  # share of a ghost that at least is floor in some frame; of a stone nothing is
 _MEMORY = 2**29  # bytes that the frames of a median may take
 _ONE_SIDED = 0.9  # share of changed pixels on one side from which a polarity is called one-sided
 
@@ -101,17 +103,23 @@ def patched_background(frames: Sequence[Picture], middle: Picture, least: float)
         seen |= _strong(cv2.absdiff(here, around)) <= least / 2
     count, label = cv2.connectedComponents(differs.astype(np.uint8))
     away = np.bincount(label[seen], minlength=count) / np.bincount(label.ravel(), minlength=count)
-    away[0] = 0.0
-    ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    away[0] = 0.0  # what does not differ
+    edge = 2 * round(_reduction(middle)) + 1  # soft: a pixel of the reduced picture to each side
+    ghost = cv2.dilate((away > _AWAY)[label].astype(np.uint8), np.ones((edge, edge), np.uint8)) > 0
     patched = middle.copy()
     patched[ghost] = around[ghost]
     return patched
 
 
+def _reduction(picture: Picture) -> float:
+    """How many times smaller the picture is made in which surroundings are measured."""
+    return max(1.0, min(picture.shape[:2]) / _SMALL)
+
+
 def _surroundings(picture: Picture) -> Picture:
     """Of every pixel the median of its surroundings, in which a narrow fish is a minority."""
     height, width = picture.shape[:2]
-    less = max(1.0, min(height, width) / _SMALL)
+    less = _reduction(picture)
     size = round(width / less), round(height / less)
     small = cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
     around = cv2.medianBlur(small, _AROUND)

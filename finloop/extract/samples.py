@@ -1,12 +1,16 @@
 """What is measured first, on frames spread over the film: tank, noise, a typical fish.
 
-A fish that stays in its place, or moves less than its length, is in the median of the frames, too.
-What then differs is the part that moved, now darker, now brighter, of any size. So where both
-differ, two other backgrounds are tried, the median without such ghosts and one even tone, and
-whichever shows fish of one size is taken.
+The background is the median of these frames. But a fish that stays in its place, or moves less than
+its length, is in the median itself: a *ghost*. What differs from such a background is the part that
+moved, now darker, now brighter, of any size. So where fish are both darker and brighter than the
+median, or nothing is found, two other backgrounds are tried: the median without ghosts, and one
+even tone. The one whose fish are most alike in size is taken, if it is clearly better.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from contextlib import suppress
+from functools import partial
+from operator import attrgetter
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -37,8 +41,10 @@ class Typical(NamedTuple):
 Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
 """Whether a silhouette is one isolated fish, or why not."""
 
-_GHOST = 12.0  # grey levels by which a ghost differs from the floor around it, at least
-_BETTER = 0.67  # of the spread of areas with the median: what another background must be below
+_GHOST = 12.0  # grey levels, least contrast of a ghost; 6-30 give trout and sunfish the same fish
+# Share of the median's spread below which another background is clearly better: without ghosts
+# 0.04-0.14 was measured (trout, sunfish, a carp of three beats), of a shaking camera 1.00.
+_BETTER = 0.67
 
 
 def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdict:
@@ -55,7 +61,11 @@ def judge(silhouette: Silhouette, typical: Typical, settings: Settings) -> Verdi
 
 
 class Survey(NamedTuple):
-    """A tank and its typical fish; spread: of the areas of its fish, relative to their median."""
+    """What a background shows: scene, typical fish, and how much its fish differ in area.
+
+    spread: half the width of the middle 68 % of their areas, relative to the median (of Gaussian
+    areas the standard deviation); infinite for fewer than one fish in two frames.
+    """
 
     scene: Scene
     typical: Typical
@@ -68,39 +78,41 @@ def survey(sample: Sequence[Picture], arena: Picture, settings: Settings) -> tup
     FinloopError if nothing stands out from the background, or no silhouette can be an isolated
     fish.
     """
+    if settings.background == "threshold":
+        return _survey(sample, flat_background(sample), arena, settings)[:2]
+    median, spread = median_background(sample), attrgetter("spread")
     if settings.background != "auto":
-        flat = settings.background == "threshold"
-        return _survey(sample, flat_background(sample) if flat else median_background(sample),
-                       arena, settings)[:2]  # fmt: skip
-    middle, ghost = median_background(sample), max(settings.least_contrast, _GHOST)
-
-    def tried(make: Callable[[], Picture]) -> Survey | FinloopError:
-        try:
-            return _survey(sample, make(), arena, settings)
-        except FinloopError as error:
-            return error
-
-    usual = tried(lambda: middle)
-    if isinstance(usual, Survey) and usual.scene.polarity != "both":
+        return _survey(sample, median, arena, settings)[:2]  # `mog2` goes on from the median
+    try:
+        usual = _survey(sample, median, arena, settings)
+    except FinloopError:
+        others = _without_ghosts(sample, median, arena, settings)
+        if not others:
+            raise
+        return min(others, key=spread)[:2]
+    if usual.scene.polarity != "both":
         return usual[:2]
-    makers = (
-        lambda: patched_background(sample, middle, ghost),
-        lambda: flat_background(sample),
-    )
-    others = [one for one in map(tried, makers) if isinstance(one, Survey)]
-    if isinstance(usual, FinloopError) and not others:
-        raise usual
-    best = min(others, key=lambda one: one.spread, default=usual)
-    if isinstance(usual, Survey) and isinstance(best, Survey):
-        best = best if best.spread < _BETTER * usual.spread else usual
-    assert isinstance(best, Survey)
-    return best[:2]
+    best = min(_without_ghosts(sample, median, arena, settings), key=spread, default=usual)
+    return (best if best.spread < _BETTER * usual.spread else usual)[:2]
+
+
+def _without_ghosts(
+    sample: Sequence[Picture], median: Picture, arena: Picture, settings: Settings
+) -> list[Survey]:
+    """What is measured with the patched median and with one even tone, if there is a fish."""
+    least = max(settings.least_contrast, _GHOST)
+    patched = partial(patched_background, sample, median, least)
+    surveys = []
+    for background in (patched, partial(flat_background, sample)):
+        with suppress(FinloopError):
+            surveys.append(_survey(sample, background(), arena, settings))
+    return surveys
 
 
 def _survey(
     sample: Sequence[Picture], background: Picture, arena: Picture, settings: Settings
 ) -> Survey:
-    """What is measured with a background."""
+    """What is measured with a background; FinloopError as `survey`."""
     scene = survey_noise(
         sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast
     )
@@ -113,7 +125,7 @@ def _survey(
     ]
     typical = typical_fish(candidates, scene, settings)
     areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
-    if 2 * len(areas) < len(sample):  # in every other frame at most
+    if 2 * len(areas) < len(sample):
         return Survey(scene, typical, np.inf)
     low, middle, high = np.quantile(areas, (0.16, 0.5, 0.84))
     return Survey(scene, typical, float((high - low) / 2 / middle))
@@ -127,7 +139,7 @@ def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Setti
     """
     free = [s for s in candidates if not s.at_border]
     if not free:
-        raise _no_fish(candidates, scene)
+        raise _no_fish(candidates, scene, settings)
     areas = np.sort([s.area_px for s in free])
     weight = np.cumsum(areas)
     area = float(areas[np.searchsorted(weight, 0.5 * weight[-1])])
@@ -135,11 +147,11 @@ def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Setti
     lines = [trace(s.mask, s.field, settings.points, scene.threshold) for s in alike]
     lengths = [line.length_px for line in lines if line is not None]
     if not lengths:
-        raise _no_fish(candidates, scene)
+        raise _no_fish(candidates, scene, settings)
     return Typical(area, float(np.median(lengths)), float(np.median([s.contrast for s in alike])))
 
 
-def _no_fish(candidates: Sequence[Silhouette], scene: Scene) -> FinloopError:
+def _no_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Settings) -> FinloopError:
     if not candidates:
         why = f"nothing differs from the background by more than {scene.threshold:.1f} grey levels"
     elif all(s.at_border for s in candidates):
@@ -149,7 +161,7 @@ def _no_fish(candidates: Sequence[Silhouette], scene: Scene) -> FinloopError:
     return FinloopError(
         f"no fish found: {why}",
         "fish that swim clear of the edge, darker or brighter than the tank",
-        "look at the background picture; try extract.background=threshold for a fish that stays in "
-        "place, another extract.polarity, a lower extract.noise_sigmas or extract.least_area_px, "
-        "or set clip.arena",
+        f"try {'' if settings.background == 'auto' else 'extract.background=auto, '}another "
+        "extract.polarity, a lower extract.noise_sigmas or extract.least_area_px; set clip.arena; "
+        "or film the fish as it moves about",
     )
