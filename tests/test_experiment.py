@@ -14,7 +14,7 @@ from conftest import ROOT, TINY_CARP
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check, settings
-from finloop.report.compare import OBJECTIVES, comparison, html, pareto
+from finloop.report.compare import OBJECTIVES, comparison, html, parallel, pareto
 from stages import compose
 from stages.compose import composed
 from stages.experiment import Experiment, choices
@@ -175,6 +175,24 @@ def test_what_differs_is_compared_numbers_by_size():
     assert (found.best == pareto(found.measures.iloc[:, :3].to_numpy() * sign)).all()
     bare = comparison(parameters, numbers[["bpn.error"]], ["bpn.error"])
     assert bare.objectives == [] and not bare.best.any()
+
+
+MIXED = ["auto", 10.0, 0.1, 2.0]
+
+
+def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
+    _, numbers = some(4)
+    numbers.iloc[3, 0] = np.nan
+    parameters = pd.DataFrame(
+        {"features.delta_s": MIXED, "morph.back": [True, False, True, False]}, numbers.index
+    )
+    found = comparison(parameters, numbers, [])
+    assert list(found.parameters["features.delta_s"]) == [0.1, 2.0, 10.0, "auto"]
+    delta, back, *_ = parallel(found).data[0].dimensions
+    assert delta.ticktext == ("0.1", "10", "auto") and delta.values == (0, 1, 2)
+    assert back.ticktext == ("False", "True") and back.values == (1, 0, 1)
+    lines = [axis.values for axis in parallel(found).data[0].dimensions]
+    assert np.isfinite(lines).all() and len(lines[0]) == 3  # run-3 lacks a measure
 
 
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):

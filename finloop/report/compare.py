@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from numbers import Real
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -76,15 +77,24 @@ def comparison(
     best = pareto(values[keys].to_numpy() * sign)
     if not objectives:
         best = np.zeros(len(values), bool)
-    chosen = parameters[differ].sort_values(differ, kind="stable", key=_sortable)
+    chosen = parameters[differ].sort_values(differ, kind="stable", key=lambda one: ranked(one)[0])
     order = parameters.index.get_indexer(chosen.index)
     return Comparison(chosen, values.iloc[order], objectives, best[order])
 
 
-def _sortable(column: "pd.Series[Any]") -> "pd.Series[Any]":
-    """Numbers by size, anything else by its text."""
-    numeric = pd.to_numeric(column, errors="coerce")
-    return column.astype(str) if numeric.isna().any() else numeric
+def ranked(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
+    """The rank of each value, from 0, and the text of each rank: numbers by size, then words."""
+    keys = [
+        (1, 0.0, str(value)) if _is_word(value) else (0, float(value), f"{value:g}")
+        for value in column
+    ]
+    order = sorted(set(keys))
+    return pd.Series([order.index(key) for key in keys], column.index), [key[-1] for key in order]
+
+
+def _is_word(value: object) -> bool:
+    """Whether a value has no place on an axis of numbers: text, true or false, not there (NaN)."""
+    return not isinstance(value, Real) or isinstance(value, bool) or value != value
 
 
 def words(key: str) -> str:
@@ -94,20 +104,24 @@ def words(key: str) -> str:
 
 
 def parallel(table: Comparison) -> go.Figure:
-    """A line an experiment across an axis for each parameter and measure; the best are coloured."""
+    """A line an experiment across an axis for each parameter and measure; the best are coloured.
+
+    An experiment that lacks a measure has no line: it would leave the chart at that axis.
+    """
+    measures = table.measures.dropna(axis=1, how="all")
+    whole = measures.notna().all(axis=1)
     axes = []
-    for name, column in [*table.parameters.items(), *table.measures.items()]:
-        numeric = pd.to_numeric(column, errors="coerce")
+    for name, column in [*table.parameters[whole].items(), *measures[whole].items()]:
         axis: dict[str, Any] = {"label": words(str(name))}
-        if (numeric.isna() & column.notna()).any():  # words among them: a tick for each
-            codes, texts = pd.factorize(column.astype(str))
-            numeric = pd.Series(codes.astype(float))
-            axis |= {"tickvals": list(range(len(texts))), "ticktext": list(texts)}
-        low, high = float(numeric.min()), float(numeric.max())
+        if any(map(_is_word, column)):  # a tick for each value
+            column, texts = ranked(column)
+            axis |= {"tickvals": list(range(len(texts))), "ticktext": texts}
+        low, high = float(column.min()), float(column.max())
         if low == high:  # an axis of no length is not drawn
             axis["range"] = [low - 0.5, high + 0.5]
-        axes.append(axis | {"values": [None if pd.isna(x) else float(x) for x in numeric]})
-    line = {"color": table.best.astype(int).tolist(), "colorscale": [[0, _OTHER], [1, _BEST]],
+        axes.append(axis | {"values": column.astype(float).tolist()})
+    best = table.best[whole.to_numpy()].astype(int).tolist()
+    line = {"color": best, "colorscale": [[0, _OTHER], [1, _BEST]],
             "cmin": 0, "cmax": 1}  # fmt: skip
     figure = go.Figure(go.Parcoords(dimensions=axes, line=line, labelside="top", labelangle=-12))
     return figure.update_layout(
@@ -162,7 +176,7 @@ def as_table(table: Comparison) -> Table:
 
 def html(table: Comparison, title: str, why: str) -> str:
     """The page; its code for charts is in it."""
-    charts = [("Parameters and measures, a line an experiment", parallel(table))]
+    charts = [("Parameters and measures, a line an experiment that has all", parallel(table))]
     charts += [
         (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))
         for x in table.objectives[:1]
