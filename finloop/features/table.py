@@ -106,7 +106,6 @@ def features(
         )
     every = [track for _, track in tracks.groupby("track_id")]
     known = [oriented(track, rate_hz) for track in every]
-    delta_s = settings.delta_s
     bends = [
         bend(line, track["length_px"].to_numpy(float))
         for track, (line, _) in zip(every, known, strict=True)
