@@ -18,7 +18,7 @@ from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import trial_goals
+from finloop.animate.swim import random_goals
 from finloop.base.parallel import ordered_map, warm_up
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
@@ -90,7 +90,7 @@ def trials_of(p: Settings, lot: Lot) -> list[dict[str, float]]:
         ticks = waters.ticks(p.seconds)
         for seed in seeds:
             rng = np.random.default_rng([p.seed, seed])
-            goals = trial_goals(waters, p.trial_goals, rng)
+            goals = random_goals(waters, p.trial_goals, rng)
             edit = play(player, goals, ticks, rng)
             numbers.append(measures.of_plan(edit, goals, player, film_motion))
     return numbers

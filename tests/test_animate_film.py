@@ -448,7 +448,7 @@ def test_never_outside_the_tank(make):
     mode = make()
     for seed in range(6):
         rng = np.random.default_rng(seed)
-        goals = random_goals(open_tank(), TOUCH + HEAD, 3, rng)
+        goals = random_goals(mode.waters, 3, rng)
         _, table = edit_of(mode, goals, 1000, seed)
         assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
         assert measures.outside(table, mode) == 0
@@ -480,7 +480,7 @@ def test_goals_are_reached(make):
     done = []
     for seed in range(12):
         rng = np.random.default_rng(seed)
-        goals = random_goals(open_tank(), TOUCH + HEAD, 3, rng)
+        goals = random_goals(mode.waters, 3, rng)
         found, table = edit_of(mode, goals, 1500, seed)
         ticks = measures.reached(table, goals, TOUCH, HEAD)
         done.append(~np.isnan(ticks))

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import Tank, goal_name, in_sight
+from finloop.animate.arena import goal_name, in_sight
 from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
 from finloop.animate.joins import Joins
 from finloop.animate.kinematics import Spot
@@ -137,8 +137,9 @@ def swim(player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Gener
     return Swim(stretches, names, reached)
 
 
-def random_goals(tank: Tank, touch_px: float, count: int, rng: np.random.Generator) -> list[Goal]:
-    """Places in the tank that a fish can touch, all equally likely."""
+def random_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:
+    """Places in the tank that the head of a fish can touch, all equally likely."""
+    tank, touch_px = waters.tank, waters.touch_px + waters.head_px
     goals: list[Goal] = []
     while len(goals) < count:
         y, x = (int(rng.integers(side)) for side in tank.arena.shape)
@@ -146,11 +147,6 @@ def random_goals(tank: Tank, touch_px: float, count: int, rng: np.random.Generat
         if tank.arena[y, x] and np.hypot(near[0] - x, near[1] - y) <= touch_px:
             goals.append(Goal(goal_name(len(goals)), float(x), float(y)))
     return goals
-
-
-def trial_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:
-    """Random goals of a trial: places that the head of a fish can touch."""
-    return random_goals(waters.tank, waters.touch_px + waters.head_px, count, rng)
 
 
 def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:

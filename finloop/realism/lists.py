@@ -9,7 +9,7 @@ import pandas as pd
 from finloop.animate.edit_list import EDIT, FRAME, LOOPS
 from finloop.animate.planner import Planner
 from finloop.animate.settings import Settings as AnimateSettings
-from finloop.animate.swim import trial_goals
+from finloop.animate.swim import random_goals
 from finloop.base.arrays import Floats, Ints
 from finloop.realism.compare import stretches
 
@@ -26,7 +26,7 @@ def animations(planner: Planner, mode: str, seconds: float, p: AnimateSettings) 
     for number in range(int(np.ceil(seconds / p.seconds))):
         left = seconds - number * p.seconds
         one = replace(p, seed=p.seed + 1 + number, seconds=min(p.seconds, left))
-        goals = trial_goals(waters, p.trial_goals, np.random.default_rng(one.seed))
+        goals = random_goals(waters, p.trial_goals, np.random.default_rng(one.seed))
         again = replace(planner, waters=replace(waters, settings=one))
         yield again.plan(mode, [g._replace(radius_px=waters.touch_px) for g in goals])[1], ()
 
