@@ -44,7 +44,7 @@ from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
-from finloop.bpn.model import MotionModel, motion_rows, split
+from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
@@ -169,7 +169,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
-    model, _ = fit(rows, split(rows, p.split, p, rate_hz), p, rate_hz)
+    model, _ = fit(rows, split_or_all(rows, p, rate_hz), p, rate_hz)
     return model
 
 

@@ -6,13 +6,10 @@ import sys
 from contextlib import suppress
 from pathlib import Path
 
-import numpy as np
-
-from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.bpn.back_propagation import learn
 from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
-from finloop.bpn.model import Rows, motion_rows, split
+from finloop.bpn.model import motion_rows, split, split_or_all
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
 from finloop.features.table import FEATURES, delta_of
@@ -26,20 +23,6 @@ FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parq
 OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
-def split_or_all(rows: Rows, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
-    """Rows to learn from and rows held out, (n,) each; of a film that is too short all and none."""
-    try:
-        return split(rows, p.split, p, rate_hz)
-    except FinloopError as error:
-        asked = p.split == "tracks" or round(p.block_s * rate_hz) < rows.delta_frames
-        if asked or not len(rows.inputs):
-            raise
-        print(f"bpn: no row is held out, so its error on other film is not known: {error}",
-              file=sys.stderr)  # fmt: skip
-    every = np.ones(len(rows.inputs), bool)
-    return every, ~every
-
-
 def main() -> None:
     """Make data/bpn/, reports/bpn/."""
     p: Settings = load("bpn")
@@ -47,6 +30,9 @@ def main() -> None:
     table = load_table(TABLE, FEATURES)
     rows = motion_rows(table, delta_of(table))
     sides = [split_or_all(rows, p, rate_hz)]
+    if not sides[0][1].any():
+        print(f"bpn: so short a film is learnt from whole, all {len(rows.inputs)} rows; no row is "
+              "held out, so the error on other film is not known", file=sys.stderr)  # fmt: skip
     # The other way to split says how far the skill reaches: to other times, to other fish.
     with suppress(FinloopError):  # one track, or too short
         sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p, rate_hz))

@@ -74,20 +74,18 @@ def confusion(predicted: Floats, true: Floats) -> Ints:
 def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> dict[str, float]:
     """Flat numbers for metrics.json; a skill against a baseline without error is left out (NaN).
 
-    Where no row is held out, the errors are of the rows that were learnt from alone.
+    Where no row is held out, there are no skills, and errors of the rows learnt from alone.
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
     known = rows.inputs[train], rows.outputs[train]
     learnt = errors(model.predict(known[0]), known[1])
-    measured = (
-        {}
-        if not len(inputs)
-        else {
+    measured = {}
+    if held_out.any():
+        measured = {
             "held_out": errors(model.predict(inputs), outputs),
             "persistence": errors(inputs[:, :2], outputs),
             "linear": errors(linear(*known, inputs), outputs),
         }
-    )
     skills = {
         f"{name.removesuffix('_pct')}_skill_against_{baseline}": (
             1 - measured["held_out"][name] / measured[baseline][name]
@@ -95,8 +93,10 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
             else float("nan")
         )
         for baseline in ("persistence", "linear")
-        for name in (_COMPARED if measured else ())
+        if measured
+        for name in _COMPARED
     }
+    failures = {"skills_not_above_0": sum(skill <= 0 for skill in skills.values())}
     return {
         "train_rows": int(train.sum()),
         "held_out_rows": int(held_out.sum()),
@@ -107,5 +107,5 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
             if name != "type_error_pct"  # the accuracy says it
         },
         **skills,
-        "skills_not_above_0": sum(skill <= 0 for skill in skills.values()),
+        **(failures if measured else {}),
     }

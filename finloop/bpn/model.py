@@ -201,6 +201,22 @@ def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]
     return split_by_blocks(rows, block, p.held_out, rng)
 
 
+def split_or_all(rows: Rows, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
+    """`split` by `p.split`; where the film is too short for that, all rows and none held out.
+
+    FinloopError if the film has no rows, or if it is `p` that leaves too few: whole tracks, or
+    blocks shorter than Δ.
+    """
+    try:
+        return split(rows, p.split, p, rate_hz)
+    except FinloopError:
+        chosen = p.split == "tracks" or round(p.block_s * rate_hz) < rows.delta_frames
+        if chosen or not len(rows.inputs):
+            raise
+    every = np.ones(len(rows.inputs), bool)
+    return every, ~every
+
+
 def _chosen(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
     """Random groups that hold about that share of the rows; never none, never all."""
     groups, counts = np.unique(group, return_counts=True)
