@@ -9,7 +9,7 @@ from finloop.animate.arena import inside
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel, kernel_or_numpy
+from finloop.base.kernel import for_kernels, kernel
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -114,7 +114,7 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
     return far / rules.pace + error / rules.turning
 
 
-@kernel_or_numpy
+@for_kernels
 def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
     """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
 
@@ -123,7 +123,7 @@ def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
     return again * np.maximum(0.0, 1.0 - ago / memory)
 
 
-@kernel_or_numpy
+@for_kernels
 def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     """Ticks that jumps cost: for the seam, the change of speed, for what was on screen just now.
 
@@ -176,7 +176,7 @@ def look(
             way.cost, way.since = candidates.costs[c], candidates.since[c]
             n += 1
     while n:
-        m = np.int64(0)  # as a literal, `_branch` would be compiled for it too
+        m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
             way = ways[s]
             most = max(rules.horizon - way.ticks, 1)

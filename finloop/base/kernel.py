@@ -53,5 +53,5 @@ kernel = numba.njit(cache=True, nogil=True)
 finite_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 """The same for a function in which nothing is infinite or not a number."""
 
-kernel_or_numpy = numba.extending.register_jitable
-"""A part of kernels that is left as it is where Python calls it, with numbers or arrays."""
+for_kernels = numba.extending.register_jitable
+"""A Python function, of numbers or arrays, that kernels call, too: there it is compiled."""

@@ -40,7 +40,10 @@ def longest_geodesic(skeleton: Mask, weight: NDArray[np.float32]) -> Floats:
             if number[y, x] >= 0:
                 xs[number[y, x]], ys[number[y, x]] = x, y
     visited = np.zeros(count, np.bool_)
-    best_start, best_size = xs.size, 0  # as a literal, `_geodesic` would be compiled for it
+    best_start, best_size = (
+        xs.size,
+        0,
+    )  # none yet; not -1: for a literal `_geodesic` is compiled again
     for start in range(count):
         if not visited[start]:
             distance, size = _geodesic(number, xs, ys, weight, start)[0], 0

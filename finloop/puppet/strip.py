@@ -81,7 +81,7 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
     the radius |d|² / (2 d·N(i)): the least one over all j counts.
     """
     m = len(points)
-    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # as a literal, `_free` would be compiled for it
+    head, tail = np.int64(BEYOND), m - 1 - BEYOND  # for a literal `_free` is compiled again
     first, last = head, tail
     while first > 0 and _free(points, first - 1, head):
         first -= 1
