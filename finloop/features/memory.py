@@ -14,9 +14,9 @@ from finloop.base.arrays import Ints, Reals
 DELTA_S = 0.2
 """The paper's Δ."""
 
-_HALF = 0.5
-_MEMORIES = 3.0  # in Δ; a posture that swings as a sine forgets itself in a sixth of its beat
-_PARTS = 4  # of Δ at least in the longest track
+_HALF = 0.5  # of the mean square between any two postures; then a posture is forgotten
+_MEMORIES = 3.0  # in Δ: half a beat, as a sine is forgotten after a sixth of its period
+_PARTS = 4  # Δ at least in the longest track: the last one has no motion, and blocks need some
 
 
 def memory_frames(postures: Reals, track: Ints) -> float:
