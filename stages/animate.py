@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import measures
+from finloop.animate.arena import fits
 from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal
 from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
@@ -156,7 +157,7 @@ def main() -> None:
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with bring(p) as plans, whole_folder(OUT) as folder:
         waters, features = plans.waters, plans.pictures.reel.features
-        if plans.reach_px >= waters.tank.depth_px.max():
+        if not fits(waters.tank.arena, plans.reach_px):
             print(
                 f"animate: the fish reaches {plans.reach_px:.0f} px from its centre, so that it "
                 "does not fit into the picture everywhere and is cut off at its edge; film from "
