@@ -122,12 +122,11 @@ def _films(p: Zebrafish | File) -> Source:
         films = [open_footage(path, colour=False) for path in paths]
     else:
         colour = {"auto": None, "always": True, "never": False}[p.colour]
-        path = Path(p.path).expanduser()
-        films = [
-            open_footage(
-                path, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s, colour=colour
-            )
-        ]
+        footage = open_footage(
+            p.film, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s,
+            colour=colour,
+        )  # fmt: skip
+        films = [footage]
     facts = replace(films[0].facts(p.source, p.crf), frames=sum(f.frames_expected for f in films))
     loss = Loss()
     return Source(facts, [footage.frames(loss) for footage in films], loss, [])

@@ -43,7 +43,8 @@ def _simplified(hint: Any) -> Any:
     if get_origin(hint) is Literal:
         return type(get_args(hint)[0])
     if get_origin(hint) in (Union, UnionType):
-        return Union[tuple(_simplified(part) for part in get_args(hint))]  # noqa: UP007
+        parts = tuple(_simplified(part) for part in get_args(hint))
+        return Any if any(get_origin(part) for part in parts) else Union[parts]  # noqa: UP007
     return hint
 
 

@@ -1,15 +1,22 @@
-"""Stage `clip`: a film becomes the normalised clip, with its facts, its arena and its truth."""
+"""Stage `clip`: a film, or several, become the normalised clip, with facts, arena and truth."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 
+from finloop.base.errors import FinloopError
 from finloop.clip.quality import psnr_db
-from finloop.clip.settings import Settings
+from finloop.clip.settings import File, Settings
 from finloop.io.atomic import whole_folder
-from finloop.io.video import CLIP_NAME, read_spread
-from finloop.normalise import normalise, open_source
+from finloop.io.footage.listed import listed, names, refuse_grown, stamps
+from finloop.io.several import FILMS, Part, join_clips
+from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
+from finloop.normalise import Source, normalise, open_source
+from stages.kept import code_of, kept_or_made
 from stages.settings import load
 
 CLIP = Path("data/clip")
@@ -18,30 +25,83 @@ FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
     "frames_missing",
 )  # fmt: skip
+Advance = Callable[[], None]
 
 
 def main() -> None:
     """Make data/clip/ and reports/clip/metrics.json."""
     p: Settings = load("clip")
-    source = open_source(p)
+    films = films_of(p) if isinstance(p, File) else []
+    with whole_folder(CLIP) as folder:
+        if len(films) > 1:
+            numbers = several(films, folder)
+        else:
+            p = films[0] if films else p
+            source = open_source(p)
+            with progress("clip", source.facts.frames) as advance:
+                numbers = one(p, source, folder, advance)
+    save_metrics(METRICS, numbers)
+
+
+def films_of(p: File) -> list[File]:
+    """The parameters of each film: a path, a folder, a pattern or a list names them."""
+    return [replace(of_path, path=str(film)) for path, of_path in p.each() for film in listed(path)]
+
+
+def one(p: Settings, source: Source, folder: Path, advance: Advance) -> dict[str, float]:
+    """Write a film's clip to a folder; its metrics."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
-    with whole_folder(CLIP) as folder:
-        with progress("clip", source.facts.frames) as advance:
-            facts, tally, arena = normalise(source, p, folder, advance)
-        for note in source.loss.notes:
-            print(f"finloop: WARNING: {note}", file=sys.stderr)
-        coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
-        numbers = {name: getattr(facts, name) for name in FACTS} | {
-            "duration_s": facts.frames / facts.frame_rate_hz,
-            "segments": len(facts.segments),
-            "brightness_mean_level": tally.brightness_mean,
-            "brightness_min_level": tally.darkest,
-            "brightness_max_level": tally.brightest,
-            "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-            "arena_fraction": float(arena.mean()),
-        }
-    save_metrics(METRICS, numbers)
+    before = stamps(p.film) if isinstance(p, File) else []
+    facts, tally, arena = normalise(source, p, folder, advance)
+    for note in source.loss.notes:
+        print(f"finloop: WARNING: {note}", file=sys.stderr)
+    if isinstance(p, File):
+        refuse_grown(p.film, before)
+    coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
+    return of_facts(facts) | {
+        "brightness_mean_level": tally.brightness_mean,
+        "brightness_min_level": tally.darkest,
+        "brightness_max_level": tally.brightest,
+        "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
+        "arena_fraction": float(arena.mean()),
+    }
+
+
+def several(films: list[File], folder: Path) -> dict[str, float]:
+    """Write the clips of several films, each in a folder of its own, and what joins them.
+
+    A film that cannot be read is named, and the others go on. A film that has been written by an
+    earlier run, with the same parameters and code, is taken over.
+    """
+    code, parts = code_of("clip"), list[Part]()
+    numbers: dict[str, float] = {}
+    named = list(zip(names(p.film for p in films), films, strict=True))
+    with progress("clip", len(films), "films") as advance:
+        for name, p in named:
+            path, home = p.film, Path(FILMS) / name
+            parts.append(Part(name, str(path)))
+            try:
+                source = open_source(p)
+                key = {"clip": asdict(p), "code": code, "film": stamps(path)}
+                make = partial(one, p, source, advance=lambda: None)
+                of_film = kept_or_made(CLIP / home, folder / home, key, make)
+                numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
+            except FinloopError as error:
+                print(f"finloop: WARNING: {path} is left out: {error}", file=sys.stderr)
+                parts[-1] = parts[-1]._replace(error=error.came)
+            advance()
+    whole = join_clips(folder, parts)
+    failed = sum(bool(part.error) for part in parts)
+    return numbers | of_facts(whole) | {"films": len(films) - failed, "films_left_out": failed}
+
+
+def of_facts(facts: VideoFacts) -> dict[str, float]:
+    """Metrics that are facts of the clip."""
+    return {name: getattr(facts, name) for name in FACTS} | {
+        "duration_s": facts.frames / facts.frame_rate_hz,
+        "segments": len(facts.segments),
+    }
 
 
 if __name__ == "__main__":

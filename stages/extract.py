@@ -2,18 +2,27 @@
 
 from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
+import sys
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import cv2
+import pandas as pd
 
+from finloop.base.errors import FinloopError
 from finloop.base.parallel import warm_up
+from finloop.extract.alike import Likeness
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
 from finloop.extraction import Extraction, extract
 from finloop.io.atomic import whole_folder
+from finloop.io.several import FILMS, all_parts, parts_of
+from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.several import Brought, join_extractions
+from stages.kept import KEY_NAME, code_of, kept_or_made
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
@@ -22,14 +31,77 @@ WORKERS_NEED = ["finloop.extract.film", "finloop.io.video"]  # imported once, fo
 
 
 def main() -> None:
-    """Make data/extract/ and reports/extract/metrics.json."""
+    """Make data/extract/, reports/extract/metrics.json and films.csv."""
     settings: Settings = load("extract")
     if THREADS > 1:
         warm_up(WORKERS_NEED)
-    frames = load_facts(CLIP / FACTS_NAME).frames
-    with whole_folder(EXTRACT) as folder, progress("extract", frames) as advance:
-        made = extract(CLIP, settings, folder, THREADS, advance)
-    save_metrics(REPORT / "metrics.json", {"frames": frames, **metrics(made)})
+    with whole_folder(EXTRACT) as folder:
+        if parts_of(CLIP):
+            numbers, films = several(CLIP, settings, folder)
+        else:
+            numbers = one(CLIP, settings, folder)
+            name = load_facts(CLIP / FACTS_NAME).source
+            brought = Brought(name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness())
+            films = [of_film(brought)]
+    save_metrics(REPORT / "metrics.json", numbers)
+    save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
+
+
+def one(clip: Path, settings: Settings, folder: Path) -> dict[str, float]:
+    """Write what is found in a clip to a folder; its metrics."""
+    frames = load_facts(clip / FACTS_NAME).frames
+    with progress("extract", frames) as advance:
+        made = extract(clip, settings, folder, THREADS, advance)
+    return {"frames": frames, **metrics(made)}
+
+
+def several(
+    clip: Path, settings: Settings, folder: Path
+) -> tuple[dict[str, float], list[dict[str, Any]]]:
+    """Write what is found in several films, each in a folder of its own, and their motion base.
+
+    A film in which nothing can be followed is named, and the others go on. What an earlier run
+    found in the same clip, with the same parameters and code, is taken over. Returns metrics, and
+    a row for each film.
+    """
+    code, numbers, every = code_of("extract"), dict[str, float](), all_parts(clip)
+    errors = {part.name: part.error for part in every if part.error}
+    for part in every:
+        if part.name in errors:
+            continue
+        home = Path(FILMS) / part.name
+        made_from = (clip / home / KEY_NAME).read_text(encoding="utf-8")
+        key = {"extract": asdict(settings), "code": code, "clip": made_from}
+        print(f"finloop: {part.name}", file=sys.stderr)
+        make = partial(one, clip / home, settings)
+        try:
+            its = kept_or_made(EXTRACT / home, folder / home, key, make)
+            numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
+        except FinloopError as error:
+            print(f"finloop: WARNING: {part.path} is left out: {error}", file=sys.stderr)
+            errors[part.name] = error.came
+    brought = join_extractions(clip, folder, errors)
+    numbers["frames"] = load_facts(clip / FACTS_NAME).frames
+    numbers["fish_frames"] = sum(one.rows for one in brought)
+    numbers["tracks"] = sum(one.tracks for one in brought)
+    numbers |= {"films": len(brought), "films_left_out": len(errors)}
+    return numbers, [
+        *map(of_film, brought),
+        *({"film": name, "left_out_because": error} for name, error in errors.items()),
+    ]
+
+
+def of_film(brought: Brought) -> dict[str, Any]:
+    """A row of films.csv."""
+    gains = brought.like.gains or (1.0,)
+    return {
+        "film": brought.name,
+        "fish_frames": brought.rows,
+        "tracks": brought.tracks,
+        "length_times": brought.like.scale,
+        "light_times": sum(gains) / len(gains),
+        "left_out_because": "",
+    }
 
 
 def metrics(made: Extraction) -> dict[str, float]:

@@ -35,6 +35,7 @@ SOURCES = {
 TANK = Path("data/tank/tank.html")
 TABLES = {  # by chapter
     "filmed": (
+        ("extract/films.csv", "The films, and how their fish are brought to the first film's"),
         ("features/table1.csv", "Table 1: the film's fish in every orientation"),
         ("sprites/table1_after.csv", "Table 1 after synthesis: the sprites"),
     ),

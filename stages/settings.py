@@ -118,8 +118,17 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
             changes.append(f"{word}={option}")
         in_conf = values_of(word, option)
         changes += [
-            f"{word}.{key}={json.dumps(value, separators=(',', ':'))}"
+            f"{word}.{key}={_literal(value)}"
             for key, value in group.items()
             if in_conf[key] != value
         ]
     return changes
+
+
+def _literal(value: Any) -> str:
+    """A value as Hydra's overrides write it: as JSON, but keys without quotes."""
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}:{_literal(one)}" for key, one in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ",".join(map(_literal, value)) + "]"
+    return json.dumps(value)

@@ -749,7 +749,7 @@ def test_verdicts_are_drawn_in_their_colours(drawn):
     scene, typical, detector = surveyed(frames)
     for count, height in ((1, 1), (2, 1), (3, 2), (4, 2)):
         picture = detections_picture(
-            frames[:count], range(count), scene, typical, detector.arena, SETTINGS
+            frames[:count], list("abcd")[:count], scene, typical, detector.arena, SETTINGS
         )
         legend = int(50 * 2 * 520 / 1800)
         assert picture.shape == (legend + height * 400, 2 * 520, 3)
@@ -761,7 +761,7 @@ def test_verdicts_are_drawn_in_their_colours(drawn):
     assert drawn_in((0, 158, 115)) > 4 * 3 * 60  # fish
     assert drawn_in((213, 94, 0)) == 0
     huge = detections_picture(
-        frames[:4], range(4), scene, typical._replace(area_px=10.0), detector.arena, SETTINGS
+        frames[:4], list("abcd"), scene, typical._replace(area_px=10.0), detector.arena, SETTINGS
     )
     body = huge[legend:].astype(int)
     assert drawn_in((213, 94, 0)) > 4 * 3 * 60  # too large
@@ -812,7 +812,9 @@ def here(tmp_path, monkeypatch):
 def test_the_stage_makes_its_files(extracted):
     data = extracted / "data/extract"
     assert list(content(data)) == MADE
-    assert list(content(extracted / "reports/extract")) == ["detections.png", "metrics.json"]
+    assert list(content(extracted / "reports/extract")) == [
+        "detections.png", "films.csv", "metrics.json",
+    ]  # fmt: skip
     facts = load_record(data / "scene.json", SceneFacts, "extract")
     table = load_table(data / "tracks.parquet", tracks_schema(facts.points))
     with open_cutouts(data / "cutouts.arrow") as store:

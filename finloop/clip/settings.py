@@ -1,11 +1,12 @@
 """Parameters of `clip`: where the film comes from; one variant a source."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Crf, NotNegative, Positive
+from finloop.base.settings import Crf, NotNegative, Positive, check
 from finloop.drawn.carp.settings import CarpFilm
 
 
@@ -28,13 +29,16 @@ class Carp(CarpFilm):
 
 @dataclass(frozen=True)
 class File:
-    """Own footage: a film, a folder of pictures, or a TIFF stack.
+    """Own footage: films, folders of pictures, or TIFF stacks.
 
     Pixels are those of the upright picture: x right, y down from the centre of the upper left one.
     """
 
     source: Literal["file"]  # names this variant
-    path: str  # whatever FFmpeg opens, a folder of pictures, or a TIFF stack
+    # whatever FFmpeg opens, a folder of pictures, or a TIFF stack; several films: a folder of them,
+    # a pattern (/some/where/*.mp4) or a list, where one with values of its own is
+    # {path: b.mp4, start_s: 2.0}
+    path: str | tuple[str | dict[str, Any], ...]
     start_s: NotNegative  # s; the clip begins there
     end_s: Positive | None  # s; the clip ends there; null = to the end
     # frames/s, null = the file's own; a value keeps every frame and re-reads its time
@@ -62,10 +66,37 @@ class File:
                 if given != (self.arena == shape):
                     kind = "needs" if self.arena == shape else f"has no use (arena={shape} has) for"
                     problems.append(f"arena={self.arena} {kind} {name}")
-        if not self.path.strip():
+        paths = [self.path] if isinstance(self.path, str) else self.path
+        if not paths or any(isinstance(one, str) and not one.strip() for one in paths):
             problems.append("path is empty")
+        for one in paths:
+            if isinstance(one, dict):
+                problems += self._with(one)[1]
         if problems:
             raise ValueError("; ".join(problems))
+
+    @property
+    def film(self) -> Path:
+        """The path of a single film."""
+        if not isinstance(self.path, str):
+            raise ValueError(f"several films: {self.path}")
+        return Path(self.path).expanduser()
+
+    def each(self) -> list[tuple[str, "File"]]:
+        """Every path, with the parameters of its films."""
+        if isinstance(self.path, str):
+            return [(self.path, self)]
+        return [
+            (one, replace(self, path=one)) if isinstance(one, str)
+            else (one["path"], self._with(one)[0])
+            for one in self.path
+        ]  # fmt: skip
+
+    def _with(self, values: dict[str, Any]) -> tuple[Any, list[str]]:
+        """These parameters with some values of one film, or what is wrong with those."""
+        if not isinstance(values.get("path"), str):
+            return None, [f"a film of the list needs a path, got {values!r}"]
+        return check("clip", {"file": File}, {**vars(self), **values})
 
     def arena_values(self) -> tuple[Any, ...]:
         """The values that belong to the arena's shape, none of them None."""

@@ -41,6 +41,7 @@ _FILM, _SPRITES = (
 )
 _BATCH = 256  # cut-outs per record batch
 _CODEC = pa.Codec("zstd", compression_level=1)
+Keys = NDArray[np.integer[Any]]
 
 
 class CutoutWriter:
@@ -67,11 +68,16 @@ class CutoutWriter:
         key = cutout[5:] if self._schema is _SPRITES else ()
         self._append((*cutout[:4], *pixels.shape, *key, packed))
 
-    def copy(self, store: "CutoutStore", rows: NDArray[np.intp]) -> None:
-        """Append these rows of another store, as they are packed there."""
-        index = store.index.to_numpy()
-        for row in rows.tolist():
-            self._append((*index[row].tolist(), store.packed(row).to_pybytes()))
+    def copy(self, store: "CutoutStore", rows: NDArray[np.intp], keys: Keys | None = None) -> None:
+        """Append these rows of another store, as they are packed there.
+
+        keys (rows, 2): their track_id and frame here, where those are others.
+        """
+        index = store.index.to_numpy()[rows]
+        if keys is not None:
+            index[:, :2] = keys
+        for row, of_row in zip(rows.tolist(), index.tolist(), strict=True):
+            self._append((*of_row, store.packed(row).to_pybytes()))
 
     def _append(self, row: tuple[Any, ...]) -> None:
         self._rows.append(row)

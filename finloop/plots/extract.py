@@ -24,7 +24,7 @@ _COLOURS = {  # RGB; told apart by colour-blind eyes too (Okabe-Ito)
 
 def detections_picture(
     frames: Sequence[Picture],
-    numbers: Sequence[int],
+    labels: Sequence[str],
     scene: Scene,
     typical: Typical,
     arena: Picture,
@@ -32,14 +32,14 @@ def detections_picture(
 ) -> NDArray[np.uint8]:
     """Frames side by side (2 in a row), each silhouette's outline in the colour of its verdict."""
     panels = []
-    for frame, number in zip(frames, numbers, strict=True):
+    for frame, label in zip(frames, labels, strict=True):
         panel, scale = coloured(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
         for s in silhouettes(frame, lit, arena, settings.least_area_px, settings.outline_share):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))
-        write(panel, f"frame {number}", place, (255, 255, 255), 0.9 * scale, line)
+        write(panel, label, place, (255, 255, 255), 0.9 * scale, line)
         panels.append(panel)
     rows = in_rows(panels, 2)
     return np.vstack([_legend(rows[0].shape[1]), *rows])

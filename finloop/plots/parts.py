@@ -42,6 +42,18 @@ def in_rows(tiles: Sequence[Picture], columns: int) -> list[Picture]:
     return [np.hstack(every[i : i + columns]) for i in range(0, len(every), columns)]
 
 
+def one_below_another(pictures: Sequence[Picture]) -> Picture:
+    """Pictures (h, w, 3) of any sizes at the width of the first, in a column."""
+    width = pictures[0].shape[1]
+    scaled = [
+        cv2.resize(
+            one, (width, round(one.shape[0] * width / one.shape[1])), interpolation=cv2.INTER_AREA
+        )
+        for one in pictures[1:]
+    ]
+    return np.vstack([pictures[0], *scaled])
+
+
 def coloured(picture: Picture) -> Picture:
     """A picture (h, w) or (h, w, 3) as a new (h, w, 3)."""
     return np.dstack([picture] * 3 if picture.ndim == 2 else [picture])

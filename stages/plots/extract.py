@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import cast
 
 import numpy as np
+from numpy.typing import NDArray
 
 from finloop.extract.background import Polarity, Scene
 from finloop.extract.samples import Typical
@@ -13,8 +14,10 @@ from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_record
+from finloop.io.several import folders
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, load_mask, read_spread
 from finloop.plots.extract import detections_picture
+from finloop.plots.parts import one_below_another
 from stages.settings import load
 
 CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
@@ -24,18 +27,33 @@ FRAMES = 4
 def main() -> None:
     """Draw detections.png."""
     settings: Settings = load("extract")
-    facts = load_facts(CLIP / FACTS_NAME)
-    known = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    background = load_picture(EXTRACT / "background.png")
+    films = [(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
+    count = max(1, FRAMES // len(films))
+    pictures = [detections(name, home, settings, count) for name, home in films]
+    save_picture(Path("reports/extract/detections.png"), one_below_another(pictures))
+
+
+def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray[np.uint8]:
+    """The picture of one film, of this many frames."""
+    clip, found = CLIP / home, EXTRACT / home
+    facts = load_facts(clip / FACTS_NAME)
+    known = load_record(found / "scene.json", SceneFacts, "extract")
+    background = load_picture(found / "background.png")
     scene = Scene(
         background, cast(Polarity, known.polarity), known.noise_grey, known.threshold_grey
     )
     typical = Typical(known.typical_area_px, known.typical_length_px, known.typical_contrast_grey)
-    arena = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
-    numbers = np.linspace(0, facts.frames - 1, min(FRAMES, facts.frames)).round().astype(int)
-    frames = list(read_spread(CLIP / CLIP_NAME, numbers.tolist(), colour=facts.colour))
-    picture = detections_picture(frames, numbers.tolist(), scene, typical, arena, settings)
-    save_picture(Path("reports/extract/detections.png"), picture)
+    arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
+    numbers = np.linspace(0, facts.frames - 1, min(count, facts.frames)).round().astype(int)
+    frames = list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
+    return detections_picture(
+        frames,
+        [f"{name} frame {number}".strip() for number in numbers],
+        scene,
+        typical,
+        arena,
+        settings,
+    )
 
 
 if __name__ == "__main__":

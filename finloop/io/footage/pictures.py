@@ -121,10 +121,10 @@ def _listed(folder: Path) -> list[Path]:
             wanted="the frames of one film and no other picture",
             do="move the others away (a mask, a background, a preview)",
         )
-    return sorted(files, key=_natural)
+    return sorted(files, key=natural)
 
 
-def _natural(path: Path) -> list[tuple[int, str]]:
+def natural(path: Path) -> list[tuple[int, str]]:
     """Sort key in which frame2 comes before frame10."""
     parts = re.split(r"(\d+)", path.name)
     return [(int(part), "") if part.isdecimal() else (-1, part) for part in parts] + [

@@ -1,0 +1,115 @@
+"""Fish of one film drawn and measured as those of another: of one size, in one light.
+
+Cut-outs are (h, w, channels) uint8, colour premultiplied by alpha, the last channel.
+"""
+
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Picture
+from finloop.base.cutout import Cutout
+
+_LUMA = (0.299, 0.587, 0.114)  # of R, G, B: BT.601, as `io` makes grey of colour
+_OPAQUE = 250  # alpha of a pixel that shows the fish alone
+# Fish of one film differ by as much in length, and its light drifts by as much: less is left as
+# filmed, because every resampling blurs.
+_SAME_LENGTH, _SAME_LIGHT = 0.1, 0.05
+_MOST_LIGHT = 3.0  # a gain beyond this would show noise and not a fish
+_AREAS = ("area_px",)
+
+
+class Likeness(NamedTuple):
+    """What brings a film's fish to those of the first film."""
+
+    scale: float = 1.0  # of lengths
+    gains: tuple[float, ...] = ()  # of each channel's light; none: as filmed
+    grey: bool = False  # whether colours are given up
+
+    @property
+    def none(self) -> bool:
+        """Whether nothing is changed."""
+        return self == Likeness()
+
+
+def levels(cutouts: Iterable[Cutout], grey: bool) -> Floats:
+    """Median level (channels,) of the fish's own pixels in some cut-outs, alpha left out."""
+    opaque = []
+    for one in cutouts:
+        pixels = as_grey(one.pixels) if grey else one.pixels
+        opaque.append(pixels[pixels[..., -1] >= _OPAQUE][:, :-1])
+    return np.median(np.concatenate(opaque), axis=0)
+
+
+def likeness(
+    length_px: float, first_length_px: float, light: Floats, first_light: Floats, grey: bool
+) -> Likeness:
+    """How fish of this length and light become like those of the first film.
+
+    light, first_light (channels,): of `levels`. Differences that fish of one film show, too, are
+    left.
+    """
+    scale = first_length_px / length_px
+    if abs(scale - 1) <= _SAME_LENGTH:
+        scale = 1.0
+    gains = np.clip(first_light / np.maximum(light, 1.0), 1 / _MOST_LIGHT, _MOST_LIGHT)
+    same = bool((np.abs(gains - 1) <= _SAME_LIGHT).all())
+    return Likeness(scale, () if same else tuple(gains.tolist()), grey)
+
+
+def as_grey(pixels: Picture) -> Picture:
+    """A cut-out in colour as one in grey."""
+    mono = np.rint(pixels[..., :-1] @ np.array(_LUMA)).astype(np.uint8)
+    return np.dstack([mono, pixels[..., -1]])
+
+
+def alike(one: Cutout, like: Likeness) -> Cutout:
+    """A cut-out as it would be in the first film; place and size are scaled about (0, 0)."""
+    pixels = as_grey(one.pixels) if like.grey else one.pixels
+    if like.gains:
+        lit = pixels[..., :-1] * np.array(like.gains)
+        lit = np.minimum(np.rint(lit), pixels[..., -1:]).astype(np.uint8)
+        pixels = np.concatenate([lit, pixels[..., -1:]], axis=-1)
+    if like.scale == 1.0:
+        return one._replace(pixels=pixels)
+    return _resized(one._replace(pixels=pixels), like.scale)
+
+
+def _resized(one: Cutout, scale: float) -> Cutout:
+    """Resample on the grid of the first film, whose pixel X shows what X / scale showed."""
+    h, w = one.pixels.shape[:2]
+    x0, y0 = (int(np.floor(scale * (start - 0.5))) for start in (one.x0_px, one.y0_px))
+    x1, y1 = (
+        int(np.ceil(scale * (start + size - 0.5))) + 1
+        for start, size in ((one.x0_px, w), (one.y0_px, h))
+    )
+    pixels = one.pixels
+    if scale < 1:  # so that nothing finer than the new grid is left
+        blur = 0.4 * float(np.sqrt(scale**-2 - 1))
+        pixels = cv2.GaussianBlur(pixels, (0, 0), blur, borderType=cv2.BORDER_CONSTANT)
+    to_film = np.array([
+        [1 / scale, 0, x0 / scale - one.x0_px], [0, 1 / scale, y0 / scale - one.y0_px],
+    ])  # fmt: skip
+    how = cv2.INTER_LINEAR if scale < 1 else cv2.INTER_CUBIC
+    drawn = cv2.warpAffine(pixels, to_film, (x1 - x0, y1 - y0), flags=how | cv2.WARP_INVERSE_MAP)
+    drawn = np.minimum(drawn, drawn[..., -1:])  # a colour is never beyond its alpha
+    return one._replace(x0_px=x0, y0_px=y0, pixels=drawn)
+
+
+def measured_alike(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+    """Rows of the table of tracks as they would be in the first film.
+
+    Contrast is in the film's own grey levels: it is scaled with the light.
+    """
+    if like.none:
+        return tracks
+    made = tracks.copy()
+    for name in tracks.columns[tracks.columns.str.endswith("_px")]:
+        power = 2 if name in _AREAS else 1
+        made[name] = [one * like.scale**power for one in tracks[name]]
+    if like.gains:
+        made["contrast"] = tracks["contrast"] * np.float32(np.mean(like.gains))
+    return made

@@ -1,0 +1,97 @@
+"""Which films a path names: one, those of a folder, or those that a pattern fits."""
+
+import unicodedata
+from collections.abc import Iterable
+from glob import has_magic, iglob
+from pathlib import Path
+from typing import NamedTuple
+
+from finloop.base.errors import FinloopError
+from finloop.io.footage.pictures import SUFFIXES, natural
+from finloop.io.footage.source import WANTED
+
+FILMS = {
+    ".avi", ".gif", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv",
+    ".ts", ".webm", ".wmv",
+}  # fmt: skip
+"""What films in a folder are known by; a file that is named itself may be called anything."""
+
+
+def listed(path: str) -> list[Path]:
+    """The films at a path, in natural order: 2 before 10.
+
+    A file is itself a film, and so is a folder of pictures. A folder of films, or of folders of
+    pictures, gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it fits. What does not
+    exist is given back as it is, for whoever opens it to say so. FinloopError if a pattern fits
+    nothing.
+    """
+    whole = Path(path).expanduser()
+    if whole.is_dir():
+        return _in_folder(whole) or [whole]
+    if whole.exists() or not has_magic(str(whole)):
+        return [whole]
+    found = [Path(one) for one in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
+    if not found:
+        raise FinloopError(
+            came=f"the pattern {path} fits no file (looked from {Path.cwd()})",
+            wanted=WANTED,
+            do="correct the pattern, or give it whole: /some/where/*.mp4",
+        )
+    return sorted(found, key=natural)
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    """The films and folders of pictures in a folder; none where the pictures lie in it itself."""
+    inside = [one for one in folder.iterdir() if not one.name.startswith(".")]
+    films = [one for one in inside if one.is_file() and one.suffix.lower() in FILMS]
+    if not films and any(one.suffix.lower() in SUFFIXES for one in inside):
+        return []
+    films += [one for one in inside if one.is_dir() and _of_pictures(one)]
+    return sorted(films, key=natural)
+
+
+def _of_pictures(folder: Path) -> bool:
+    return any(one.suffix.lower() in SUFFIXES for one in folder.iterdir())
+
+
+def names(paths: Iterable[Path]) -> list[str]:
+    """A short name for each film, all different: its file's, and a number where that is taken.
+
+    Only letters, digits, `_` and `-`, so that it can be a folder and part of a metric's name.
+    """
+    taken: list[str] = []
+    for path in paths:
+        stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
+        name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
+        known = {one.casefold() for one in taken}  # some file systems know no capitals
+        number = 2
+        unique = name
+        while unique.casefold() in known:
+            unique, number = f"{name}-{number}", number + 1
+        taken.append(unique)
+    return taken
+
+
+class Stamp(NamedTuple):
+    """By what a file on the disk is known, without reading it."""
+
+    name: str
+    size: int
+    modified_ns: int
+
+
+def stamps(path: Path) -> list[Stamp]:
+    """The stamps of a film's file, or of all pictures in its folder."""
+    files = sorted(path.iterdir()) if path.is_dir() else [path]
+    seen = ((file.name, file.stat()) for file in files)
+    return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in seen]
+
+
+def refuse_grown(path: Path, before: list[Stamp]) -> None:
+    """FinloopError where a film is no longer the one that it was before it was read."""
+    if stamps(path) != before:
+        raise FinloopError(
+            came=f"{path} has changed while it was read",
+            wanted="a film that is finished",
+            do="wait until it is recorded or copied, then run the same command again",
+        )

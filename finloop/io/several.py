@@ -1,0 +1,113 @@
+"""The folders of several films, and their clips as one: facts, arena, one count of frames.
+
+Each film has a folder of its own, `films/<name>/`, in the clip's folder and in that of the tracks.
+Beside the folders lies what later stages read, as if one film had been taken.
+"""
+
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.errors import FinloopError
+from finloop.io.record import load_records, save_records
+from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, save_facts
+
+FILMS, PARTS_NAME = "films", "films.json"
+_SAME_RATE = 0.02  # films of rates that differ by less are taken frame by frame
+_COUNTS = ("frames_repeated", "frames_dropped", "frames_missing")
+Frames = NDArray[np.intp]
+
+
+class Part(NamedTuple):
+    """One of several films: its folder's name, its path, and its frames in the common count.
+
+    error: why it is left out; "" where it is not.
+    """
+
+    name: str
+    path: str
+    start: int = 0  # its first frame
+    stop: int = 0  # the first frame after it
+    error: str = ""
+
+
+def parts_of(clip: Path) -> list[Part]:
+    """The films of a clip's folder that could be read; none where it holds a single film."""
+    return [part for part in all_parts(clip) if not part.error]
+
+
+def all_parts(clip: Path) -> list[Part]:
+    """The films of a clip's folder, those too that could not be read."""
+    return load_records(clip / PARTS_NAME, Part, "clip") if (clip / PARTS_NAME).exists() else []
+
+
+def folders(clip: Path) -> list[tuple[str, Path]]:
+    """Name of each film, and its folder in the folders of the clip and of the tracks.
+
+    A single film has no name, and lies in those folders themselves.
+    """
+    return [(part.name, Path(FILMS) / part.name) for part in parts_of(clip)] or [("", Path())]
+
+
+def join_clips(clip: Path, parts: Sequence[Part]) -> VideoFacts:
+    """Write the facts, the arena and the list of several films beside their folders.
+
+    The common rate is the lowest, so that no frame is shown twice; a quicker film is thinned. The
+    count of frames goes on from film to film. FinloopError where no film could be read.
+    """
+    facts = {
+        part.name: load_facts(clip / FILMS / part.name / FACTS_NAME)
+        for part in parts
+        if not part.error
+    }
+    if not facts:
+        raise _none_left([(part.path, part.error) for part in parts])
+    first = next(iter(facts))
+    rate = min(one.frame_rate for one in facts.values())
+    listed: list[Part] = []
+    segments: list[tuple[int, int]] = []
+    start = 0
+    for part in parts:
+        if not part.error:
+            own = facts[part.name]
+            ticks = frames_at(own.frames, own.frame_rate, rate)
+            cuts = np.searchsorted(ticks, np.array(own.segments)) + start
+            segments += [(int(a), int(b)) for a, b in cuts if a < b]
+            part = part._replace(start=start, stop=start + len(ticks))
+            start = part.stop
+        listed.append(part)
+    whole = replace(
+        facts[first],
+        frames=start,
+        frame_rate=rate,
+        colour=all(one.colour for one in facts.values()),
+        segments=tuple(segments),
+        **{name: sum(getattr(one, name) for one in facts.values()) for name in _COUNTS},
+        notes=tuple(f"{name}: {note}" for name, one in facts.items() for note in one.notes),
+    )
+    save_facts(clip / FACTS_NAME, whole)
+    shutil.copyfile(clip / FILMS / first / ARENA_NAME, clip / ARENA_NAME)
+    save_records(clip / PARTS_NAME, listed)
+    return whole
+
+
+def frames_at(frames: int, rate: Fraction, common: Fraction) -> Frames:
+    """The film's own frames (ticks,) that are shown at the ticks of the common rate, ascending."""
+    step = float(rate / common)
+    if abs(step - 1) <= _SAME_RATE:
+        return np.arange(frames)
+    return np.rint(np.arange(int((frames - 1) / step) + 1) * step).astype(np.intp)
+
+
+def _none_left(errors: Sequence[tuple[str, str]]) -> FinloopError:
+    return FinloopError(
+        "none of the films can be used:\n    " + "\n    ".join(": ".join(one) for one in errors),
+        "at least one film that can be read",
+        "correct clip.path, or mend the films",
+    )

@@ -1,0 +1,123 @@
+"""Several films as one motion base: their fish of one size and in one light.
+
+The first film gives the tank, the body length and the light; `io.several` says where things lie.
+"""
+
+import shutil
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.base.cutout import Cutout
+from finloop.base.errors import FinloopError
+from finloop.extract.alike import Likeness, alike, levels, likeness, measured_alike
+from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.extraction import BACKGROUND_NAME, SCENE_NAME
+from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
+from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
+from finloop.io.record import load_record
+from finloop.io.several import FILMS, Part, frames_at, parts_of
+from finloop.io.table import load_table, table_writer
+from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
+
+_LOOKED_AT = 200  # cut-outs of a film, by which its light is measured
+Rows = NDArray[np.intp]
+
+
+class Brought(NamedTuple):
+    """What a film brings to the motion base, and how its fish were made like the first one's."""
+
+    name: str
+    rows: int
+    tracks: int
+    like: Likeness
+
+
+class Film(NamedTuple):
+    """What was found in one of several films."""
+
+    part: Part
+    facts: VideoFacts
+    scene: SceneFacts
+    table: pd.DataFrame
+
+
+def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Brought]:
+    """Write tracks, cut-outs, scene and background of several films beside their folders.
+
+    `errors`: of the films, by name, in which nothing could be followed. FinloopError if the first
+    is among them: the animation is shown in its tank.
+    """
+    parts, whole = parts_of(clip), load_facts(clip / FACTS_NAME)
+    if parts[0].name in errors:
+        raise FinloopError(
+            f"{parts[0].path}, the first film, cannot be followed: {errors[parts[0].name]}",
+            "a first film in which fish can be followed: the animation is shown in its tank",
+            "put another film first, or mend this one's parameters",
+        )
+    for name in (SCENE_NAME, BACKGROUND_NAME):
+        shutil.copyfile(folder / FILMS / parts[0].name / name, folder / name)
+    scene = load_record(folder / SCENE_NAME, SceneFacts, "extract")
+    brought: list[Brought] = []
+    light = None
+    with ExitStack() as stack:
+        schema = tracks_schema(scene.points)
+        write = stack.enter_context(table_writer(folder / TRACKS_NAME, schema))
+        cutouts = stack.enter_context(CutoutWriter(folder / CUTOUTS_NAME))
+        for part in parts:
+            if part.name in errors:
+                continue
+            film = _load(part, clip, folder)
+            shown = frames_at(film.facts.frames, film.facts.frame_rate, whole.frame_rate)
+            rows = np.flatnonzero(np.isin(film.table["frame"], shown))
+            grey = film.facts.colour and not whole.colour
+            with open_cutouts(folder / FILMS / part.name / CUTOUTS_NAME) as store:
+                its = levels(_some(store, rows), grey)
+                light = its if light is None else light
+                length = film.scene.typical_length_px
+                like = likeness(length, scene.typical_length_px, its, light, grey)
+                table = measured_alike(film.table.iloc[rows].reset_index(drop=True), like)
+                ids, number = np.unique(table["track_id"], return_inverse=True)
+                first = sum(one.tracks for one in brought)
+                table["track_id"] = (number + first).astype("int32")
+                table["frame"] = (part.start + np.searchsorted(shown, table["frame"])).astype(
+                    "int32"
+                )
+                write(table)
+                _copy(cutouts, store, rows, table, like)
+            brought.append(Brought(part.name, len(rows), len(ids), like))
+    return brought
+
+
+def _load(part: Part, clip: Path, folder: Path) -> Film:
+    home = folder / FILMS / part.name
+    scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
+    return Film(
+        part,
+        load_facts(clip / FILMS / part.name / FACTS_NAME),
+        scene,
+        load_table(home / TRACKS_NAME, tracks_schema(scene.points)),
+    )
+
+
+def _some(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:
+    """Cut-outs spread over these rows."""
+    for row in np.unique(np.linspace(0, len(rows) - 1, _LOOKED_AT).astype(int)):
+        yield store[int(rows[row])]
+
+
+def _copy(
+    writer: CutoutWriter, store: CutoutStore, rows: Rows, table: pd.DataFrame, like: Likeness
+) -> None:
+    """Write the cut-outs of these rows under the keys of the table."""
+    keys = table[["track_id", "frame"]].to_numpy()
+    if like.none:
+        writer.copy(store, rows, keys)
+        return
+    for row, (track_id, frame) in zip(rows.tolist(), keys.tolist(), strict=True):
+        writer.write(alike(store[row], like)._replace(track_id=track_id, frame=frame))

@@ -1,0 +1,72 @@
+"""What an earlier run made of one of several films, taken over where nothing has changed.
+
+A film's folder holds its key: the parameters, the film and the code that it was made from. So
+adding a film makes that film alone.
+"""
+
+import hashlib
+import json
+import math
+import os
+import shutil
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from finloop.io.record import save_json
+
+ROOT = Path(__file__).parents[1]
+KEY_NAME, NUMBERS_NAME = "made_from.json", "numbers.json"
+Numbers = Mapping[str, float]
+
+
+def kept_or_made(
+    old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
+) -> dict[str, float]:
+    """The numbers of a film, whose files are put into `folder`: from `old`, or made.
+
+    `key`: plain values; `make(folder)` writes the files. A folder that could not be made is gone.
+    """
+    text = json.loads(json.dumps(key))
+    if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):
+        shutil.copytree(old, folder, copy_function=_link)
+        return numbers
+    folder.mkdir(parents=True)
+    try:
+        numbers = {name: value for name, value in make(folder).items() if math.isfinite(value)}
+    except BaseException:
+        shutil.rmtree(folder)
+        raise
+    save_json(folder / NUMBERS_NAME, numbers)
+    save_json(folder / KEY_NAME, key)
+    return numbers
+
+
+def _read(path: Path) -> Any:
+    """The content of a JSON file; None where there is none."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return None
+
+
+def _link(source: str, target: str) -> None:
+    """The same file once more; a copy where the file system has no links."""
+    try:
+        os.link(source, target)
+    except OSError:
+        shutil.copy2(source, target)
+
+
+def code_of(word: str) -> str:
+    """A digest of the code that a stage depends on, by dvc.yaml."""
+    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
+    digest = hashlib.sha256()
+    for name in yaml.load(text, yaml.CSafeLoader)["stages"][word]["deps"]:
+        dep = ROOT / name
+        for path in sorted(dep.rglob("*.py")) if dep.is_dir() else [dep]:
+            if path.suffix == ".py":
+                digest.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()
