@@ -151,10 +151,10 @@ def roamed(arena: Mask, outline_px: Reals, tank: str) -> Mask:
 
 
 def room(arena: Mask, outline_px: Reals, reach_px: float, where: str) -> Tank:
-    """The tank of a fish, `roamed`; by `auto` the arena, where the fish does not fit into that.
+    """The tank of a fish: where it `roamed`; by `auto` the arena, if it does not fit in there.
 
-    Where no arena is given and the fish is larger than the picture, its centre may be so near to
-    the edge that a part of it leaves the picture. FinloopError if it does not fit in otherwise.
+    A fish that is larger than the picture, with no arena given, keeps to the middle; there a part
+    of it is outside the picture. FinloopError if it does not fit in otherwise.
     """
     area = roamed(arena, outline_px, where)
     if where == "auto" and not fits(area, reach_px):
@@ -186,9 +186,10 @@ def place_goals(
     """Goals from the configuration, in pixels.
 
     `given` [x, y] each; `unit` "px", or "tank": shares of its width and height, from the upper
-    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that it cannot
-    touch, as in the corner of a round tank, is moved to the nearest legal centre. FinloopError if
-    there is none, one is no pair of numbers, or one cannot be reached; all are named.
+    left. A fish touches what is within `touch_px` of a legal centre. A share in 0-1 that is
+    outside the tank, as in the corner of a round one, or that it cannot touch, is moved to the
+    nearest legal centre. FinloopError if there is none, one is no pair of numbers, or one cannot be
+    reached; all are named.
     """
     rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
     left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]

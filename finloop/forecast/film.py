@@ -109,7 +109,7 @@ def film_states(
 
 
 def shown_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
-    """The mirror of postures if mirror images may be shown: if `look` of `jumps` has them."""
+    """The mirror of postures if mirror images may be shown: `look` of `jumps` has their rows."""
     return poses.shapes.mirror if len(look) > len(poses.codes) else None
 
 

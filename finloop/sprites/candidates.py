@@ -76,12 +76,12 @@ def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFr
 
 
 def calm(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
-    """What stands in for a tail beat where there is none: glides as in `slides`.
+    """What stands in for a tail beat where there is none: glides, a row each as in `slides`.
 
-    Of straight swimming; if there is none of any; if no frame is usable of any frames.
+    They are of straight swimming, else of any swimming, else of any frames, usable or not.
     """
-    every = table.assign(type=np.int8(STRAIGHT))
-    for one in (table, every, every.assign(usable=True)):
+    as_straight = table.assign(type=np.int8(STRAIGHT))
+    for one in (table, as_straight, as_straight.assign(usable=True)):
         if not (found := slides(one, rate_hz, settings)).empty:
             return found
     return pd.DataFrame()
@@ -160,7 +160,7 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
 def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
     """What stands in for a whole turn to one side: every bend to it, a row each as in `beats`.
 
-    A bend goes from where the fish is least bent to where it is least bent again.
+    A bend runs from a minimum of bending to the next one.
     """
     bend = side * table["bend"].to_numpy()
     rows = []
