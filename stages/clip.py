@@ -8,19 +8,25 @@ from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
+import pandas as pd
+
 from finloop.base.errors import FinloopError
-from finloop.clip.quality import psnr_db
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
+from finloop.clip.quality import Tally, psnr_db
 from finloop.clip.settings import File, Settings
+from finloop.clip.verdict import findings
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import listed, names, refuse_grown, stamps
-from finloop.io.several import FILMS, Part, join_clips
-from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
+from finloop.io.picture import save_picture
+from finloop.io.several import FILMS, Part, folders, join_clips
+from finloop.io.table import save_csv, save_table
+from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
 from finloop.normalise import Source, normalise, open_source
 from stages.kept import code_of, kept_or_made
 from stages.settings import load
 
 CLIP = Path("data/clip")
-METRICS = Path("reports/clip/metrics.json")
+METRICS, FINDINGS = Path("reports/clip/metrics.json"), Path("reports/clip/findings.csv")
 FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
     "frames_missing",
@@ -29,7 +35,7 @@ Advance = Callable[[], None]
 
 
 def main() -> None:
-    """Make data/clip/ and reports/clip/metrics.json."""
+    """Make data/clip/, reports/clip/metrics.json and findings.csv; say how good the film is."""
     p: Settings = load("clip")
     films = films_of(p) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
@@ -41,6 +47,7 @@ def main() -> None:
             with progress("clip", source.facts.frames) as advance:
                 numbers = one(p, source, folder, advance)
     save_metrics(METRICS, numbers)
+    say(numbers)
 
 
 def films_of(p: File) -> list[File]:
@@ -59,13 +66,40 @@ def one(p: Settings, source: Source, folder: Path, advance: Advance) -> dict[str
     if isinstance(p, File):
         refuse_grown(p.film, before)
     coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
-    return of_facts(facts) | {
-        "brightness_mean_level": tally.brightness_mean,
-        "brightness_min_level": tally.darkest,
-        "brightness_max_level": tally.brightest,
-        "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-        "arena_fraction": float(arena.mean()),
-    }
+    numbers = asdict(checked(facts, tally, folder))
+    return (
+        of_facts(facts)
+        | numbers
+        | {
+            "brightness_mean_level": tally.brightness_mean,
+            "brightness_min_level": tally.darkest,
+            "brightness_max_level": tally.brightest,
+            "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
+            "arena_fraction": float(arena.mean()),
+        }
+    )
+
+
+def checked(facts: VideoFacts, tally: Tally, folder: Path) -> Quality:
+    """Check the clip in a folder; what is measured of each frame, and the tank, go there, too."""
+    read = partial(read_frames, folder / CLIP_NAME)
+    samples = list(tally.samples.values())
+    clip = Clip(read, facts.frame_rate_hz, samples, tally.lights, tally.changes)
+    quality, table, tank = check(clip, KEY_FRAME_EVERY)
+    save_table(folder / CHECK_NAME, table, CHECK)
+    save_picture(folder / TANK_NAME, tank)
+    return quality
+
+
+def say(numbers: dict[str, float]) -> None:
+    """Write findings.csv from the metrics of one film or several, and say what it holds."""
+    rows = []
+    for name, _ in folders(CLIP):
+        prefix = f"{name}_" if name else ""
+        for finding in findings(Quality.of(numbers, prefix)):
+            rows.append({"film": name} | finding.row if name else finding.row)
+            print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
+    save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
 def several(films: list[File], folder: Path) -> dict[str, float]:

@@ -47,6 +47,7 @@ TABLES = {  # by chapter
         ("morph/folds.csv", "Frames in which a contour meets itself"),
     ),
     "gait": (("gait/gamma.csv", "γ, and what it leaves unexplained"),),
+    "checks": (("clip/findings.csv", "The film: what is good, and what is better otherwise"),),
 }
 
 

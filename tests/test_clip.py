@@ -873,7 +873,8 @@ def test_own_film_runs_through(run_stage, avi, capsys):
         arena_x_px=30, arena_y_px=20, arena_radius_px=15,
     )  # fmt: skip
     facts = load_facts(stage.CLIP / "facts.json")
-    assert artifact(stage.CLIP) == {"clip.mp4", "facts.json", "arena.png"}
+    made = {"clip.mp4", "facts.json", "arena.png", "check.parquet", "tank.png"}
+    assert artifact(stage.CLIP) == made
     assert (facts.source, facts.frames, facts.frame_rate) == ("file", 40, 25)
     assert (facts.segments, facts.colour, facts.crf) == (((0, 40),), False, 0)
     assert numbers(read_frames(stage.CLIP / "clip.mp4")) == list(range(10, 50))

@@ -1,4 +1,4 @@
-"""The clip stage: where animals can be, and how good the normalised clip is (fish paper §2.1).
+"""The clip stage: where animals can be, and how good film and clip are (fish paper §2.1).
 
 Reading film of any kind is `io.footage`; writing the clip is `io.movie`.
 """
@@ -7,4 +7,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "arena": ["circle_arena", "rectangle_arena"], "quality": ["Tally", "psnr_db"],
+    "verdict": ["findings"],
 })  # fmt: skip

@@ -6,13 +6,20 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
+from finloop.clip.doubled import change, thinned
+from finloop.clip.light import gain
+
 PLAIN_LEVELS = 8  # a film with less between its darkest and brightest pixel shows nothing
 SAMPLES = 32  # frames kept of a clip, at most, to compare them with the coded ones
 
 
 @dataclass
 class Tally:
-    """Brightness of a clip and samples of its frames, gathered frame by frame."""
+    """Brightness of a clip, its changes and samples of its frames, gathered frame by frame.
+
+    lights: brightness of each frame beside the first one, where both show the tank. changes: how
+    much it differs from the one before (`doubled.change`), NaN for the first.
+    """
 
     frames: int = 0
     brightness_sum: float = 0.0
@@ -20,12 +27,21 @@ class Tally:
     brightest: int = 0
     samples: dict[int, np.ndarray] = field(default_factory=dict)
     _stride: int = 1
+    lights: list[float] = field(default_factory=list)
+    changes: list[float] = field(default_factory=list)
+    _first: np.ndarray | None = None
+    _last: np.ndarray | None = None
 
     def add(self, frame: np.ndarray) -> None:
         """Count one frame; at most `SAMPLES` copies, evenly spread, are kept."""
         self.brightness_sum += float(np.mean(cv2.mean(frame)[: 3 if frame.ndim == 3 else 1]))
         low, high, *_ = cv2.minMaxLoc(frame.reshape(frame.shape[0], -1))
         self.darkest, self.brightest = min(self.darkest, int(low)), max(self.brightest, int(high))
+        here = thinned(frame)
+        self._first = here if self._first is None else self._first
+        self.lights.append(float(gain(here, self._first)[0]))
+        self.changes.append(float("nan") if self._last is None else change(self._last, here))
+        self._last = here
         if self.frames % self._stride == 0:
             self.samples[self.frames] = frame.copy()
             if len(self.samples) > SAMPLES:

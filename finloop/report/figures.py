@@ -177,6 +177,10 @@ GAITS = Chapter(
 CHECKS = Chapter(
     "checks", "To judge by eye", FISH,
     "If something looks wrong above, its cause is most often to be seen here.", (
+        Figure("clip/check.png", "", "The film",
+               "A frame, what differs from the still tank, and over time the light, the camera's "
+               "place, and how much one frame differs from the next.",
+               "A frame of the film, the animals dark on white, and three curves over time."),
         Figure("extract/detections.png", "", "What was taken for a fish",
                "And what was not, and why, by colour.",
                "Frames of the film with the outlines of silhouettes in several colours."),

@@ -1,0 +1,211 @@
+"""A check of the film: what about its light, camera and coding is good, and what is not.
+
+The normalised clip, as grey, is looked at in runs of successive frames spread over it, so that a
+long film takes no longer than one of five hundred frames; light and doubled pictures are looked for
+in every frame, while the clip is written (`quality.Tally`).
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import NamedTuple, Protocol
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Picture
+from finloop.base.schema import Column, Schema, columns
+from finloop.clip.doubled import doubled
+from finloop.clip.fields import field_order
+from finloop.clip.light import gain, in_light, light
+from finloop.clip.shake import STILL, UNKNOWN, marks, shift, steadied
+
+CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
+RUNS, LENGTH = 8, 64  # how many runs, of how many frames, a long film is judged by
+_SAMPLES = 15  # frames of which the still tank is the median
+_STRIP = 64  # rows
+_TILES = 6  # of the picture in both directions; the median one gives the noise
+_THIN = 3  # every 3rd pixel in both directions for noise and contrast
+_EVERY = 4  # frames; so often are noise, fields and contrast looked at
+_SIGMAS, _LEAST = 6.0, 15.0  # of the noise, and grey levels: from there on a pixel is no tank
+_BLACK, _WHITE = 1, 254  # grey levels; beyond them nothing was recorded
+
+CHECK = Schema(
+    Column("frame", "int32", "1"),
+    Column("light", "float32", "1"),
+    Column("change", "float32", "grey levels", nullable=True),
+    *columns("float32", "px", "shift_x", "shift_y", "shift_apart", nullable=True),
+    Column("field_order", "float32", "1", nullable=True),
+    Column("noise", "float32", "grey levels", nullable=True),
+)
+"""What is measured of every frame; NaN where it was not looked at, or cannot be told."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """What the check measures of a film; NaN where the film does not show it."""
+
+    light_flicker_pct: float  # of the mean, root mean square
+    light_flicker_hz: float  # NaN: irregular
+    light_drift_pct: float  # of the mean, from the darkest to the brightest moment
+    shake_px: float  # root mean square distance of the camera from its usual place
+    shake_most_px: float  # the largest distance
+    shake_apart_px: float  # how far parts of the picture moved otherwise, median
+    doubled_pct: float  # pictures that repeat the one before, of those where it can be told
+    doubled_rate: float  # pictures a frame, if a cadence foretells them; else NaN
+    field_order: float  # 0: whole pictures; interlaced: above 0 the upper field is the earlier one
+    noise_grey: float  # standard deviation of a pixel of the still tank
+    contrast_grey: float  # median difference of what moves from the still tank
+    animal_black_pct: float  # of the pixels of what moves: nothing was recorded
+    animal_white_pct: float
+
+    @classmethod
+    def of(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
+        """From metrics, whose names may have a prefix; NaN where one is missing."""
+        return cls(**{one.name: numbers.get(prefix + one.name, np.nan) for one in fields(cls)})
+
+
+class Reader(Protocol):
+    """Streams the frames start … stop − 1 of a clip, grey."""
+
+    def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
+
+
+class Clip(NamedTuple):
+    """A clip to check: samples, some frames spread over it; lights and changes as in `Tally`."""
+
+    read: Reader
+    rate_hz: float
+    samples: Sequence[Picture]
+    lights: Sequence[float]
+    changes: Sequence[float]
+
+    @property
+    def frames(self) -> int:
+        """Its length."""
+        return len(self.changes)
+
+
+def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
+    """Half-open runs of frames spread over a film; they begin at multiples of `stride`."""
+    if frames <= RUNS * LENGTH:
+        return [(0, frames)]
+    starts = np.linspace(0, frames - LENGTH, RUNS).astype(int) // stride * stride
+    return [(int(start), int(start) + LENGTH) for start in starts]
+
+
+def still_tank(samples: Sequence[Picture]) -> Picture:
+    """The grey median of frames, each brought to the light and the place of the others."""
+    few = [grey(frame) for frame in samples[:: -(-len(samples) // _SAMPLES)]]
+    few = [in_light(frame, gain(frame, few[0])) for frame in few]
+    first = _median(few)
+    of = marks(first)
+    shifts = [shift(frame, of) for frame in few]
+    known = [
+        steadied(frame, by) if np.isfinite(by.x) else frame
+        for frame, by in zip(few, shifts, strict=True)
+    ]
+    return _median(known)
+
+
+def _median(frames: Sequence[Picture]) -> Picture:
+    middle = np.empty_like(frames[0])
+    for top in range(0, len(middle), _STRIP):
+        strip = np.stack([frame[top : top + _STRIP] for frame in frames])
+        strip.partition(len(frames) // 2, axis=0)
+        middle[top : top + _STRIP] = strip[len(frames) // 2]
+    return middle
+
+
+def check(
+    clip: Clip, stride: int = 1, advance: Callable[[], None] = lambda: None
+) -> tuple[Quality, pd.DataFrame, Picture]:
+    """What is measured of a clip, frame by frame (`CHECK`), and its still tank.
+
+    stride: distance of its key frames. advance: called after each frame that is looked at.
+    """
+    tank = still_tank(clip.samples)
+    of, last = marks(tank), STILL
+    rows: list[dict[str, float]] = []
+    moving: list[tuple[float, float, float, float]] = []
+    for start, stop in runs(clip.frames, stride):
+        before: Picture | None = None
+        light_before = 1.0
+        for frame, picture in enumerate(clip.read(start=start, stop=stop), start):
+            here = picture.copy()  # the decoder's own memory
+            bright = float(gain(here, tank)[0])
+            place = shift(here, of, last)
+            last = last if place is UNKNOWN else place
+            row = {f"shift_{name}": value for name, value in place._asdict().items()}
+            if before is not None and frame % _EVERY == 1:
+                row |= _against(before, here, light_before / bright)
+                steady = here if place is UNKNOWN else steadied(here, place)
+                moving.append(_moving(steady, tank, bright))
+            rows.append({"frame": frame} | row)
+            before, light_before = here, bright
+            advance()
+    table = pd.DataFrame({"light": clip.lights, "change": clip.changes})
+    table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
+    table = table.reindex(columns=CHECK.names)
+    return _quality(table, clip, len(rows), np.array(moving).reshape(-1, 4)), table, tank
+
+
+def grey(picture: Picture) -> Picture:
+    """A picture (h, w), a copy."""
+    return picture.copy() if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+
+
+def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float]:
+    """What two grey frames say; `brighter`: the light of the first beside the second's."""
+    few = here[::_THIN, ::_THIN].astype(np.float32) * brighter
+    off = np.abs(few - before[::_THIN, ::_THIN])
+    size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])
+    tiles = cv2.resize(off, size, interpolation=cv2.INTER_AREA)
+    return {
+        "field_order": field_order(before, here),
+        # Of normal noise the mean difference of two values is 2/√π of its standard deviation.
+        "noise": float(np.median(tiles)) * np.pi**0.5 / 2,
+    }
+
+
+def _moving(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
+    """Of what moves in a grey frame: pixels, median contrast, black ones, white ones."""
+    few = here[::_THIN, ::_THIN]
+    off = np.abs(few / bright - tank[::_THIN, ::_THIN])
+    usual = _SIGMAS * 1.4826 * float(np.median(off))
+    # Where the tank's median still holds an animal, it is the floor that differs.
+    floor = np.abs(few / bright - np.median(tank[::_THIN, ::_THIN])) <= _LEAST
+    away = (off > max(usual, _LEAST)) & ~floor
+    level = few[away]
+    contrast = float(np.median(off[away])) if level.size else float("nan")
+    return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
+
+
+def _quality(table: pd.DataFrame, clip: Clip, looked: int, moving: Floats) -> Quality:
+    """The numbers of a film from those of its frames; `looked`: at so many of them."""
+    lamp = light(np.array(clip.lights), clip.rate_hz)
+    place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
+    known = place[np.isfinite(place[:, 0])]
+    far = np.hypot(*(known - np.median(known, axis=0)).T) if len(known) else known[:, 0]
+    still = 2 * len(known) >= looked  # else the floor has too few marks
+    twice = doubled(np.array(clip.changes))
+    pixels, contrast, black, white = moving.T
+    many = max(1.0, float(pixels.sum()))
+    return Quality(
+        **{f"light_{name}": value for name, value in lamp._asdict().items()},
+        shake_px=float(np.mean(far**2)) ** 0.5 if still else float("nan"),
+        shake_most_px=float(far.max()) if still else float("nan"),
+        shake_apart_px=_median_of(table["shift_apart"]) if still else float("nan"),
+        doubled_pct=100 * twice.share,
+        doubled_rate=twice.rate,
+        field_order=_median_of(table["field_order"]),
+        noise_grey=_median_of(table["noise"]),
+        contrast_grey=_median_of(pd.Series(contrast)),
+        animal_black_pct=100 * float(black.sum()) / many,
+        animal_white_pct=100 * float(white.sum()) / many,
+    )
+
+
+def _median_of(values: pd.Series) -> float:
+    """The median of what there is; NaN of nothing."""
+    return float(values.median())

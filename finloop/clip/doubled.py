@@ -1,0 +1,119 @@
+"""Pictures that a film shows twice, as after a conversion to a higher rate (25 → 30 Hz).
+
+The change from one frame to the next is that of the blocks that change most. Where animals move, it
+goes up and down smoothly; a doubled picture is a change that is small between large ones.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints, Mask, Picture
+
+_THIN = 2  # every 2nd pixel in both directions
+_BLOCK = 12  # px of the thinned picture
+_MOST = 0.01  # share of the blocks, those that change most
+_AROUND = 6  # frames to each side with which a change is compared
+_GAP = 2.5  # between the changes of doubled pictures and those of new ones, as a ratio
+_THIRD = 3  # largest change around; so that two flashes do not decide
+_LEAST = 1.0  # grey levels; where less changes, nothing can be told
+_AGREE = 0.95  # of the frames in which it can be told, that a cadence must foretell
+_PHASES = 33  # that are tried
+_FEW = 8  # doubled pictures from which a cadence is looked for
+
+
+def thinned(frame: Picture) -> Picture:
+    """Every other pixel, grey: what `change` compares."""
+    few = frame[::_THIN, ::_THIN]
+    return np.ascontiguousarray(few) if few.ndim == 2 else cv2.cvtColor(few, cv2.COLOR_RGB2GRAY)
+
+
+def change(before: Picture, after: Picture) -> float:
+    """Mean change, grey levels, of the blocks of two thinned frames that change most."""
+    size = tuple(max(1, side // _BLOCK) for side in before.shape[::-1])
+    off = cv2.absdiff(before, after).astype(np.float32)
+    blocks = np.sort(cv2.resize(off, size, interpolation=cv2.INTER_AREA), axis=None)
+    return float(blocks[-max(1, round(_MOST * blocks.size)) :].mean())
+
+
+class Doubled(NamedTuple):
+    """Frames that repeat the picture before them.
+
+    share: of the frames in which it can be told, that are doubled. rate: pictures a frame, 1 where
+    nothing is doubled, NaN where no cadence foretells what is. By the cadence, (frames,): pictures,
+    the number of the picture that a frame shows; repeats, whether it is the one before. Without
+    one, every frame is a picture.
+    """
+
+    share: float
+    rate: float
+    pictures: Ints
+    repeats: Mask
+
+
+def doubled(changes: Floats) -> Doubled:
+    """Doubled pictures from the changes (frames,); `changes[k]` is from k - 1 to k, [0] is NaN."""
+    told, twice = _told(changes)
+    count = int(told.sum())
+    share = float(twice[told].mean()) if count else 0.0
+    every = np.arange(len(changes)), np.zeros(len(changes), bool)
+    if twice.sum() < _FEW:
+        return Doubled(share, 1.0 if not twice.any() else float("nan"), *every)
+    rate, pictures, repeats = _cadence(told, twice)
+    if np.mean(repeats[told] == twice[told]) < _AGREE:
+        return Doubled(share, float("nan"), *every)
+    repeats = np.where(told, twice, repeats)  # the cadence may be off by a frame
+    repeats[0] = False
+    return Doubled(share, rate, pictures - pictures[0], repeats)
+
+
+def _told(changes: Floats) -> tuple[Mask, Mask]:
+    """In which frames it can be told whether they are doubled, and which of them are."""
+    padded = np.pad(np.nan_to_num(changes), _AROUND)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
+    around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
+    told = around[:, -1] > _LEAST
+    if told.any():
+        told &= around[:, -1] >= np.median(around[told, -1])
+    told[:1] = False
+    around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # of two that are nearly 0
+    ratios = around[:, 1:] / around[:, :-1]
+    gap = ratios.argmax(axis=1)
+    below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
+    twice = (np.nan_to_num(changes) <= below) & (ratios.max(axis=1) >= _GAP)
+    return told, told & twice
+
+
+def _cadence(told: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
+    """If a film of one rate is shown at another: pictures a frame, their numbers, what is doubled.
+
+    Frame k then shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the
+    frames that are new (or doubled: whichever is rarer), refined between its bins.
+    """
+    frames = len(told)
+    rare = twice if 2 * twice.sum() < told.sum() else told & ~twice
+    place = np.arange(frames)
+    density = rare[told].mean()
+    signal = np.where(told, rare - density, 0.0)
+    power = np.abs(np.fft.rfft(signal, 8 * frames))
+    low = max(1, round(8 * frames * 0.25 * density))
+    near = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
+    rates = (near + np.linspace(-1, 1, 41)) / (8 * frames)
+    waves = np.exp(-2j * np.pi * rates[:, None] * place[rare]).sum(axis=1)
+    best = int(np.abs(waves).argmax())
+    beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
+    tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
+    right = np.array([np.mean(_beats(place, beat, t)[told] == rare[told]) for t in tries])
+    amid = np.flatnonzero(right == right.max())
+    phase = tries[amid[len(amid) // 2]]
+    beats = np.floor(place * beat + phase).astype(np.int64)
+    rose = _beats(place, beat, phase)
+    if rare is twice:
+        return 1 - beat, place - beats, rose
+    return beat, beats, ~rose
+
+
+def _beats(place: np.ndarray, beat: float, phase: float) -> Mask:
+    """In which frames the count floor(k · beat + phase) goes up."""
+    return np.floor(place * beat + phase) > np.floor((place - 1) * beat + phase)

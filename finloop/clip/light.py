@@ -1,0 +1,96 @@
+"""The light of a film: how bright each frame is beside the still tank, flicker and drift.
+
+A lamp that becomes g times as bright makes every pixel g times as bright (in film coded with a
+gamma, too: then by another g), so one gain a channel says all.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from finloop.base.arrays import Floats, Picture
+
+_PIXELS = 1500  # of a frame are enough
+_LIT = (16, 250)  # grey levels between which a pixel follows the light
+_ROUNDS = 3  # of leaving out what is not the tank
+_SIGMAS = 3.0  # of the differences; beyond it is an animal
+_SLOW_S = 3.0  # s; what changes more slowly is drift
+_WINDOW = 256  # frames that a spectrum is taken of
+_FINER = 8  # of the spectrum's bins between two that are independent
+_PEAK = 0.5  # of the flicker's power within one peak: then it has a frequency
+
+
+def gain(frame: Picture, tank: Picture) -> Floats:
+    """Brightness of `frame` beside `tank`, a value a channel: (1,) of grey, (3,) of RGB.
+
+    A ratio of sums over the pixels that are tank in both, and neither black nor white; 1 where
+    there are none.
+    """
+    here, there = (_grid(one) for one in (frame, tank))
+    low, high = _LIT
+    lit = ((there > low) & (there < high) & (here < high)).all(axis=1)
+    if not lit.any():
+        return np.ones(there.shape[1])
+    here, there = here[lit], there[lit]
+    ratio = np.median(here / there, axis=0)
+    for _ in range(_ROUNDS):
+        off = np.abs(here - ratio * there).max(axis=1)
+        near = off <= max(1.0, _SIGMAS * 1.4826 * float(np.median(off)))
+        ratio = here[near].sum(axis=0) / there[near].sum(axis=0)
+    return np.asarray(np.where(ratio > 0, ratio, 1.0))
+
+
+def _grid(picture: Picture) -> Floats:
+    """Some pixels (n, channels)."""
+    step = max(1, round((picture.shape[0] * picture.shape[1] / _PIXELS) ** 0.5))
+    few = picture[::step, ::step].astype(np.float64)
+    return few.reshape(few.shape[0] * few.shape[1], -1)
+
+
+def in_light(frame: Picture, gains: Floats) -> Picture:
+    """The frame as in a light of 1: divided by its gain a channel, rounded; a new array."""
+    levels = np.arange(256)[:, None] / gains
+    table = np.clip(np.rint(levels), 0, 255).astype(np.uint8)[None]
+    return np.asarray(cv2.LUT(frame, table))
+
+
+class Light(NamedTuple):
+    """How the light changes; `flicker_hz` is NaN where the flicker has no one frequency."""
+
+    flicker_pct: float  # root mean square of what is fast, of the mean, in the median second
+    flicker_hz: float
+    drift_pct: float  # of what is slow, from the darkest to the brightest moment, of the mean
+
+
+def light(lights: Floats, rate_hz: float) -> Light:
+    """Flicker and drift from the brightness of successive frames, of any unit."""
+    mean = float(lights.mean())
+    slow = _smoothed(lights, rate_hz)
+    fast = lights - slow
+    second = max(2, round(rate_hz))
+    parts = [fast[k : k + second] for k in range(0, len(fast), second)]
+    usual = float(np.median([np.mean(part**2) for part in parts])) ** 0.5
+    low, high = np.quantile(slow, (0.01, 0.99))
+    return Light(100 * usual / mean, _frequency(fast, rate_hz), 100 * float(high - low) / mean)
+
+
+def _smoothed(lights: Floats, rate_hz: float) -> Floats:
+    """What is slow: a running mean, mirrored at the ends."""
+    half = min(round(_SLOW_S * rate_hz / 2), (len(lights) - 1) // 2)
+    padded = np.pad(lights, half, mode="reflect") if half else lights
+    return np.convolve(padded, np.full(2 * half + 1, 1 / (2 * half + 1)), mode="valid")
+
+
+def _frequency(fast: Floats, rate_hz: float) -> float:
+    """Where most of the power lies, Hz; NaN where it is spread out."""
+    length = min(len(fast), _WINDOW)
+    starts = range(0, len(fast) - length + 1, length)
+    window, size = np.hanning(length), _FINER * length
+    waves = np.stack([np.fft.rfft(fast[k : k + length] * window, size) for k in starts])
+    power = (np.abs(waves) ** 2).sum(axis=0)
+    peak = int(np.argmax(power))
+    near = power[max(0, peak - 2 * _FINER) : peak + 2 * _FINER + 1].sum()
+    if near < _PEAK * power.sum() or not power.any():
+        return float("nan")
+    return peak * rate_hz / size

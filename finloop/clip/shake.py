@@ -1,0 +1,176 @@
+"""How far the camera has moved: the shift of a frame against the still tank, in pixels.
+
+A shift is (right, down): what the tank shows at p, the frame shows at p + shift. It is the one that
+makes the frame most like the tank at many marks, places where the tank has edges: least squares
+with weights that leave out animals (Gauss-Newton; Lucas and Kanade 1981, with Tukey's weights).
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints, Picture
+
+_TILES = 6  # of the picture, in both directions; marks are spread over them
+_POINTS = 60  # in a tile, at most
+_MARGIN = 12  # px along the border without marks
+_STEEP = 0.75  # grey levels a px, at least, of a mark
+_LESS = 4  # the picture in which a large shift is looked for is so many times smaller
+_NEAR = 1.5  # grey levels at the marks; a better fit needs no phase correlation
+_ROUNDS = 12  # of Gauss-Newton, at most
+_STILL = 2e-3  # px; a smaller step is the last
+_TUKEY = 4.685  # sigmas beyond which a mark counts nothing
+_SURE = 0.1  # px; where a shift cannot be known that well, it is not given
+_BEST = 0.33  # share of the tiles, those with most edges, that alone may not make it sure
+
+
+class Marks(NamedTuple):
+    """Places of the still tank by which a shift is seen: all are arrays of one length.
+
+    x, y: px. level: grey. right, down: its slope, grey levels a px. tile: number of the tile.
+    trust: the weight of a mark, such that no tile counts for more than the median one: the edges
+    of an animal that stays are the strongest, but in few tiles. small: the picture, `_LESS` times
+    smaller, float32.
+    """
+
+    x: Ints
+    y: Ints
+    level: Floats
+    right: Floats
+    down: Floats
+    tile: Ints
+    trust: Floats
+    small: np.ndarray
+
+
+class Shift(NamedTuple):
+    """A shift, px, and by how much parts of the picture moved otherwise (a turn, a zoom), px."""
+
+    x: float
+    y: float
+    apart: float
+
+
+STILL = Shift(0.0, 0.0, 0.0)
+UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))
+
+
+def _soft(picture: Picture) -> Picture:
+    """Grey and smoothed, so that slopes are those of edges and not of noise."""
+    grey = picture if picture.ndim == 2 else cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+    return np.asarray(cv2.GaussianBlur(grey, (7, 7), 1.2))
+
+
+def _small(soft: Picture) -> np.ndarray:
+    size = tuple(max(1, side // _LESS) for side in soft.shape[::-1])
+    return cv2.resize(soft, size, interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def marks(tank: Picture) -> Marks:
+    """The steepest places of each tile of the still tank."""
+    soft = _soft(tank)
+    level = soft.astype(np.float64)
+    down, right = (np.asarray(one) for one in np.gradient(level))
+    steep: Floats = np.asarray(np.hypot(right, down))
+    edge = min(_MARGIN, *(side // 4 for side in soft.shape))
+    rows, columns = (np.linspace(edge, side - edge, _TILES + 1).astype(int) for side in soft.shape)
+    x, y, tile = [], [], []
+    for number in range(_TILES**2):
+        row, column = divmod(number, _TILES)
+        top, left = rows[row], columns[column]
+        patch = steep[top : rows[row + 1], left : columns[column + 1]]
+        if not patch.size:
+            continue
+        best = np.argsort(patch, axis=None, kind="stable")[-_POINTS:]
+        at = np.stack(np.unravel_index(best[patch.ravel()[best] >= _STEEP], patch.shape))
+        y.append(at[0] + top)
+        x.append(at[1] + left)
+        tile.append(np.full(at.shape[1], number))
+    xs, ys, tiles = (np.concatenate([np.empty(0, int), *one]) for one in (x, y, tile))
+    share = np.bincount(tiles, steep[ys, xs] ** 2, _TILES**2)
+    usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
+    trust = np.minimum(1.0, usual / share[tiles])
+    return Marks(xs, ys, level[ys, xs], right[ys, xs], down[ys, xs], tiles, trust, _small(soft))
+
+
+def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
+    """The shift of a frame; `last` is that of the frame before. UNKNOWN where it cannot be told."""
+    if len(of.x) < 12:
+        return UNKNOWN
+    soft = _soft(frame)
+    place = _start(soft, of, last)
+    slope = np.stack([of.right, of.down, of.level, np.ones(len(of.level))], axis=1)
+    weight = of.trust
+    for _ in range(_ROUNDS):
+        value = _at(soft, of, place)
+        for _ in range(2):
+            normal = (slope * weight[:, None]).T @ slope + 1e-9 * np.eye(4)
+            step = np.linalg.solve(normal, slope.T @ (weight * value))
+            off = value - slope @ step
+            sigma = max(0.3, 1.4826 * float(np.median(np.abs(off))))
+            weight = of.trust * np.maximum(0.0, 1 - (off / (_TUKEY * sigma)) ** 2) ** 2
+        move = np.clip(-step[:2] / max(0.2, step[2]), -1.5, 1.5)
+        place = place + move
+        if np.hypot(*move) < _STILL:
+            break
+    return _judged(place, off, weight, sigma, of)
+
+
+def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
+    """Where the search begins: no shift, that of the frame before, or the phase correlation's."""
+    starts = [np.zeros(2)]
+    if np.isfinite(last.x):
+        starts.append(np.array([last.x, last.y]))
+    misfits = [_misfit(soft, of, place) for place in starts]
+    small = _small(soft)
+    if min(misfits) > _NEAR and min(small.shape) >= 16:
+        window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
+        starts.append(_LESS * np.array(cv2.phaseCorrelate(of.small, small, window)[0]))
+        misfits.append(_misfit(soft, of, starts[-1]))
+    return starts[int(np.argmin(misfits))]
+
+
+def _at(soft: Picture, of: Marks, place: Floats) -> Floats:
+    """Grey levels of the frame where the marks lie after a shift, between pixels bilinearly."""
+    height, width = soft.shape
+    x = np.clip(of.x + place[0], 0, width - 1.001)
+    y = np.clip(of.y + place[1], 0, height - 1.001)
+    left, top = x.astype(int), y.astype(int)
+    u, v = x - left, y - top
+    above = soft[top, left] * (1 - u) + soft[top, left + 1] * u
+    below = soft[top + 1, left] * (1 - u) + soft[top + 1, left + 1] * u
+    return np.asarray(above * (1 - v) + below * v)
+
+
+def _misfit(soft: Picture, of: Marks, place: Floats) -> float:
+    """Median difference at the marks, in the light of the frame."""
+    value = _at(soft, of, place)
+    light = float(np.median(value)) / max(1.0, float(np.median(of.level)))
+    return float(np.median(np.abs(value - light * of.level)))
+
+
+def _judged(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks) -> Shift:
+    """The shift, if enough of the picture says so, and how far apart its tiles lie."""
+    apart = []
+    for slope in (of.right, of.down):
+        count = np.bincount(of.tile, weight * slope**2, _TILES**2)
+        push = np.bincount(of.tile, weight * slope * off, _TILES**2)
+        informed = np.sort(count)[: round((1 - _BEST) * len(count))].sum()
+        if informed * _SURE**2 < sigma**2:
+            return UNKNOWN
+        sure = count * (2 * _SURE) ** 2 > sigma**2
+        if sure.any():
+            apart.append(float(np.median(np.abs(push[sure] / count[sure]))))
+    return Shift(float(place[0]), float(place[1]), max(apart, default=float("nan")))
+
+
+def steadied(frame: Picture, by: Shift) -> Picture:
+    """The frame moved back by a shift; what was not filmed repeats the border. A new array."""
+    matrix = np.array([[1, 0, -by.x], [0, 1, -by.y]])
+    return np.asarray(
+        cv2.warpAffine(
+            frame, matrix, frame.shape[1::-1], flags=cv2.INTER_LANCZOS4,
+            borderMode=cv2.BORDER_REPLICATE,
+        )
+    )  # fmt: skip

@@ -1,0 +1,42 @@
+"""Picture of `clip`: how good the film is, over time."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+import numpy as np
+
+from finloop.base.arrays import Picture
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME
+from finloop.clip.light import gain, in_light
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.several import folders
+from finloop.io.table import load_table
+from finloop.io.video import CLIP_NAME, FACTS_NAME, load_facts, read_spread
+from finloop.plots.clip import film_check
+from finloop.plots.parts import one_below_another
+
+CLIP = Path("data/clip")
+
+
+def main() -> None:
+    """Draw check.png."""
+    pictures = [film(name, CLIP / home) for name, home in folders(CLIP)]
+    save_picture(Path("reports/clip/check.png"), one_below_another(pictures))
+
+
+def film(name: str, clip: Path) -> Picture:
+    """The picture of one film."""
+    facts = load_facts(clip / FACTS_NAME)
+    middle = [facts.frames // 2]
+    (frame,) = read_spread(clip / CLIP_NAME, middle, colour=facts.colour)
+    (grey,) = read_spread(clip / CLIP_NAME, middle)
+    tank = load_picture(clip / TANK_NAME)
+    table = load_table(clip / CHECK_NAME, CHECK)
+    even = in_light(grey, gain(grey, tank))
+    return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,
+                      f"{name} a frame of the film".strip())  # fmt: skip
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,217 @@
+"""The check of the film: what was done to a drawn film is what is measured."""
+
+import cv2
+import numpy as np
+import pytest
+
+from finloop.base.settings import settings
+from finloop.clip.check import CHECK, LENGTH, RUNS, Clip, check, runs
+from finloop.clip.doubled import doubled
+from finloop.clip.fields import field_order
+from finloop.clip.light import gain, in_light, light
+from finloop.clip.quality import Tally
+from finloop.clip.shake import UNKNOWN, Shift, marks, shift, steadied
+from finloop.clip.verdict import findings
+from finloop.drawn.carp.film import film
+
+RNG = np.random.default_rng(5)
+CARP = {"width_px": 320, "height_px": 240, "body_length_px": 70.0, "colour": False, "fish": 1}
+
+
+@pytest.fixture(scope="module")
+def carp() -> list[np.ndarray]:
+    """64 frames of a carp, 25 a second."""
+    return [frame for frame, _ in film(settings("clip", source="carp", frames=64, **CARP))]
+
+
+def floor(height: int = 200, width: int = 260) -> np.ndarray:
+    """A tank with marks, and the same however far it is moved: (h + 40, w + 40)."""
+    grain = RNG.normal(0, 1, (height + 40, width + 40)).astype(np.float32)
+    return 130 + 90 * cv2.GaussianBlur(grain, (0, 0), 2.5)
+
+
+def seen(tank: np.ndarray, x: float = 0.0, y: float = 0.0, fish: int | None = None) -> np.ndarray:
+    """The tank moved by x, y, with noise, and a black fish `fish` px from the left."""
+    by = np.float32([[1, 0, x], [0, 1, y]])
+    moved = cv2.warpAffine(tank, by, tank.shape[::-1], flags=cv2.INTER_CUBIC)[20:-20, 20:-20]
+    moved = moved + RNG.normal(0, 1.5, moved.shape)
+    if fish is not None:
+        moved[90:115, fish : fish + 70] = 10
+    return np.clip(np.rint(moved), 0, 255).astype(np.uint8)
+
+
+# --- light
+
+
+@pytest.mark.parametrize("bright", [0.8, 1.0, 1.13])
+def test_a_gain_is_that_of_the_lamp_whatever_swims(bright):
+    tank = floor()
+    frame = np.clip(np.rint(seen(tank, fish=40) * bright), 0, 255).astype(np.uint8)
+    assert gain(frame, seen(tank)) == pytest.approx(bright, abs=4e-3)
+    back = in_light(frame, gain(frame, seen(tank)))
+    assert gain(back, seen(tank)) == pytest.approx(1, abs=4e-3)
+
+
+def test_every_channel_has_its_gain_and_a_black_frame_none():
+    tank = np.dstack([seen(floor())] * 3)
+    frame = (tank * [0.9, 1.0, 0.8]).round().astype(np.uint8)
+    np.testing.assert_allclose(gain(frame, tank), [0.9, 1.0, 0.8], atol=4e-3)
+    np.testing.assert_array_equal(gain(frame * 0, tank * 0), 1)
+
+
+def test_flicker_and_drift_are_what_was_put_in():
+    time_s = np.arange(1000) / 25
+    wave = 1 + 0.04 * np.sin(2 * np.pi * 7.3 * time_s)
+    assert light(wave, 25).flicker_pct == pytest.approx(4 / 2**0.5, rel=0.03)
+    assert light(wave, 25).flicker_hz == pytest.approx(7.3, abs=0.1)
+    assert light(wave, 25).drift_pct < 0.5
+    slope = 0.9 + 0.2 * time_s / time_s[-1]
+    assert light(slope, 25).drift_pct == pytest.approx(20, rel=0.08)
+    assert light(slope, 25).flicker_pct < 0.05
+    noise = 1 + RNG.uniform(-0.1, 0.1, 1000)
+    assert light(noise, 25).flicker_pct == pytest.approx(10 / 3**0.5, rel=0.1)
+    assert np.isnan(light(noise, 25).flicker_hz)
+
+
+# --- shake
+
+
+@pytest.mark.parametrize("x, y", [(0, 0), (1, -2), (0.4, 1.7), (-6.3, 5.2), (11.5, -9.25)])
+def test_a_shift_is_that_of_the_camera_to_a_part_of_a_pixel(x, y):
+    tank = floor()
+    found = shift(seen(tank, x, y, fish=150), marks(seen(tank, fish=30)))
+    assert (found.x, found.y) == pytest.approx((x, y), abs=0.07)
+    assert found.apart < 0.2
+
+
+def test_a_fish_that_swims_on_a_floor_without_marks_is_no_shake():
+    plain = np.full((240, 300), 200, np.float32)
+    found = shift(seen(plain, fish=60), marks(seen(plain, fish=50)))
+    assert found is UNKNOWN
+
+
+def test_a_zoom_is_seen_as_parts_that_move_apart():
+    tank = floor()
+    zoom = cv2.getRotationMatrix2D((150, 120), 0, 1.02)
+    zoomed = cv2.warpAffine(tank, zoom, tank.shape[::-1], flags=cv2.INTER_CUBIC)
+    assert shift(seen(zoomed), marks(seen(tank))).apart > 0.3
+
+
+def test_a_frame_is_moved_back():
+    tank = floor()
+    back = steadied(seen(tank, 2.6, -1.3), Shift(2.6, -1.3, 0))
+    off = back.astype(float) - seen(tank)
+    assert np.abs(off[6:-6, 6:-6]).mean() < 3
+
+
+# --- doubled pictures
+
+
+def changes(times: np.ndarray, speed: np.ndarray) -> np.ndarray:
+    """Of a film that shows the pictures `times`: as far as the fish has swum, and some noise."""
+    way = np.cumsum(speed)[times]
+    return np.concatenate([[np.nan], np.diff(way) + RNG.uniform(0.1, 0.3, len(times) - 1)])
+
+
+@pytest.mark.parametrize("rate", [1 / 3, 2 / 5, 1 / 2, 0.62, 4 / 5, 25 / 30 * 1001 / 1000, 24 / 25])
+def test_a_conversion_to_a_higher_rate_is_undone(rate):
+    speed = 8 + 5 * np.sin(np.arange(3000) / 9)
+    times = np.floor(np.arange(2000) * rate + 0.3).astype(int)
+    found = doubled(changes(times, speed))
+    assert found.rate == pytest.approx(rate, abs=1e-4)
+    assert 100 * found.share == pytest.approx(100 * (1 - rate), abs=1)
+    right = np.diff(times, prepend=-1) == 0
+    assert (found.repeats == right)[1:].mean() > 0.99
+    steps = np.diff(found.pictures[~found.repeats])
+    assert (steps == 1).mean() > 0.98
+    assert found.pictures[-1] == pytest.approx(times[-1], abs=1)
+
+
+def test_an_animal_that_moves_by_fits_and_starts_doubles_nothing():
+    speed = np.abs(10 * np.sin(np.arange(1500) ** 1.5 / 900)) + RNG.uniform(0.1, 0.3, 1500)
+    assert doubled(changes(np.arange(1500), speed)).share < 0.01
+    assert doubled(np.array([np.nan, 0.0, 0.0, 0.0])).share == 0
+
+
+def test_stutter_is_told_from_a_conversion():
+    times = np.arange(1500)
+    late = RNG.choice(np.arange(1, 1500), 150, replace=False)
+    times[late] = times[late - 1]
+    found = doubled(changes(times, np.full(1500, 9.0)))
+    assert found.share > 0.05 and np.isnan(found.rate) and not found.repeats.any()
+
+
+# --- fields
+
+
+def woven(earlier: np.ndarray, later: np.ndarray, top: bool) -> np.ndarray:
+    """One picture of two moments: the earlier one in the upper field or in the lower one."""
+    both = later.copy()
+    both[0 if top else 1 :: 2] = earlier[0 if top else 1 :: 2]
+    return both
+
+
+@pytest.mark.parametrize("top", [True, False])
+def test_woven_fields_and_their_order_are_seen(carp, top):
+    frames = [woven(a, b, top) for a, b in zip(carp[0::2], carp[1::2], strict=True)]
+    order = [field_order(a, b) for a, b in zip(frames, frames[1:], strict=False)]
+    assert np.nanmedian(order) * (1 if top else -1) > 0.25
+    whole = [field_order(a, b) for a, b in zip(carp, carp[1:], strict=False)]
+    assert abs(np.nanmedian(whole)) < 0.05
+    assert np.isnan(field_order(carp[0], carp[0]))
+
+
+# --- the whole film
+
+
+def checked(frames: list[np.ndarray], rate_hz: float = 25.0):
+    tally = Tally()
+    for frame in frames:
+        tally.add(frame)
+
+    def read(*, start, stop):
+        return iter(frames[start:stop])
+
+    samples = list(tally.samples.values())
+    return check(Clip(read, rate_hz, samples, tally.lights, tally.changes))
+
+
+def faults(frames: list[np.ndarray]) -> set[str]:
+    return {one.word for one in findings(checked(frames)[0]) if not one.good}
+
+
+def test_a_good_film_has_no_fault(carp):
+    quality, table, tank = checked(carp)
+    assert {one.word for one in findings(quality) if not one.good} == set()
+    assert quality.noise_grey == pytest.approx(2.5, rel=0.15)  # as drawn
+    assert quality.shake_px < 0.05
+    assert len(table) == 64 and list(table) == CHECK.names
+    assert tank.shape == (240, 320)
+
+
+def test_each_fault_is_found_and_no_other(carp):
+    flicker = RNG.uniform(0.9, 1.1, 64)
+    assert faults(
+        [np.clip(f * g, 0, 255).astype(np.uint8) for f, g in zip(carp, flicker, strict=True)]
+    ) == {"flicker"}
+    jitter = RNG.uniform(-2, 2, (64, 2))
+    assert faults(
+        [steadied(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
+    ) == {"shake"}
+    assert faults([carp[k * 2 // 3] for k in range(64)]) == {"doubled"}
+    assert faults([woven(a, b, True) for a, b in zip(carp[0::2], carp[1::2], strict=True)]) == {
+        "interlaced"
+    }
+    assert faults([f // 12 for f in carp[:20]]) >= {"contrast"}
+
+
+def test_a_film_in_which_nothing_moves_is_told(carp):
+    assert faults([carp[0]] * 20) >= {"contrast"}
+
+
+def test_a_long_film_is_looked_at_in_runs_from_key_frames():
+    assert runs(100) == [(0, 100)]
+    spread = runs(10_000, 12)
+    assert len(spread) == RUNS and {stop - start for start, stop in spread} == {LENGTH}
+    assert all(start % 12 == 0 for start, _ in spread)
+    assert spread[0][0] == 0 and 10_000 - 12 <= spread[-1][1] <= 10_000
