@@ -4,10 +4,12 @@ The door from the rooms of films (`clip`, `drawn`) to files: the stage `clip` an
 verbs `open_film` and `draw_carp` come this way.
 """
 
-from collections.abc import Callable, Iterator
+from array import array
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +22,15 @@ from finloop.clip.quality import Tally
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
-from finloop.io.footage import Loss, Timing, nearest_in_time, open_footage, segments_of
+from finloop.io.footage import Loss, Numbered, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.movie import VideoWriter
-from finloop.io.table import table_writer
+from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
+    FRAMES,
+    FRAMES_NAME,
     TRUTH_NAME,
     VideoFacts,
     load_mask,
@@ -44,7 +48,7 @@ class Source:
     """A clip before it is written: its facts, as far as they are known, and its frames."""
 
     facts: VideoFacts
-    takes: list[Iterator[tuple[float, np.ndarray]]]
+    takes: list[Numbered]  # frames are counted through all takes
     loss: Loss
     truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
 
@@ -79,7 +83,7 @@ def normalise(
         truth = None
         if isinstance(p, Carp):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
-        timing, tally = _record(writer, source, truth, advance)
+        timing, tally, shown = _record(writer, source, truth, advance)
     facts = replace(
         facts,
         frames=timing.frames,
@@ -91,6 +95,8 @@ def normalise(
     )
     save_facts(folder / FACTS_NAME, facts)
     save_mask(folder / ARENA_NAME, arena)
+    numbers = pd.DataFrame({"frame": np.arange(len(shown)), "source_frame": np.asarray(shown)})
+    save_table(folder / FRAMES_NAME, numbers, FRAMES)
     return facts, tally, arena
 
 
@@ -104,13 +110,16 @@ def _carp(p: Carp) -> Source:
             do="draw fewer or smaller fish, or a larger tank (clip.width_px, clip.height_px)",
         )
     rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
-    facts = VideoFacts("carp", p.width_px, p.height_px, p.frames, rate, p.colour, (), crf=p.crf)
+    facts = VideoFacts(
+        "carp", p.width_px, p.height_px, p.frames, rate, p.colour, (),
+        source_frames=p.frames, crf=p.crf,
+    )  # fmt: skip
     truth: list[dict[str, Any]] = []
 
-    def take() -> Iterator[tuple[float, np.ndarray]]:
+    def take() -> Numbered:
         for number, (frame, rows) in enumerate(film(p)):
             truth.extend(rows)
-            yield float(number / rate), frame
+            yield float(number / rate), (number, frame)
 
     return Source(facts, [take()], Loss(), truth)
 
@@ -127,19 +136,35 @@ def _films(p: Zebrafish | File) -> Source:
             colour=colour,
         )  # fmt: skip
         films = [footage]
-    facts = replace(films[0].facts(p.source, p.crf), frames=sum(f.frames_expected for f in films))
+    lengths = [f.frames_in_source for f in films]
+    facts = replace(
+        films[0].facts(p.source, p.crf),
+        frames=sum(f.frames_expected for f in films),
+        source_frames=sum(lengths),
+    )
     loss = Loss()
-    return Source(facts, [footage.frames(loss) for footage in films], loss, [])
+    starts = accumulate(lengths, initial=0)
+    takes = [_counted_on(f.numbered(loss), start) for f, start in zip(films, starts, strict=False)]
+    return Source(facts, takes, loss, [])
+
+
+def _counted_on(frames: Numbered, start: int) -> Numbered:
+    """The frames of a film, counted from `start`."""
+    return ((time_s, (start + number, picture)) for time_s, (number, picture) in frames)
 
 
 def _record(
     writer: VideoWriter, source: Source, truth: WriteRows | None, advance: Callable[[], None]
-) -> tuple[Timing, Tally]:
-    """Write the takes one after the other, re-timed to a constant rate from their first frames."""
-    timing, tally = Timing(), Tally()
+) -> tuple[Timing, Tally, array]:
+    """Write the takes one after the other, re-timed to a constant rate from their first frames.
+
+    The third result are the numbers in the source of the frames that were written.
+    """
+    timing, tally, shown = Timing(), Tally(), array("i")
     for take in source.takes:
-        for frame in nearest_in_time(take, source.facts.frame_rate, timing):
+        for number, frame in nearest_in_time(take, source.facts.frame_rate, timing):
             writer.write(frame)
+            shown.append(number)
             tally.add(frame)
             if truth and len(source.truth) >= _ROWS:
                 source.flush(truth)
@@ -159,7 +184,7 @@ def _record(
             wanted="a film in which something is to be seen",
             do="check the camera's cap, exposure and file; or choose another range of time",
         )
-    return timing, tally
+    return timing, tally, shown
 
 
 def _arena(p: Settings, width: int, height: int) -> np.ndarray:

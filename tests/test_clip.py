@@ -53,7 +53,7 @@ from finloop.io.footage.coding import (
 )
 from finloop.io.footage.timing import frame_rate_of
 from finloop.io.table import load_table
-from finloop.io.video import load_facts, load_mask, read_frames
+from finloop.io.video import FRAMES, load_facts, load_mask, read_frames
 from stages import clip as stage
 
 ROOT = Path(__file__).parents[1]
@@ -433,6 +433,9 @@ def test_variable_rate_becomes_constant(tmp_path, kind):
     assert shown == [0, 1, 2, 3, 3, 4, 4, 4, 5, 6, 8, 9]
     assert (timing.repeated, timing.dropped) == (3, 1)
     assert footage.frames_expected == pytest.approx(12, abs=1)
+    counted = nearest_in_time(footage.numbered(Loss()), Fraction(30), Timing())
+    assert [number for number, _ in counted] == shown
+    assert footage.frames_in_source == 10
 
 
 def test_a_given_rate_keeps_every_frame_and_changes_its_time(tmp_path):
@@ -476,6 +479,7 @@ def test_a_late_start_is_jumped_to(tmp_path, monkeypatch):
     monkeypatch.setattr(footage_film, "in_range", counted)
     assert numbers(read(footage)[1]) == list(range(40, 50))
     assert decoded < 60
+    assert [number for _, (number, _) in footage.numbered(Loss())] == list(range(240, 250))
 
 
 def test_a_title_in_another_encoding_is_no_obstacle(tmp_path):
@@ -515,6 +519,7 @@ def test_a_folder_of_pictures_in_natural_order(tmp_path):
     assert not footage.colour
     part = open_footage(folder, frame_rate_hz=50, start_s=0.1, end_s=0.2)
     assert numbers(read(part)[1]) == [5, 6, 7, 8, 9]
+    assert [number for _, (number, _) in part.numbered(Loss())] == [5, 6, 7, 8, 9]
 
 
 def test_pictures_in_colour(tmp_path):
@@ -873,8 +878,11 @@ def test_own_film_runs_through(run_stage, avi, capsys):
         arena_x_px=30, arena_y_px=20, arena_radius_px=15,
     )  # fmt: skip
     facts = load_facts(stage.CLIP / "facts.json")
-    made = {"clip.mp4", "facts.json", "arena.png", "check.parquet", "tank.png"}
+    made = {"clip.mp4", "facts.json", "arena.png", "frames.parquet", "check.parquet", "tank.png"}
     assert artifact(stage.CLIP) == made
+    shown = load_table(stage.CLIP / "frames.parquet", FRAMES)
+    assert shown["source_frame"].tolist() == list(range(10, 50))
+    assert facts.source_frames == 50
     assert (facts.source, facts.frames, facts.frame_rate) == ("file", 40, 25)
     assert (facts.segments, facts.colour, facts.crf) == (((0, 40),), False, 0)
     assert numbers(read_frames(stage.CLIP / "clip.mp4")) == list(range(10, 50))

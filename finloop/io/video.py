@@ -21,6 +21,7 @@ from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
 from finloop.base.errors import FinloopError
+from finloop.base.schema import Schema, columns
 from finloop.io.picture import save_picture
 from finloop.io.record import load_json, save_json
 
@@ -30,7 +31,11 @@ KEY_FRAME_EVERY = 12  # a seek decodes at most 11 frames in vain, for about 5 % 
 THREADS = 2
 
 CLIP_NAME, FACTS_NAME = "clip.mp4", "facts.json"
-ARENA_NAME, TRUTH_NAME = "arena.png", "truth.parquet"
+ARENA_NAME, TRUTH_NAME, FRAMES_NAME = "arena.png", "truth.parquet", "frames.parquet"
+
+FRAMES = Schema(*columns("int32", "1", "frame", "source_frame"))
+"""Which frame of the film a frame of the clip shows, both from 0; of several films that follow one
+another, frames are counted on."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +56,7 @@ class VideoFacts:
     frames_repeated: int = 0
     frames_dropped: int = 0
     frames_missing: int = 0  # frames that the file promises and that could not be decoded
+    source_frames: int = 0  # frames of the whole film, also beyond the range of the clip
     rotation_deg: int = 0  # how far the coded picture was turned anticlockwise to be upright
     # whether the picture was also mirrored (left and right exchanged, before turning)
     mirrored: bool = False

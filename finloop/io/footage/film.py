@@ -16,6 +16,7 @@ from av.stream import Disposition
 from av.video.frame import VideoFrame
 from av.video.reformatter import ColorRange
 from av.video.stream import VideoStream
+from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import CHROMA_FRACTION, Turn, chroma_fraction, deep_levels, turn_of
@@ -24,8 +25,8 @@ from finloop.io.footage.source import (
     SAMPLES,
     WANTED,
     Footage,
-    Frames,
     Loss,
+    Numbered,
     in_range,
     other_size,
     thinned,
@@ -205,6 +206,7 @@ def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[F
         colour=coding.chroma > CHROMA_FRACTION if colour is None else colour,
         frames_expected=stamps.size,
         reader=film_frames,
+        frames_in_source=max(promised, stamps.size),
         turn=coding.turn,
         levels=coding.levels,
         pixel_aspect=aspect,
@@ -242,14 +244,14 @@ def decoded(
             yield frame if good else None
 
 
-def film_frames(footage: Footage, loss: Loss) -> Frames:
-    """Stream a film; see `Footage.frames`."""
+def film_frames(footage: Footage, loss: Loss) -> Numbered:
+    """Stream a film; see `Footage.numbered`."""
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px
     size = size if footage.turn.b else size[::-1]  # width, height as coded
     convert = rgb if footage.colour else partial(grey, levels=footage.levels)
     with opened(footage.path) as (container, stream):
-        _seek(container, stream, footage)
+        stamps = _sought(container, stream, footage)
         time_s, damaged = -step, 0
         for number, frame in enumerate(decoded(container, stream, loss)):
             if frame is None:
@@ -265,7 +267,10 @@ def film_frames(footage: Footage, loss: Loss) -> Frames:
                 what = f"{footage.path}: the frame at {time_s:.3f} s"
                 raise other_size(what, (frame.width, frame.height), size)
             if in_range(footage, time_s):
-                yield time_s, footage.turn(convert(frame, full_range=footage.full_range))
+                if stamps.size and frame.pts is not None:
+                    number = int(np.searchsorted(stamps, frame.pts))
+                picture = footage.turn(convert(frame, full_range=footage.full_range))
+                yield time_s, (number, picture)
             elif time_s >= footage.start_s:
                 return
         promised_s = min(footage.last_s, footage.end_s - step)
@@ -273,14 +278,36 @@ def film_frames(footage: Footage, loss: Loss) -> Frames:
         loss.missing_at_end = max(0, missing)
 
 
-def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> None:
+def _sought(
+    container: InputContainer, stream: VideoStream, footage: Footage
+) -> NDArray[np.float64]:
     """Go to shortly before the start of the range, if the container can seek.
 
-    A renumbered film is decoded from its first frame, because its frames are counted.
+    Returns the time stamps of the film's frames in ticks, ascending, up to the end of the range: by
+    them a frame knows its number. None, if the film is decoded from its first frame on, whose
+    frames are counted; a renumbered film is.
     """
-    target_s = footage.start_s - SEEK_MARGIN_S
+    target_s, none = footage.start_s - SEEK_MARGIN_S, np.empty(0)
     if footage.renumbered or target_s <= 0:
-        return
-    ticks = int((target_s + footage.stamp_s) / float(stream.time_base or 1))
-    with suppress(av.error.FFmpegError, OSError):  # then from the first frame as well
-        container.seek(ticks, stream=stream)
+        return none
+    tick_s = float(stream.time_base or 1)
+    try:
+        container.seek(int((target_s + footage.stamp_s) / tick_s), stream=stream)
+    except (av.error.FFmpegError, OSError):  # then from the first frame as well
+        return none
+    return _picture_stamps(footage.path, (footage.end_s + footage.stamp_s) / tick_s)
+
+
+def _picture_stamps(path: Path, last: float) -> NDArray[np.float64]:
+    """Time stamps [ticks] of the frames that are shown before `last`, ascending.
+
+    Packets are read, not decoded: an index has decoding times alone.
+    """
+    stamps = []
+    with opened(path) as (container, stream), suppress(*_BROKEN_OFF):
+        for packet in container.demux(stream):
+            if packet.dts is not None and packet.dts >= last:
+                break
+            if packet.size and packet.pts is not None and not packet.is_discard:
+                stamps.append(packet.pts)
+    return np.sort(np.array(stamps, np.float64))

@@ -19,8 +19,8 @@ from finloop.io.footage.coding import CHROMA_FRACTION, chroma_fraction, deep_lev
 from finloop.io.footage.source import (
     SAMPLES,
     Footage,
-    Frames,
     Loss,
+    Numbered,
     in_range,
     other_size,
     thinned,
@@ -93,6 +93,7 @@ def open_pictures(
         colour=colour,
         frames_expected=len(times),
         reader=picture_frames,
+        frames_in_source=len(times),
         levels=levels,
         renumbered=True,
         last_s=float(times[-1]),
@@ -178,12 +179,12 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
     return picture
 
 
-def picture_frames(footage: Footage, _: Loss) -> Frames:
-    """Stream a folder or stack; see `Footage.frames`."""
+def picture_frames(footage: Footage, _: Loss) -> Numbered:
+    """Stream a folder or stack; see `Footage.numbered`."""
     size = footage.width_px, footage.height_px
     with _album(footage.path) as album:
 
-        def load(number: int) -> tuple[float, np.ndarray]:
+        def load(number: int) -> tuple[float, tuple[int, np.ndarray]]:
             picture = album.load(number)
             if picture.shape[1::-1] != size:
                 raise other_size(album.name(number), picture.shape[1::-1], size)
@@ -194,7 +195,7 @@ def picture_frames(footage: Footage, _: Loss) -> Frames:
                     do="move it away, or convert all alike",
                 )
             time_s = number / float(footage.frame_rate)
-            return time_s, _to_uint8(picture, footage.colour, footage.levels)
+            return time_s, (number, _to_uint8(picture, footage.colour, footage.levels))
 
         numbers = [k for k in range(album.length) if in_range(footage, k / footage.frame_rate)]
         yield from _ahead(load, numbers, album.threads)

@@ -19,6 +19,8 @@ WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
 
 Frames = Iterator[tuple[float, np.ndarray]]
 """Time (s, 0 = first frame of the source) and picture, uint8 grey or RGB."""
+Numbered = Iterator[tuple[float, tuple[int, np.ndarray]]]
+"""Time, and the picture with its number in the source: 0 = first frame of the source."""
 
 
 @dataclass
@@ -57,7 +59,8 @@ class Footage:
     frame_rate: Fraction
     colour: bool  # whether `frames` gives RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, as far as the file says
-    reader: Callable[["Footage", Loss], Frames]  # streams the frames of the range, see `frames`
+    reader: Callable[["Footage", Loss], Numbered]  # streams the frames of the range
+    frames_in_source: int  # of the whole source, as far as the file says
     turn: Turn = UPRIGHT  # turns the coded picture upright
     # levels of a source of more than 8 bits that become 0 and 255; None for 8 bits
     levels: tuple[float, float] | None = None
@@ -74,7 +77,11 @@ class Footage:
     last_s: float = 0.0  # time of the last frame that the file promises; 0 = the first frame
 
     def frames(self, loss: Loss) -> Frames:
-        """Stream the frames of the range, upright.
+        """Stream the frames of the range, upright; loss and errors as for `numbered`."""
+        return ((time_s, picture) for time_s, (_, picture) in self.numbered(loss))
+
+    def numbered(self, loss: Loss) -> Numbered:
+        """Stream the frames of the range, upright, with their numbers in the source.
 
         FinloopError if frames change their size, or a picture of a folder cannot be read.
 
@@ -92,6 +99,7 @@ class Footage:
             frame_rate=self.frame_rate,
             colour=self.colour,
             segments=(),
+            source_frames=self.frames_in_source,
             rotation_deg=self.turn.rotation_deg,
             mirrored=self.turn.mirrored,
             pixel_aspect=self.pixel_aspect,
