@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-kernel setup params repro play sweep lint params-check bench docs clean
+.PHONY: help demo test test-kernel setup tracks params repro play sweep lint params-check bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -68,6 +68,9 @@ $(VENV):
 	@$(VENV)/bin/python -c 'import sysconfig; print(sysconfig.get_path("purelib"))' | while read -r site; do \
 	echo 'import os, sys; os.environ["PATH"] = os.path.join(sys.prefix, "bin") + os.pathsep + os.environ.get("PATH", os.defpath)' > "$$site/finloop_path.pth"; done
 	@$(ORIGIN) > $(VENV)/origin
+
+tracks: setup ## install what reads and writes other programs' tracks (the extra `tracks`)
+	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-tracks.lock
 
 params: setup ## compose conf/ into params.yaml, after editing conf/
 	@python -m stages.compose $(S)

@@ -13,9 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.extract import film
+from finloop.extract.given import Followed
 from finloop.extract.samples import Verdict, survey
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.given_tracks import check_given, given_metrics, load_given, save_given
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
 from finloop.io.record import save_record
@@ -34,11 +36,15 @@ SCENE_NAME, BACKGROUND_NAME = "scene.json", "background.png"
 
 
 class Extraction(NamedTuple):
-    """What was found in a clip: its scene, how silhouettes were judged, frames of each track."""
+    """What was found in a clip: its scene, how silhouettes were judged, frames of each track.
+
+    given: what became of the places in a file of tracks, see `given_metrics`; empty without one.
+    """
 
     scene: SceneFacts
     verdicts: Counter[Verdict]
     lengths: Counter[int]
+    given: dict[str, float]
 
 
 def extract(
@@ -50,6 +56,7 @@ def extract(
     frame. FinloopError if the clip cannot be read, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)
+    told = load_given(clip, facts, p) if p.tracks == "file" else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
@@ -63,21 +70,28 @@ def extract(
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
+    found = check_given(told, clip, facts, scene, detector) if told else None
+    followed = Followed(told.given, typical.length_px, p.least_frames) if told else None
 
-    def linked() -> Iterator[list[film.TrackedFish]]:
+    def tracked() -> Iterator[list[film.TrackedFish]]:
         seen = film.detections(whole, scene, detector, workers)
-        for judged, fish in film.tracks(seen, typical, p, cuts):
+        linked = followed.tracks(seen, cuts) if followed else film.tracks(seen, typical, p, cuts)
+        for judged, fish in linked:
             verdicts.update(judged)
             lengths.update(f.track_id for f in fish)
             advance()
             yield fish
 
     with film_writer(folder, tracks_schema(p.points)) as write:
-        for fish in film.batches(linked()):
+        for fish in film.batches(tracked()):
             write(film.rows(fish), film.cutouts(fish))
     if not lengths:
         raise film.nothing_followed(p, verdicts)
     tank = SceneFacts(scene.polarity, scene.noise, scene.threshold, *typical, points=p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
-    return Extraction(tank, verdicts, lengths)
+    given = {}
+    if told and followed and found:
+        save_given(folder, told.given, p.points)
+        given = given_metrics(told, followed, found)
+    return Extraction(tank, verdicts, lengths, given)

@@ -48,7 +48,7 @@ from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS
-from finloop.extract.table import tracks_schema
+from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extraction import BACKGROUND_NAME, extract
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
@@ -109,13 +109,15 @@ class Tracks:
     """Where every fish of a film is.
 
     table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
-    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank.
+    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
+    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
     """
 
     film: Film
     table: pd.DataFrame
     cutouts: CutoutStore
     background: NDArray[np.uint8]
+    given: pd.DataFrame | None = None
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
@@ -150,7 +152,9 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
         extract(film.folder, p, part, workers)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
-    return Tracks(film, table, _opened(home / CUTOUTS_NAME), background)
+    named = home / GIVEN_NAME
+    given = load_table(named, GIVEN) if named.exists() else None
+    return Tracks(film, table, _opened(home / CUTOUTS_NAME), background, given)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -158,7 +162,8 @@ def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
 
     `changes`: of `finloop.features.settings.Settings`.
     """
-    table, _ = measured(tracks.table, tracks.film.rate_hz, settings("features", **changes))
+    p = settings("features", **changes)
+    table, _ = measured(tracks.table, tracks.film.rate_hz, p, tracks.given)
     return as_loaded(table, FEATURES)
 
 

@@ -62,8 +62,14 @@ def several(
 
     A film in which nothing can be followed is named, and the others go on. What an earlier run
     found in the same clip, with the same parameters and code, is taken over. Returns metrics, and
-    a row for each film.
+    a row for each film. FinloopError if tracks are from a file, which is of one film.
     """
+    if settings.tracks == "file":
+        raise FinloopError(
+            f"{len(all_parts(clip))} films, and one file of tracks: {settings.tracks_path}",
+            "tracks of a single film",
+            "give that film alone (clip.path), or follow fish here: extract.tracks=own",
+        )
     code, numbers, every = code_of("extract"), dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
     for part in every:
@@ -106,7 +112,7 @@ def of_film(brought: Brought) -> dict[str, Any]:
 
 def metrics(made: Extraction) -> dict[str, float]:
     """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
-    scene, verdicts, lengths = made
+    scene, verdicts, lengths, given = made
     long = [count for count in lengths.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},
@@ -117,6 +123,7 @@ def metrics(made: Extraction) -> dict[str, float]:
         f"tracks_of_{LONG}_frames": len(long),
         f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
         "longest_track_frames": max(lengths.values()),
+        **given,
     }
 
 

@@ -5,8 +5,14 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.drawn.truth import TRUTH
-from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.metrics import against_truth, longest_track, summary, table1
+from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
+from finloop.features.metrics import (
+    against_given,
+    against_truth,
+    longest_track,
+    summary,
+    table1,
+)
 from finloop.features.settings import Settings
 from finloop.features.table import FEATURES, USED, delta_of, features
 from finloop.io.record import load_record
@@ -24,12 +30,16 @@ def main() -> None:
     facts = load_facts(CLIP / FACTS_NAME)
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
-    table, backbones = features(tracks, facts.frame_rate_hz, settings)
+    named = EXTRACT / GIVEN_NAME
+    given = load_table(named, GIVEN) if named.exists() else None
+    table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 
     metrics = summary(table) | {"delta_s": delta_of(table) / facts.frame_rate_hz}
     if (truth := CLIP / TRUTH_NAME).exists():
         metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
+    if given is not None:
+        metrics |= against_given(tracks, given, facts.frame_rate_hz)
     save_csv(REPORT / "table1.csv", table1(table), decimals=3)
     fig7 = longest_track(table)[["frame", "motion_area_rel", "swimming_type"]]
     save_csv(REPORT / "fig7.csv", fig7, decimals=4)

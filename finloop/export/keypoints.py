@@ -10,7 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from finloop.export.tracks import Poses
+from finloop.base.poses import Poses
 
 SCORER = "finloop"
 BLOCK = 1024  # frames made at a time, so that a long clip does not have to fit into memory

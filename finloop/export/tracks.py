@@ -1,12 +1,10 @@
 """Tracks as poses: named points of every fish in every frame, for programs that study behaviour."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
 from finloop.base.schema import lists_to_points
 from finloop.features.area import at_places
 from finloop.features.head import tail_first
@@ -14,23 +12,6 @@ from finloop.features.head import tail_first
 HEAD, TAIL, CENTRE = "head", "tail", "centre"
 USED = ("track_id", "frame", "x_px", "y_px", "backbone_x_px", "backbone_y_px")
 """The columns of a table of tracks that poses are made of."""
-
-
-@dataclass(frozen=True)
-class Poses:
-    """Points of fish, a row per fish per frame, sorted by frame.
-
-    individual: (rows,) number of the fish in `individuals`; frame: (rows,), below `frames`; places:
-    (rows, keypoints, 2) px; confidence: (rows, keypoints), 0 … 1.
-    """
-
-    individuals: tuple[str, ...]
-    keypoints: tuple[str, ...]
-    frames: int
-    individual: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    places: NDArray[np.float64]
-    confidence: NDArray[np.float64]
 
 
 def poses(

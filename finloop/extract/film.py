@@ -26,7 +26,7 @@ from finloop.extract.background import (
     sample_size,
 )
 from finloop.extract.samples import Typical, Verdict, judge
-from finloop.extract.segment import Fish, Silhouette, measure, silhouettes
+from finloop.extract.segment import Fish, Silhouette, contour, measure, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
 
@@ -97,7 +97,8 @@ class Detector:
             measure(s, frame, scene, settings.points) if verdict == "fish" else None
             for s, verdict in zip(patches, verdicts, strict=True)
         ]
-        spots = [_spot(s, f) for s, f in zip(patches, fish, strict=True)]
+        told = settings.tracks == "file"
+        spots = [_spot(s, f, told) for s, f in zip(patches, fish, strict=True)]
         return Detections(verdicts, spots, fish)
 
 
@@ -168,13 +169,14 @@ def tracks(
         yield Counter(verdicts), ready
 
 
-def _spot(silhouette: Silhouette, fish: Fish | None) -> Spot:
+def _spot(silhouette: Silhouette, fish: Fish | None, outlined: bool) -> Spot:
     h, w = silhouette.mask.shape
     x0, y0 = silhouette.x0, silhouette.y0
     box = (x0, y0, x0 + w, y0 + h)
+    outline = contour(silhouette) if outlined else None
     if fish is None:
-        return Spot(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False)
-    return Spot(fish.x_px, fish.y_px, silhouette.area_px, box, True)
+        return Spot(x0 + w / 2, y0 + h / 2, silhouette.area_px, box, False, outline)
+    return Spot(fish.x_px, fish.y_px, silhouette.area_px, box, True, outline)
 
 
 def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.extract.backbone import Backbone, ring, trace, upper_level
@@ -117,6 +118,15 @@ def _touches_border(mask: Picture, x0: int, y0: int, arena: Picture) -> bool:
     if inside.all():
         return False
     return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
+
+
+def contour(silhouette: Silhouette) -> NDArray[np.int32]:
+    """The pixels of a silhouette's edge, (n, 1, 2) int32 px of the picture."""
+    chains, _ = cv2.findContours(
+        silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
+        offset=(silhouette.x0, silhouette.y0),
+    )  # fmt: skip
+    return max(chains, key=len)
 
 
 def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -> Fish | None:

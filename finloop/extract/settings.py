@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
+from finloop.base.poses import Software
 from finloop.base.settings import Count, Positive, Share
 
 Ratio = Annotated[float, Field(ge=1)]
@@ -37,3 +38,19 @@ class Settings:
     samples: Annotated[int, Field(ge=3)]
     least_frames: Count  # frames; shorter tracks are dropped
     points: Annotated[int, Field(ge=13)]  # of the backbone
+    # own: fish are followed here; file: another program's tracks say who is where
+    tracks: Literal["own", "file"]
+    tracks_path: str | None  # of that file, or of a folder with a file for each animal
+    tracks_software: Software | Literal["auto"]  # that made it; auto: as the file shows
+    # px of the film per unit of the file: 2 if a film of half the width was tracked
+    tracks_scale: Positive
+    # a point of less confidence counts as not given; points without one are all taken
+    tracks_least_confidence: Annotated[float, Field(ge=0, lt=1)]
+    tracks_head: str  # the keypoint at the head; auto: nose, snout, head …; none: not given
+    tracks_tail: str  # the keypoint at the tail; auto: tail_tip, tail …; none: not given
+
+    def __post_init__(self) -> None:
+        """Refuse tracks of a file without the file, and a file that nothing reads."""
+        if (self.tracks == "file") != bool(self.tracks_path):
+            wish = "needs" if self.tracks == "file" else "has no use (tracks=file has) for"
+            raise ValueError(f"tracks={self.tracks} {wish} tracks_path")

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from finloop.base.schema import Column, Schema, columns
 
 OUTLINE_POINTS = 128
+GIVEN_NAME = "given.parquet"  # only where tracks are from a file
 
 
 @dataclass(frozen=True)
@@ -21,6 +22,15 @@ class SceneFacts:
     typical_length_px: float
     typical_contrast_grey: float
     points: int
+
+
+GIVEN = Schema(
+    *columns("int32", "1", "track_id", "frame"),
+    Column("animal", "string", "1"),
+    *columns("float32", "px", "head_x_px", "head_y_px", "tail_x_px", "tail_y_px", nullable=True),
+)
+"""What a file of tracks says of every row of the table of tracks: which animal it is, and where its
+head and tail are, if it says so."""
 
 
 def tracks_schema(points: int) -> Schema:

@@ -8,10 +8,11 @@ A track is *swallowed* if no silhouette is assigned to it and its expected place
 of a silhouette that is assigned to another track.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 
@@ -23,13 +24,17 @@ Box = tuple[int, int, int, int]  # x0, y0, x1, y1, half-open
 
 @dataclass(frozen=True)
 class Spot:
-    """The place of one silhouette of a frame; only an `isolated` one can belong to a track."""
+    """The place of one silhouette of a frame; only an `isolated` one can belong to a track.
+
+    outline: (n, 1, 2) int32 px, only where tracks come from a file.
+    """
 
     x_px: float
     y_px: float
     area_px: float
     box: Box
     isolated: bool
+    outline: NDArray[np.int32] | None = field(default=None, compare=False)
 
 
 @dataclass

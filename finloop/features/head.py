@@ -18,6 +18,7 @@ _BLUNT = 0.12  # relative difference in width between the halves that makes the 
 _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 1
 _MOST = 2.0  # most that either cue may say about one frame, in log odds
 _WANDER = 0.15  # body lengths that an end moves between frames, standard deviation
+_CERTAIN = 1e6  # log odds; more than all evidence about a track
 _MEMORY_S = 0.4  # frames nearer than this tell the same thing twice
 
 
@@ -28,24 +29,44 @@ def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
     return last < first
 
 
-def head_first(backbone: Reals, half_width: Reals, rate_hz: float) -> tuple[Mask, Floats]:
+def head_told(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
+    """Which end another program says is the head: 1 the first, −1 the last, 0 not told; (rows,).
+
+    backbone: (rows, n, 2) px; head, tail: (rows, 2) px, NaN where not told.
+    """
+    ends = backbone[:, [0, -1]].astype(float)
+    same, swapped = (
+        sum(
+            np.nan_to_num(np.linalg.norm(ends[:, end] - place, axis=1))
+            for end, place in ((one, head), (1 - one, tail))
+        )
+        for one in (0, 1)
+    )
+    return np.sign(swapped - same).astype(np.int8)
+
+
+def head_first(
+    backbone: Reals, half_width: Reals, rate_hz: float, told: NDArray[np.int8] | None = None
+) -> tuple[Mask, Floats]:
     """Whether the first point is the head, and how sure that is, for one track.
 
     backbone: (frames, n, 2) px, of consecutive frames, either end first.
     half_width: (frames, n) px, beside it.
     rate_hz: frames per second.
+    told: (frames,) as `head_told` gives it; where it is not 0 it decides.
 
     Returns
     -------
     first : (frames,) bool; confidence : (frames,) probability in [0.5, 1] or below where the frame
-    taken by itself would rather be the other way round than its track.
+    taken by itself would rather be the other way round than its track, or than it is told.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _blunt(half_width) + _forward(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
     same, swapped = _moves(backbone, length)
     emission = np.stack([evidence, -evidence], 1) / 2  # (frames, 2) log likelihoods
-    first = _viterbi(emission, same, swapped) == 0
+    said = emission if told is None else emission + _CERTAIN * told[:, None] * np.array([1, -1])
+    first = _viterbi(said, same, swapped) == 0
     confidence = _posterior(emission, same, swapped)
     return first, np.where(first, confidence[:, 0], confidence[:, 1])
 

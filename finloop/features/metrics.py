@@ -7,7 +7,7 @@ import scipy
 from finloop.base.schema import lists_to_points
 from finloop.features.area import at_places
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT
-from finloop.features.table import delta_of, orientations_of, wrap_deg
+from finloop.features.table import delta_of, given_ends, orientations_of, oriented, wrap_deg
 
 _MOVING = 0.1  # body lengths in Δ from which a fish has a direction of travel
 
@@ -125,6 +125,32 @@ def against_truth(
         },
         "truth_motion_area_bend_rank_correlation": _rank(area, true["bend"].abs()),
         "truth_motion_area_curvature_rank_correlation": _rank(area, true["curvature_deg"].abs()),
+    }
+
+
+def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
+    """How the heads that another program gives agree with those found here, for metrics.json.
+
+    Found here: what `oriented` says without being told. The angle is that between the two
+    directions from tail to head; above 90° the ends are exchanged. Where the program gives no tail,
+    its direction is that from the middle of the backbone to the head.
+
+    tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
+    """
+    every = [oriented(track, rate_hz) for _, track in tracks.groupby("track_id")]
+    own = np.concatenate([line for line, _ in every])
+    head, tail = given_ends(given)
+    tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
+    ours, theirs = own[:, 0] - own[:, -1], head - tail
+    told = np.isfinite(theirs).all(axis=1)
+    if not told.any():
+        return {"head_told_share": 0.0}
+    cross = ours[:, 0] * theirs[:, 1] - ours[:, 1] * theirs[:, 0]
+    angle = np.degrees(np.abs(np.arctan2(cross, (ours * theirs).sum(axis=1))))[told]
+    return {
+        "head_told_share": float(told.mean()),
+        "head_disagreement_share": float((angle > 90).mean()),
+        "head_disagreement_median_deg": float(np.median(angle)),
     }
 
 

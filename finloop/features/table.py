@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import at_places, bend
-from finloop.features.head import head_first
+from finloop.features.head import head_first, head_told
 from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
@@ -87,12 +87,13 @@ def heading(backbone: Reals) -> Floats:
 
 
 def features(
-    tracks: pd.DataFrame, rate_hz: float, settings: Settings
+    tracks: pd.DataFrame, rate_hz: float, settings: Settings, given: pd.DataFrame | None = None
 ) -> tuple[pd.DataFrame, NDArray[np.float32]]:
     """The feature table of a table of tracks, row by row, and the backbones head first.
 
     The table of tracks is in the order (track_id, frame), as `extract` writes it. FinloopError if
-    it is not.
+    it is not. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px as
+    another program says; where it does, that end is the head.
 
     Returns
     -------
@@ -105,7 +106,10 @@ def features(
             "make it again: `dvc repro --force extract`",
         )
     every = [track for _, track in tracks.groupby("track_id")]
-    known = [oriented(track, rate_hz) for track in every]
+    known = [
+        oriented(track, rate_hz, None if given is None else given.loc[track.index])
+        for track in every
+    ]
     bends = [
         bend(line, track["length_px"].to_numpy(float))
         for track, (line, _) in zip(every, known, strict=True)
@@ -125,11 +129,21 @@ def features(
     return table[FEATURES.names], np.concatenate([line for line, _ in known]).astype(np.float32)
 
 
-def oriented(tracks: pd.DataFrame, rate_hz: float) -> tuple[Floats, Floats]:
+def oriented(
+    tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
+) -> tuple[Floats, Floats]:
     """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
     backbone = lists_to_points(tracks, "backbone").astype(float)
-    first, confidence = head_first(backbone, lists_to_array(tracks["half_width_px"]), rate_hz)
+    told = None if given is None else head_told(backbone, *given_ends(given))
+    widths = lists_to_array(tracks["half_width_px"])
+    first, confidence = head_first(backbone, widths, rate_hz, told)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
+
+
+def given_ends(given: pd.DataFrame) -> tuple[Floats, Floats]:
+    """Head and tail, (rows, 2) px each, as another program gives them; NaN where it does not."""
+    head, tail = (given[[f"{end}_x_px", f"{end}_y_px"]].to_numpy(float) for end in ("head", "tail"))
+    return head, tail
 
 
 def _of_track(

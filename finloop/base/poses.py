@@ -1,0 +1,62 @@
+"""Poses: named points of every animal in every frame, as programs that study behaviour do it."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Mask
+
+Software = Literal[
+    "DeepLabCut", "SLEAP", "LightningPose", "Anipose", "NWB", "VIA-tracks", "movement",
+    "idtracker.ai", "TRex",
+]  # fmt: skip
+"""The programs whose files `finloop.io.poses` reads."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Points of animals, a row per animal per frame, sorted by frame, then animal.
+
+    individual: (rows,) number of the animal in `individuals`; frame: (rows,), below `frames`;
+    places: (rows, keypoints, 2) px, NaN where a point is not given; confidence: (rows, keypoints),
+    0 … 1, NaN where it is not said.
+    """
+
+    individuals: tuple[str, ...]
+    keypoints: tuple[str, ...]
+    frames: int
+    individual: NDArray[np.int64]
+    frame: NDArray[np.int64]
+    places: NDArray[np.float64]
+    confidence: NDArray[np.float64]
+
+
+def poses_of(
+    individuals: tuple[str, ...],
+    keypoints: tuple[str, ...],
+    frame: NDArray[np.integer],
+    places: Floats,
+    confidence: Floats | None = None,
+) -> Poses:
+    """Poses of whole arrays; an animal without any point in a frame has no row.
+
+    frame: (times,), all different; places: (times, individuals, keypoints, 2), infinite or NaN
+    where there is none; confidence: (times, individuals, keypoints), None = not said.
+    """
+    order = np.argsort(frame, kind="stable")
+    there: Mask = np.all(np.isfinite(places), axis=-1)
+    if confidence is None:
+        confidence = np.full(there.shape, np.nan)
+    row, individual = np.nonzero(there[order].any(-1))
+    time = order[row]
+    return Poses(
+        individuals,
+        keypoints,
+        int(frame.max()) + 1 if len(frame) else 0,
+        individual.astype(np.int64),
+        np.asarray(frame, np.int64)[time],
+        np.where(there[time, individual][..., None], places[time, individual], np.nan),
+        confidence[time, individual].astype(float),
+    )

@@ -1,0 +1,197 @@
+"""Another program's poses made ready for a clip, and the question whether they are of this film."""
+
+import re
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Mask
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
+from finloop.extract.given import Given, distances
+from finloop.extract.settings import Settings
+from finloop.extract.tracks import Spot
+
+HEADS = ("nosetip", "nose", "snout", "rostrum", "mouth", "headtip", "head")
+TAILS = ("tailtip", "tailend", "tailfin", "caudalfin", "caudal", "tail", "tailbase", "peduncle")
+"""Common names of keypoints, without case and signs; the first that there is counts."""
+_MOST_NORMAL = 1.5  # px; places that are all nearer to the corner are shares of the picture
+_AT_THE_END = 12  # frames; by so many two decoders may count the end of a film differently
+_MOST_NEEDED = 0.9  # share of places, see `Fit.needed`
+
+
+class FilmSize(NamedTuple):
+    """Of the film that was tracked: its frames, and its picture."""
+
+    frames: int
+    width_px: int
+    height_px: int
+
+
+def given_of(
+    poses: Poses, shown: NDArray[np.integer], film: FilmSize, p: Settings
+) -> tuple[Given, str | None, str | None]:
+    """The poses by frames of the clip, and the names of the keypoints at head and tail, if any.
+
+    shown: (frames of the clip,) the frame of the film that each shows. FinloopError if a keypoint
+    that is named is missing, the file says places beyond the film's end or none in the clip, or the
+    places are not in px of the picture.
+    """
+    head = keypoint(poses, p.tracks_head, HEADS, "tracks_head")
+    tail = keypoint(poses, p.tracks_tail, TAILS, "tracks_tail")
+    sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: not said
+    points = np.where(sure[..., None], poses.places * p.tracks_scale, np.nan)
+    there: Mask = np.all(np.isfinite(points), axis=2)
+    kept = np.any(there, axis=1)
+    points, frame = points[kept], poses.frame[kept]
+    if not len(frame):
+        raise FinloopError(
+            f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
+            "points that the program is sure of",
+            "lower extract.tracks_least_confidence",
+        )
+    _refuse_other_length(frame, shown, film)
+    _refuse_other_units(points, film)
+    none = np.full((len(points), 2), np.nan)
+    given = Given(
+        poses.individuals,
+        poses.individual[kept],
+        points,
+        none if head is None else points[:, poses.keypoints.index(head)],
+        none if tail is None else points[:, poses.keypoints.index(tail)],
+        np.searchsorted(frame, shown, side="left"),
+        np.searchsorted(frame, shown, side="right"),
+    )
+    return given, head, tail
+
+
+def keypoint(poses: Poses, name: str, common: Sequence[str], parameter: str) -> str | None:
+    """The keypoint of that name, or by `auto` the one with a common name; None if there is none.
+
+    FinloopError if a keypoint that is named is not there.
+    """
+    if name == "auto":
+        plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(poses.keypoints)}
+        return next((plain[one] for one in common if one in plain), None)
+    if name == "none" or name in poses.keypoints:
+        return None if name == "none" else name
+    raise FinloopError(
+        f"the tracks have no keypoint {name!r}",
+        f"one of {', '.join(poses.keypoints)}; or auto, or none",
+        f"correct extract.{parameter}",
+    )
+
+
+def _refuse_other_length(
+    frame: NDArray[np.integer], shown: NDArray[np.integer], film: FilmSize
+) -> None:
+    if frame[-1] >= film.frames + _AT_THE_END:
+        raise FinloopError(
+            f"the tracks go on to frame {frame[-1]}, and the film has {film.frames} frames",
+            "tracks of this film, whose frames are counted from 0",
+            "give the film that was tracked, or its own tracks",
+        )
+    told = np.isin(shown, frame)
+    reached = float((shown <= frame[-1]).mean())
+    if not told.any() or reached < 0.5:
+        raise FinloopError(
+            f"the tracks tell of frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
+            f"its frames {shown.min()} … {shown.max()}",
+            "tracks of at least half of the clip",
+            "set clip.start_s and clip.end_s to what was tracked; frames are counted from the "
+            "beginning of the film, whatever clip.start_s is",
+        )
+
+
+def _refuse_other_units(points: Floats, film: FilmSize) -> None:
+    """FinloopError if most places lie outside the picture, or all in its first pixels."""
+    place = np.nanmean(points, axis=1)
+    (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
+    if max(-x0, -y0, x1, y1) <= _MOST_NORMAL:
+        raise FinloopError(
+            f"all places lie at x {x0:.3g} … {x1:.3g}, y {y0:.3g} … {y1:.3g}: shares of the "
+            "picture, not px",
+            f"places in px of a picture of {film.width_px}×{film.height_px}",
+            "export them in px; extract.tracks_scale multiplies x and y by one number",
+        )
+    outside = ((place < -0.5) | (place > np.array([film.width_px, film.height_px]) - 0.5)).any(1)
+    if outside.mean() > 0.5:
+        raise FinloopError(
+            f"{outside.mean():.0%} of the places lie outside the picture: they are at x {x0:.4g} … "
+            f"{x1:.4g}, y {y0:.4g} … {y1:.4g}",
+            f"places in px of a picture of {film.width_px}×{film.height_px}, from its upper left",
+            "correct extract.tracks_scale (px per unit of the file), or give this film's tracks",
+        )
+
+
+class Fit(NamedTuple):
+    """How well places agree with silhouettes in sample frames.
+
+    share: of the places that have a silhouette of any kind within a body length; chance: the same
+    of places beside the silhouettes of other moments; places: how many; lost: animals, of several
+    places each, that never have one; seen: silhouettes in a frame, at most.
+    """
+
+    share: float
+    chance: float
+    places: int
+    lost: tuple[int, ...]
+    seen: int
+
+    @property
+    def needed(self) -> float:
+        """The least share for tracks of this film: midway between chance and all.
+
+        Tracks of another film agree by chance alone; so do this film's where animals rest, which
+        have to agree nearly always then.
+        """
+        return min(_MOST_NEEDED, (1 + self.chance) / 2)
+
+
+def fit(
+    given: Given, frames: Sequence[int], spots: Sequence[Sequence[Spot]], length_px: float
+) -> Fit:
+    """How well the places of sample frames agree with the silhouettes (`spots`) of these frames."""
+    shift = len(frames) // 2
+    own, other = [], []
+    for number, frame in enumerate(frames):
+        points = given.points[given.rows(frame)]
+        own.append(_near(points, spots[number], length_px))
+        if shift:
+            other.append(_near(points, spots[(number + shift) % len(frames)], length_px))
+    near = np.concatenate(own)
+    animals = np.concatenate([given.individual[given.rows(frame)] for frame in frames])
+    lost = tuple(
+        int(animal)
+        for animal in np.unique(animals)
+        if (animals == animal).sum() > 2 and not near[animals == animal].any()
+    )
+    chance = float(np.concatenate(other).mean()) if other else 0.0
+    return Fit(float(near.mean()), chance, len(near), lost, max(map(len, spots)))
+
+
+def _near(points: Floats, spots: Sequence[Spot], length_px: float) -> NDArray[np.bool_]:
+    if not spots or not len(points):
+        return np.zeros(len(points), bool)
+    return distances(points, spots, length_px).min(axis=1) <= length_px
+
+
+def refuse_other_film(given: Given, found: Fit, film: FilmSize) -> None:
+    """FinloopError if too few places show an animal."""
+    if found.share >= found.needed:
+        return
+    place = np.nanmean(given.points, axis=1)
+    (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
+    lost = ", ".join(given.names[animal] for animal in found.lost[:8])
+    raise FinloopError(
+        f"of {found.places} places of {len(given.names)} animals in sample frames "
+        f"{found.share:.0%} show an animal; at other moments of the film it is {found.chance:.0%}. "
+        f"At most {found.seen} silhouettes are seen in a frame; places lie at x {x0:.4g} … "
+        f"{x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of {film.width_px}×{film.height_px}"
+        + (f"; never at an animal: {lost}" if lost else ""),
+        f"tracks of this film: at least {found.needed:.0%}, midway between chance and all",
+        "give this film's tracks, in px (extract.tracks_scale), without animals that are not "
+        "there; where animals are seen but not found, see reports/extract/detections.png",
+    )

@@ -1,0 +1,157 @@
+"""Places of animals that another program gives, beside the silhouettes of the film.
+
+The program says who is where; the silhouette, backbone and cut-out are those found here. A place is
+an animal's given points; its distance from a silhouette is the mean distance of these points from
+it, 0 for a point inside. A place *within* a silhouette is nearer than a tenth of a body length, as
+points at the tips of head and tail are; it takes the nearest. Every other place takes the nearest
+silhouette that no place is within, up to a body length away.
+"""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.extract.film import Detections, TrackedFish
+from finloop.extract.samples import Verdict
+from finloop.extract.tracks import Spot
+
+_WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
+
+Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
+"""What became of a place: it has its own isolated silhouette, none is near, two places are in it,
+or it is none of an isolated fish (at the border, too large, too small, too pale)."""
+
+
+@dataclass(frozen=True)
+class Given:
+    """Where another program sees animals, by frames of the clip.
+
+    names: of the animals; individual: (rows,) number of the animal; points: (rows, k, 2) px, NaN
+    where a point is not given; head, tail: (rows, 2) px, NaN where not given; start, stop: (frames
+    of the clip,) the rows start … stop − 1 are those of a frame.
+    """
+
+    names: tuple[str, ...]
+    individual: NDArray[np.int64]
+    points: Floats
+    head: Floats
+    tail: Floats
+    start: NDArray[np.int64]
+    stop: NDArray[np.int64]
+
+    def rows(self, frame: int) -> slice:
+        """The rows of a frame of the clip."""
+        return slice(int(self.start[frame]), int(self.stop[frame]))
+
+    def row_of(
+        self, frame: NDArray[np.integer], individual: NDArray[np.integer]
+    ) -> NDArray[np.int64]:
+        """The row (n,) of an animal in a frame of the clip, both (n,); every one has to exist."""
+        row = self.start[frame].copy()
+        while (wrong := self.individual[row] != individual).any():
+            row[wrong] += 1
+        return row
+
+
+def distances(points: Floats, spots: Sequence[Spot], most_px: float) -> Floats:
+    """Distances (animals, silhouettes) px of places (animals, k, 2) px from silhouettes.
+
+    Infinite where the box of a silhouette is farther than `most_px`.
+    """
+    result = np.full((len(points), len(spots)), np.inf)
+    for j, spot in enumerate(spots):
+        low, high = np.array(spot.box[:2]), np.array(spot.box[2:])
+        outside = np.maximum(np.maximum(low - points, points - high), 0)
+        least = np.nanmean(np.hypot(*outside.transpose(2, 0, 1)), axis=1)
+        assert spot.outline is not None
+        for i in np.flatnonzero(least <= most_px):
+            known = points[i][np.isfinite(points[i]).all(axis=1)]
+            signed = [cv2.pointPolygonTest(spot.outline, (x, y), True) for x, y in known.tolist()]
+            result[i, j] = np.mean(np.maximum(0.0, np.negative(signed)))
+    return result
+
+
+def matched(
+    points: Floats, spots: Sequence[Spot], length_px: float
+) -> list[tuple[Outcome, int | None]]:
+    """For each place (animals, k, 2) px what became of it, and the number of its silhouette."""
+    if not len(points) or not spots:
+        return [("no silhouette", None)] * len(points)
+    apart = distances(points, spots, length_px)
+    nearest = apart.argmin(axis=1)
+    within = apart.min(axis=1) <= _WITHIN * length_px
+    apart[:, np.unique(nearest[within])] = np.inf  # for those that are within none
+    own = np.where(within, nearest, apart.argmin(axis=1))
+    some = within | (apart.min(axis=1) <= length_px)
+    claims = Counter(own[some].tolist())
+
+    def outcome(j: int) -> Outcome:
+        if claims[j] > 1:
+            return "shared"
+        return "used" if spots[j].isolated else "not isolated"
+
+    return [
+        (outcome(int(j)), int(j)) if has else ("no silhouette", None)
+        for j, has in zip(own, some, strict=True)
+    ]
+
+
+class Followed:
+    """Tracks as the program gives them: runs of frames in which an animal has a silhouette.
+
+    The track of an animal's k-th run, both from 0, has the number animal + k · animals. So a later
+    stage's tracks are whole, and `track_id % len(names)` tells the animal.
+
+    outcomes: counts of (animal, what became of its place), after the film has run.
+    """
+
+    def __init__(self, given: Given, length_px: float, least_frames: int) -> None:
+        self._given, self._length, self._least = given, length_px, least_frames
+        self.outcomes: Counter[tuple[int, Outcome]] = Counter()
+        self.short = 0  # places of runs that are too short for a track
+
+    def tracks(
+        self, detections: Iterable[Detections], cuts: Sequence[int] = ()
+    ) -> Iterator[tuple[Counter[Verdict], list[TrackedFish]]]:
+        """As `finloop.extract.film.tracks`; runs end at `cuts`, too."""
+        waiting: dict[int, list[TrackedFish]] = {}  # by animal, of runs that are still short
+        running: dict[int, int] = {}  # animal → its track
+        runs: Counter[int] = Counter()
+        for number, (verdicts, spots, fish) in enumerate(detections):
+            rows = self._given.rows(number)
+            animals = self._given.individual[rows].tolist()
+            found = matched(self._given.points[rows], spots, self._length)
+            seen: dict[int, TrackedFish] = {}
+            for animal, (outcome, j) in zip(animals, found, strict=True):
+                self.outcomes[animal, outcome] += 1
+                one = fish[j] if outcome == "used" and j is not None else None
+                if one is not None:
+                    seen[animal] = TrackedFish(0, number, one)
+            if number in cuts:
+                self._end(set(), waiting, running)
+            self._end(set(seen), waiting, running)
+            ready: list[TrackedFish] = []
+            for animal, tracked in seen.items():
+                waiting.setdefault(animal, []).append(tracked)
+                if animal not in running and len(waiting[animal]) >= self._least:
+                    running[animal] = animal + runs[animal] * len(self._given.names)
+                    runs[animal] += 1
+                if animal in running:
+                    ready += [f._replace(track_id=running[animal]) for f in waiting.pop(animal)]
+            yield Counter(verdicts), ready
+        self._end(set(), waiting, running)
+
+    def _end(
+        self, seen: set[int], waiting: dict[int, list[TrackedFish]], running: dict[int, int]
+    ) -> None:
+        """End the runs of all animals but those that are seen."""
+        for animal in [animal for animal in waiting if animal not in seen]:
+            self.short += len(waiting.pop(animal))
+        for animal in [animal for animal in running if animal not in seen]:
+            del running[animal]

@@ -1,0 +1,89 @@
+"""Tracks of another program laid over a clip, from its file to the tables of `extract`.
+
+The door from `extract.given` to files; `extraction` comes this way where tracks are from a file.
+"""
+
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from finloop.extract import film
+from finloop.extract.background import Scene
+from finloop.extract.fit import FilmSize, Fit, fit, given_of, refuse_other_film
+from finloop.extract.given import Followed, Given, Outcome
+from finloop.extract.settings import Settings
+from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
+from finloop.io.film_writer import TRACKS_NAME
+from finloop.io.poses import load_poses
+from finloop.io.table import load_table, save_table
+from finloop.io.video import CLIP_NAME, FRAMES, FRAMES_NAME, VideoFacts, read_spread
+
+
+@dataclass(frozen=True)
+class GivenTracks:
+    """Another program's tracks of a clip: its places, the keypoints that are head and tail."""
+
+    given: Given
+    head: str | None
+    tail: str | None
+    film: FilmSize
+
+
+def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
+    """The tracks that the settings name, by frames of the clip; FinloopError if they cannot be."""
+    software = None if p.tracks_software == "auto" else p.tracks_software
+    poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
+    shown = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
+    size = FilmSize(facts.source_frames, facts.width_px, facts.height_px)
+    return GivenTracks(*given_of(poses, shown, size, p), size)
+
+
+def check_given(
+    tracks: GivenTracks, clip: Path, facts: VideoFacts, scene: Scene, detector: film.Detector
+) -> Fit:
+    """How well the places agree with the film in sample frames; FinloopError if they do not."""
+    there = np.flatnonzero(tracks.given.stop > tracks.given.start)
+    spread = np.linspace(0, len(there) - 1, min(detector.settings.samples, len(there)))
+    sample = there[np.unique(spread.round().astype(int))].tolist()
+    frames = read_spread(clip / CLIP_NAME, sample, colour=facts.colour)
+    spots = [detector(frame, scene).spots for frame in frames]
+    found = fit(tracks.given, sample, spots, detector.typical.length_px)
+    refuse_other_film(tracks.given, found, tracks.film)
+    return found
+
+
+def save_given(folder: Path, given: Given, points: int) -> None:
+    """Write what the file says of every row of the table of tracks in `folder`, beside it.
+
+    points: of a backbone in that table.
+    """
+    rows = load_table(folder / TRACKS_NAME, tracks_schema(points), ["track_id", "frame"])
+    animal = rows["track_id"].to_numpy() % len(given.names)
+    at = given.row_of(rows["frame"].to_numpy(), animal)
+    rows["animal"] = np.array(given.names, object)[animal]
+    for name, place in (("head", given.head), ("tail", given.tail)):
+        rows[f"{name}_x_px"], rows[f"{name}_y_px"] = place[at].T
+    save_table(folder / GIVEN_NAME, rows, GIVEN)
+
+
+def given_metrics(tracks: GivenTracks, followed: Followed, found: Fit) -> dict[str, float]:
+    """What became of the places of the file, as numbers for metrics.json."""
+    total = Counter[Outcome]()
+    for (_, outcome), count in followed.outcomes.items():
+        total[outcome] += count
+    given = tracks.given
+    return {
+        "places": total.total(),
+        **{f"places_{what.replace(' ', '_')}": total[what] for what in get_args(Outcome)},
+        "places_in_short_runs": followed.short,
+        "places_used_share": (total["used"] - followed.short) / max(1, total.total()),
+        "places_near_a_silhouette_share": found.share,
+        "places_near_by_chance_share": found.chance,
+        "animals": len(given.names),
+        "animals_used": len({animal for animal, what in followed.outcomes if what == "used"}),
+        "frames_without_place": int((given.stop == given.start).sum()),
+        "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),
+    }

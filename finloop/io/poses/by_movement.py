@@ -1,0 +1,73 @@
+"""Tracks that `movement` reads: DeepLabCut, SLEAP, LightningPose, Anipose, NWB, VIA, its own."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses, Software, poses_of
+from finloop.io.poses.extra import extra, not_installed, unreadable
+
+
+def read(path: Path, software: Software, rate_hz: float) -> Poses:
+    """The poses of a file; of a folder of NWB files, which hold an animal each, those of all."""
+    files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
+    sets = [_dataset(file, software) for file in files]
+    if len({tuple(one.keypoints.values) for one in sets}) > 1:
+        raise unreadable(path, software, "its animals have different keypoints")
+    names = [str(name) for one in sets for name in one.individuals.values]
+    if len(set(names)) < len(names):
+        raise unreadable(path, software, f"animals of one name: {', '.join(names)}")
+    frames = [_frames(one, rate_hz) for one in sets]
+    times = np.unique(np.concatenate(frames))
+    keypoints = tuple(str(name) for name in sets[0].keypoints.values)
+    places = np.full((len(times), len(names), len(keypoints), 2), np.nan)
+    confidence = np.full(places.shape[:-1], np.nan)
+    first = 0
+    for one, frame in zip(sets, frames, strict=True):
+        rows, last = np.searchsorted(times, frame), first + one.sizes["individuals"]
+        order = ("time", "individuals", "keypoints")
+        places[rows, first:last] = one.position.transpose(*order, "space").values
+        if "confidence" in one:
+            confidence[rows, first:last] = one.confidence.transpose(*order).values
+        first = last
+    return poses_of(tuple(names), keypoints, times, places, confidence)
+
+
+def _dataset(path: Path, software: Software) -> Any:
+    """An xarray dataset of movement: position (time, space, keypoints, individuals)."""
+    xarray = extra("xarray", path)
+    load = extra("movement.io", path).load_dataset
+    extra("loguru", path).logger.disable("movement")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            if software == "movement":
+                dataset = xarray.load_dataset(path)
+            else:
+                dataset = load(path, source_software=software)
+    except ImportError as error:
+        raise not_installed(path, error) from error
+    except Exception as error:  # whatever a library of many formats raises for a damaged file
+        raise unreadable(path, software, f"{type(error).__name__}: {error}") from error
+    if "position" not in dataset or not {"time", "space", "individuals"} <= set(dataset.dims):
+        raise unreadable(path, software, "it holds no positions by time, space and individual")
+    if dataset.sizes["space"] != 2:
+        raise FinloopError(
+            f"{path} holds places in {dataset.sizes['space']} dimensions",
+            "places in the picture of one camera, x and y in px",
+            "give the tracks that were made in this film, before they were triangulated",
+        )
+    if "keypoints" not in dataset.dims:  # of boxes
+        dataset = dataset.expand_dims(keypoints=["centre"])
+    return dataset.sel(space=["x", "y"])
+
+
+def _frames(dataset: Any, rate_hz: float) -> np.ndarray:
+    """Numbers of the frames, (times,)."""
+    time = dataset.time.values.astype(float)
+    if dataset.attrs.get("time_unit") == "seconds":
+        time = time * float(dataset.attrs.get("fps") or rate_hz)
+    return np.rint(time).astype(np.int64)

@@ -1,0 +1,78 @@
+"""Which program made a file of tracks: told by its ending, its header, its keys."""
+
+import csv
+from pathlib import Path
+from typing import get_args
+
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Software
+from finloop.io.poses.extra import extra, unreadable
+
+_BY_SUFFIX: dict[str, Software] = {
+    ".slp": "SLEAP", ".nwb": "NWB", ".nc": "movement", ".npz": "TRex", ".npy": "idtracker.ai",
+    ".pickle": "idtracker.ai", ".parquet": "idtracker.ai",
+}  # fmt: skip
+_BY_KEY: dict[str, Software] = {  # of the groups and datasets of a HDF5 file
+    "df_with_missing": "DeepLabCut", "node_names": "SLEAP", "trajectories": "idtracker.ai",
+    "specifications": "NWB", "position": "movement",
+}  # fmt: skip
+
+
+def software_of(path: Path) -> Software:
+    """The program that made a file or folder of tracks; FinloopError if that cannot be told."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        found = _of_folder(path)
+    elif suffix == ".csv":
+        found = _of_csv(path)
+    elif suffix in (".h5", ".hdf5"):
+        found = _of_hdf5(path)
+    else:
+        found = _BY_SUFFIX.get(suffix)
+    if found is None:
+        raise FinloopError(
+            f"which program made {path} cannot be told",
+            f"tracks of {', '.join(get_args(Software))}",
+            "name it: extract.tracks_software; or export tracks in one of these formats",
+        )
+    return found
+
+
+def _of_folder(path: Path) -> Software | None:
+    names = {file.name for file in path.iterdir()}
+    if any(name.startswith(("trajectories", "validated", "with")) for name in names):
+        return "idtracker.ai"
+    suffixes = {Path(name).suffix.lower() for name in names}
+    if ".nwb" in suffixes:
+        return "NWB"
+    if "data" in names or suffixes & {".npz", ".csv"}:
+        return "TRex"
+    return None
+
+
+def _of_csv(path: Path) -> Software | None:
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            header = [name.strip() for name in next(csv.reader(file), [])]
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise unreadable(path, "any program", error) from error
+    first, names = header[0] if header else "", set(header)
+    if first == "scorer":
+        return "DeepLabCut"  # LightningPose writes the same
+    if {"time", "x1", "y1"} <= names or {"frame", "individual", "x", "y"} <= names:
+        return "idtracker.ai"
+    if first == "frame" and any(name.startswith("X") for name in names):
+        return "TRex"
+    if any(name.endswith("_ncams") for name in names):
+        return "Anipose"
+    return "VIA-tracks" if "region_shape_attributes" in names else None
+
+
+def _of_hdf5(path: Path) -> Software | None:
+    h5py = extra("h5py", path)
+    try:
+        with h5py.File(path) as file:
+            keys = set(file)
+    except OSError as error:
+        raise unreadable(path, "any program", error) from error
+    return next((software for key, software in _BY_KEY.items() if key in keys), None)

@@ -1,0 +1,90 @@
+"""Tracks of TRex: a file .npz or .csv for each animal, alone or in a folder.
+
+`X#wcentroid` is the body's centre and `X` the head, both in cm; `cm_per_pixel` says how large a
+pixel is. A CSV does not, so its places stay in cm. Frames that are `missing` are interpolated, and
+left out.
+"""
+
+import re
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.poses import Poses, poses_of
+from finloop.io.poses.extra import unreadable
+
+SOFTWARE, HEAD, CENTRE = "TRex", "head", "centre"
+_CENTRES = ("#wcentroid", "#centroid", "#pcentroid")
+
+
+def read(path: Path) -> Poses:
+    """The poses of a file, of a folder of files, or of a folder whose folder `data` holds them."""
+    files = _files(path)
+    tracks = {file: _fields(file) for file in files}
+    tracks = {file: fields for file, fields in tracks.items() if "frame" in fields}
+    if not tracks:
+        raise unreadable(path, SOFTWARE, "no file of it has `frame` and places")
+    try:
+        animals = [_animal(fields) for fields in tracks.values()]
+    except (KeyError, ValueError) as error:
+        raise unreadable(path, SOFTWARE, f"{error} is missing or of another length") from error
+    times = np.unique(np.concatenate([frame for frame, _ in animals]))
+    places = np.full((len(times), len(animals), 2, 2), np.nan)
+    for number, (frame, points) in enumerate(animals):
+        places[np.searchsorted(times, frame), number] = points
+    return poses_of(_names(list(tracks)), (HEAD, CENTRE), times, places)
+
+
+def _files(path: Path) -> list[Path]:
+    if path.is_file():
+        return [path]
+    home = path / "data" if (path / "data").is_dir() else path
+    for suffix in (".npz", ".csv"):
+        files = [file for file in home.iterdir() if file.suffix.lower() == suffix]
+        if files:
+            return sorted(files, key=_in_order)
+    raise unreadable(path, SOFTWARE, "the folder holds neither .npz nor .csv")
+
+
+def _in_order(path: Path) -> tuple[list[int], str]:
+    """Sort key in which id2 comes before id10."""
+    return [int(number) for number in re.findall(r"\d+", path.stem)], path.name
+
+
+def _names(files: list[Path]) -> tuple[str, ...]:
+    """Names of the animals: what follows the film's name, such as `id3`."""
+    short = [file.stem.rsplit("_", 1)[-1] for file in files]
+    return tuple(short if len(set(short)) == len(short) else [file.stem for file in files])
+
+
+def _fields(path: Path) -> dict[str, np.ndarray]:
+    """The fields of one animal by their names without unit."""
+    try:
+        if path.suffix.lower() == ".csv":
+            table = pd.read_csv(path)
+            return {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
+        with np.load(path, allow_pickle=False) as file:
+            wanted = ("frame", "missing", "cm_per_pixel", "X", "Y")
+            names = [name for name in file.files if name.split("#")[0] in wanted]
+            return {name: file[name] for name in names}
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+        raise unreadable(path, SOFTWARE, error) from error
+
+
+def _animal(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Frames (n,) and places (n, 2, 2) of head and centre; KeyError names what is missing."""
+    frame = fields["frame"].ravel().astype(int)
+    cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
+    seen = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
+    centre = next((one for one in _CENTRES if f"X{one}" in fields), None)
+    nowhere = np.full(len(frame), np.nan)
+    named = [
+        [fields[f"{axis}{source}"].ravel() / cm if known else nowhere for axis in "XY"]
+        for source, known in (("", centre is None or "X" in fields), (centre, centre is not None))
+    ]
+    points = np.stack([np.stack(point, axis=-1) for point in named], axis=1).astype(float)
+    if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # it has found no posture
+        points[:, 0] = np.nan
+    return frame[seen], points[seen]

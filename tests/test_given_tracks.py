@@ -1,0 +1,740 @@
+"""Tracks of other programs: read in every format, laid over the film of drawn carp, refused if false.
+
+The truth of three drawn carp is what the programs would have said. Formats that `movement` reads
+are written by it, or by the program's own library; those tests need the extra `tracks`.
+"""
+
+import json
+import pickle
+import shutil
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from scratch import content, prepare
+
+import stages.clip
+import stages.extract
+import stages.features
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses, poses_of
+from finloop.base.schema import lists_to_points
+from finloop.base.settings import settings
+from finloop.drawn.truth import TRUTH
+from finloop.export.keypoints import deeplabcut
+from finloop.extract.film import Detections
+from finloop.extract.fit import FilmSize, Fit, fit, given_of, keypoint, refuse_other_film
+from finloop.extract.given import Followed, matched
+from finloop.extract.table import GIVEN, tracks_schema
+from finloop.extract.tracks import Spot
+from finloop.features.head import head_first, head_told
+from finloop.features.metrics import against_given
+from finloop.features.table import features
+from finloop.io.poses import load_poses
+from finloop.io.table import load_table, save_csv_in_blocks, save_table
+from finloop.io.video import FRAMES
+
+FRAMES_OF_FILM, FISH = 24, 3
+CARP = ["clip=carp", f"clip.frames={FRAMES_OF_FILM}", f"clip.fish={FISH}", "clip.width_px=360",
+        "clip.height_px=270", "clip.body_length_px=50", "clip.colour=false", "clip.seed=3"]  # fmt: skip
+NAMES = ("anna", "berta", "carl")
+LENGTH = 50.0
+needs_movement = pytest.mark.skipif(
+    find_spec("movement") is None, reason="the extra `tracks` is not installed: make tracks"
+)
+
+
+def truth_as_poses(truth: pd.DataFrame) -> Poses:
+    """What a program that never errs says: head, tail and centre of every carp."""
+    table = truth.sort_values(["frame", "fish_id"])
+    named = [("head_x_px", "head_y_px"), ("tail_x_px", "tail_y_px"), ("x_px", "y_px")]
+    places = np.stack([table[list(pair)].to_numpy() for pair in named], axis=1)
+    places = places.reshape(-1, FISH, 3, 2)
+    return poses_of(
+        NAMES,
+        ("Nose", "tail_tip", "centre"),
+        np.arange(len(places)),
+        places,
+        np.ones(places.shape[:3]),
+    )
+
+
+def arrays(poses: Poses) -> np.ndarray:
+    """Places (frames, individuals, keypoints, 2), NaN where there are none."""
+    places = np.full((poses.frames, len(poses.individuals), *poses.places.shape[1:]), np.nan)
+    places[poses.frame, poses.individual] = poses.places
+    return places
+
+
+@pytest.fixture(scope="module")
+def film(tmp_path_factory):
+    """A folder with the clip of drawn carp; and the truth as poses."""
+    folder = tmp_path_factory.mktemp("film")
+    prepare(folder, *CARP)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        stages.clip.main()
+    return folder, truth_as_poses(load_table(folder / "data/clip/truth.parquet", TRUTH))
+
+
+def trex(folder: Path, poses: Poses, cm_per_pixel: float = 0.02) -> Path:
+    """What TRex exports: a file for each animal."""
+    folder.mkdir()
+    for number, name in enumerate(poses.individuals):
+        rows = poses.individual == number
+        head, centre = (poses.places[rows, k].T * cm_per_pixel for k in (0, 2))
+        np.savez(
+            folder / f"film_{name}.npz", frame=poses.frame[rows], missing=np.zeros(rows.sum()),
+            cm_per_pixel=np.array([cm_per_pixel]), ANGLE=np.zeros(rows.sum()),
+            **{"X": head[0], "Y": head[1], "X#wcentroid": centre[0], "Y#wcentroid": centre[1]},
+        )  # fmt: skip
+    return folder
+
+
+@pytest.fixture(scope="module")
+def extracted(film, tmp_path_factory):
+    """The clip extracted and measured by tracks of a file, here TRex's."""
+    source, poses = film
+    folder = tmp_path_factory.mktemp("extracted")
+    (folder / "data").mkdir()
+    (folder / "data/clip").symlink_to(source / "data/clip")
+    path = trex(folder / "trex", poses)
+    prepare(folder, *CARP, "extract.tracks=file", f"extract.tracks_path={path}")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        stages.extract.main()
+        stages.features.main()
+    return folder
+
+
+def table(folder, name):
+    schema = {"tracks": tracks_schema(33), "given": GIVEN}[name]
+    return load_table(folder / f"data/extract/{name}.parquet", schema)
+
+
+def numbers(folder, stage):
+    return json.loads((folder / f"reports/{stage}/metrics.json").read_text())
+
+
+# --- a whole film --------------------------------------------------------------------------------
+
+
+def test_identities_are_those_of_the_file(extracted, film):
+    tracks, given, poses = table(extracted, "tracks"), table(extracted, "given"), film[1]
+    assert tracks[["track_id", "frame"]].equals(given[["track_id", "frame"]])
+    assert set(given["animal"]) == set(NAMES)
+    places = arrays(poses)
+    animal = given["animal"].map(NAMES.index).to_numpy()
+    assert (tracks["track_id"] % FISH == animal).all()
+    true = places[tracks["frame"], animal]
+    apart = np.hypot(*(tracks[["x_px", "y_px"]].to_numpy() - true[:, 2]).T)
+    assert np.median(apart) < 0.5 and apart.max() < 1.5
+    told = given[["head_x_px", "head_y_px"]].to_numpy()
+    assert np.abs(told - true[:, 0]).max() < 1e-3
+    ways = np.hypot(*(places[None, :, None, :, 2] - places[None, :, :, None, 2])[0].T).T
+    assert ways[ways > 0].min() > LENGTH / 2  # no carp could have been taken for another
+
+
+def test_what_became_of_the_places_is_counted(extracted):
+    made = numbers(extracted, "extract")
+    assert made["places"] == FRAMES_OF_FILM * FISH
+    kinds = ("used", "no_silhouette", "shared", "not_isolated")
+    assert sum(made[f"places_{kind}"] for kind in kinds) == made["places"]
+    assert made["fish_frames"] == made["places_used"] - made["places_in_short_runs"]
+    assert made["fish_frames"] == len(table(extracted, "tracks"))
+    assert made["places_used_share"] > 0.95
+    assert made["animals"] == made["animals_used"] == FISH
+    assert made["places_near_a_silhouette_share"] == 1.0
+
+
+def test_heads_of_the_file_agree_with_those_found(extracted):
+    made = numbers(extracted, "features")
+    assert made["head_told_share"] == 1.0
+    assert made["head_disagreement_share"] == 0.0
+    assert made["head_disagreement_median_deg"] < 15
+    assert made["truth_head_tail_swaps"] == made["truth_identity_changes"] == 0
+
+
+def test_swapped_heads_decide_and_are_reported(extracted):
+    tracks, given = table(extracted, "tracks"), table(extracted, "given")
+    swapped = (given["track_id"] == 1).to_numpy()
+    line = lists_to_points(tracks, "backbone")
+    told = head_told(
+        line, given[["head_x_px", "head_y_px"]].to_numpy(), np.full((len(line), 2), np.nan)
+    )
+    ends = np.where((told == 1)[:, None], line[:, -1], line[:, 0])  # the tail as it was told
+    given.loc[swapped, ["head_x_px", "head_y_px"]] = ends[swapped]
+    made = against_given(tracks, given, 25.0)
+    assert made["head_disagreement_share"] == pytest.approx(swapped.mean())
+    p = settings("features")
+    plain, _ = features(tracks, 25.0, p)
+    led, _ = features(tracks, 25.0, p, given)
+    head, tail = (["head_x_px", "head_y_px"], ["tail_x_px", "tail_y_px"])
+    assert np.allclose(led.loc[swapped, head], plain.loc[swapped, tail])
+    assert np.allclose(led.loc[~swapped, head], plain.loc[~swapped, head])
+    total = led["head_confidence"] + plain["head_confidence"]
+    assert np.allclose(total[swapped], 1.0, atol=1e-5)  # ours stays: it says that they are wrong
+
+
+def test_the_same_again_and_nothing_where_it_fails(extracted, monkeypatch):
+    monkeypatch.chdir(extracted)
+    first = content(extracted / "data/extract")
+    assert "given.parquet" in first
+    prepare(extracted, *CARP, "extract.tracks=file", "extract.tracks_path=/nowhere")
+    with pytest.raises(FinloopError, match="nothing at"):
+        stages.extract.main()
+    assert content(extracted / "data/extract") == first
+
+
+# --- places and silhouettes ----------------------------------------------------------------------
+
+
+def spot(x, y, isolated=True, long=10, wide=4):
+    """A silhouette that is a rectangle about a place."""
+    box = (x - long, y - wide, x + long + 1, y + wide + 1)
+    corners = [
+        (x - long, y - wide),
+        (x + long, y - wide),
+        (x + long, y + wide),
+        (x - long, y + wide),
+    ]
+    outline = np.array(corners, np.int32)[:, None]
+    return Spot(x, y, 4.0 * long * wide, box, isolated, outline)
+
+
+def at(*places):
+    return np.array(places, float)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("places", "spots", "outcomes"),
+    [
+        ([(50, 50)], [(50, 50)], [("used", 0)]),
+        ([(55, 53)], [(50, 50), (90, 50)], [("used", 0)]),
+        ([(50, 62)], [(50, 50)], [("used", 0)]),  # beside it, within a body length
+        ([(50, 75)], [(50, 50)], [("no silhouette", None)]),
+        ([(50, 50)], [], [("no silhouette", None)]),
+        ([(45, 50), (55, 50)], [(50, 50)], [("shared", 0), ("shared", 0)]),
+        ([(50, 50), (50, 62)], [(50, 50)], [("used", 0), ("no silhouette", None)]),
+        ([(50, 40), (50, 62)], [(50, 50)], [("shared", 0), ("shared", 0)]),
+        ([(50, 50), (50, 66)], [(50, 50), (50, 75)], [("used", 0), ("used", 1)]),
+    ],
+)
+def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outcomes):
+    silhouettes = [spot(*one) for one in spots]
+    assert matched(at(*places), silhouettes, 20.0) == outcomes
+    mirrored = matched(at(*places[::-1]), silhouettes, 20.0)
+    assert mirrored == outcomes[::-1]
+
+
+def test_no_animal_is_taken_from_where_none_is_isolated():
+    assert matched(at((50, 50)), [spot(50, 50, isolated=False)], 20.0) == [("not isolated", 0)]
+
+
+def test_of_several_points_those_that_are_given_count():
+    points = np.array([[(41, 50), (np.nan, np.nan), (59, 50)]])
+    assert matched(points, [spot(50, 50), spot(50, 60)], 20.0) == [("used", 0)]
+
+
+def poses_at(places, frames=None, names=None):
+    """Poses of one point for each animal: places (frames, animals, 2)."""
+    places = np.asarray(places, float)[:, :, None]
+    frames = np.arange(len(places)) if frames is None else np.asarray(frames)
+    names = names or tuple("abcdefgh"[: places.shape[1]])
+    return poses_of(names, ("centre",), frames, places)
+
+
+def file_settings(**changes):
+    return settings("extract", tracks="file", tracks_path="somewhere", **changes)
+
+
+def given(poses, shown=None, size=(200, 150), frames=None, **changes):
+    shown = np.arange(poses.frames) if shown is None else np.asarray(shown)
+    film_size = FilmSize(int(shown.max()) + 1 if frames is None else frames, *size)
+    return given_of(poses, shown, film_size, file_settings(**changes))[0]
+
+
+class Anything:
+    """A fish of which nothing is asked."""
+
+
+def run(told, frames, cuts=(), least=3):
+    """Track numbers by frame of toy silhouettes, and what the run has counted."""
+    followed = Followed(told, 20.0, least)
+    seen = (Detections(["fish"] * len(spots), spots, [Anything()] * len(spots)) for spots in frames)
+    rows = [(f.track_id, f.frame) for _, ready in followed.tracks(seen, cuts) for f in ready]
+    return sorted(rows), followed
+
+
+def test_a_gap_or_a_cut_ends_a_track_and_the_animal_stays():
+    count = 20
+    places = np.stack(
+        [np.linspace([30, 30], [130, 30], count), np.linspace([30, 90], [130, 90], count)], 1
+    )
+    places[8:10, 1] = np.nan
+    film = [[spot(*map(int, place)) for place in (frame[0], (frame[0][0], 90))] for frame in places]
+    rows, followed = run(given(poses_at(places)), film, cuts=[15])
+    assert {track for track, _ in rows} == {0, 2, 1, 3, 5}
+    frames = {k: [frame for track, frame in rows if track == k] for k in range(6)}
+    assert frames[0] == list(range(15)) and frames[2] == list(range(15, 20))
+    assert (frames[1], frames[3], frames[5]) == ([*range(8)], [*range(10, 15)], [*range(15, 20)])
+    assert followed.short == 0 and followed.outcomes == {(0, "used"): 20, (1, "used"): 18}
+
+
+def test_short_runs_are_dropped_and_counted():
+    places = np.full((10, 1, 2), np.nan)
+    places[[0, 1, 4, 5, 6]] = 50
+    rows, followed = run(given(poses_at(places)), [[spot(50, 50)]] * 10)
+    assert rows == [(0, 4), (0, 5), (0, 6)] and followed.short == 2
+
+
+def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_drops():
+    places = np.stack([np.arange(20.0) * 5 + 20, np.full(20, 40.0)], 1)[:, None]
+    shown = [5, 6, 6, 8, 9]
+    told = given(poses_at(places), shown, frames=20)
+    assert [told.points[told.rows(k)][0, 0, 0] for k in range(5)] == [45, 50, 50, 60, 65]
+    rows = told.row_of(np.arange(5), np.zeros(5, int))
+    assert told.points[rows, 0, 0].tolist() == [45, 50, 50, 60, 65]
+
+
+def test_points_of_little_confidence_count_as_not_given():
+    poses = poses_at(np.full((4, 1, 2), 50.0))
+    doubtful = Poses(**vars(poses) | {"confidence": np.array([[0.1], [0.9], [np.nan], [0.2]])})
+    assert np.diff(given(doubtful).stop).sum() == 3 and len(given(doubtful).points) == 3
+    with pytest.raises(FinloopError, match=r"confidence of 0\.95"):
+        given(
+            Poses(**vars(doubtful) | {"confidence": np.full((4, 1), 0.5)}),
+            tracks_least_confidence=0.95,
+        )
+
+
+def test_places_are_scaled():
+    told = given(poses_at(np.full((4, 1, 2), 50.0)), tracks_scale=2.0)
+    assert (told.points == 100).all()
+
+
+# --- head and tail -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("names", "expected"),
+    [
+        (("centre", "Nose", "tailBase", "tail_tip"), ("Nose", "tail_tip")),
+        (("head", "snout", "tail"), ("snout", "tail")),
+        (("HEAD", "body"), ("HEAD", None)),
+        (("a", "b"), (None, None)),
+    ],
+)
+def test_common_names_of_head_and_tail_are_known(names, expected):
+    poses = poses_of(("x",), names, np.arange(3), np.full((3, 1, len(names), 2), 50.0))
+    told = given_of(poses, np.arange(3), FilmSize(3, 100, 100), file_settings())
+    assert told[1:] == expected
+    if expected[0]:
+        assert (told[0].head == 50).all()
+
+
+def test_a_named_keypoint_is_taken_or_missed():
+    poses = poses_of(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
+    assert keypoint(poses, "b", (), "tracks_head") == "b"
+    assert keypoint(poses, "none", ("a",), "tracks_head") is None
+    with pytest.raises(FinloopError, match="no keypoint 'nose'"):
+        keypoint(poses, "nose", (), "tracks_head")
+
+
+def test_which_end_is_told_to_be_the_head():
+    line = np.linspace([0, 0], [40, 0], 9)[None].repeat(5, 0)
+    none = [np.nan, np.nan]
+    head = np.array([[1, 2], [38, 1], none, none, [1, 0]])
+    tail = np.array([[41, 0], none, [-2, 0], none, [3, 0]])
+    assert head_told(line, head, tail).tolist() == [1, -1, -1, 0, 1]
+
+
+def test_a_head_that_is_told_now_and_then_leads_the_frames_between():
+    line = np.linspace([40, 0], [0, 0], 9)[None] + np.arange(30)[:, None, None] * [2.0, 0]
+    widths = np.tile(np.linspace(6, 2, 9), (30, 1))
+    first, sure = head_first(line, widths, 25.0)
+    assert first.all()
+    told = np.zeros(30, np.int8)
+    told[[3, 20]] = -1
+    led, doubt = head_first(line, widths, 25.0, told)
+    assert not led.any()
+    assert np.allclose(sure + doubt, 1)
+
+
+# --- bad input -----------------------------------------------------------------------------------
+
+
+def moving(frames=30, animals=3, seed=0):
+    """Animals that swim about in a tank of 200×150 px, and their silhouettes."""
+    rng = np.random.default_rng(seed)
+    rounds = rng.uniform(0, 2 * np.pi, animals) + np.arange(frames)[:, None] * 0.4
+    places = np.stack([100 + 60 * np.cos(rounds), 75 + 45 * np.sin(1.7 * rounds)], -1)
+    return places, [[spot(*place.astype(int)) for place in frame] for frame in places]
+
+
+def found(places, film, names=None):
+    told = given(poses_at(places, names=names))
+    frames = list(range(len(film)))
+    return told, fit(told, frames, film, 12.0)
+
+
+def test_tracks_of_this_film_fit_and_those_of_another_do_not():
+    places, film = moving()
+    size = FilmSize(30, 200, 150)
+    told, good = found(places, film)
+    assert good.share == 1.0 > good.needed > good.chance
+    refuse_other_film(told, good, size)
+    told, bad = found(moving(seed=5)[0] + 3, film)
+    with pytest.raises(FinloopError, match=f"{bad.share:.0%} show an animal"):
+        refuse_other_film(told, bad, size)
+
+
+def test_animals_that_rest_fit_at_all_moments():
+    places = np.tile([[[50.0, 50.0], [120.0, 90.0]]], (20, 1, 1))
+    told, good = found(places, [[spot(50, 50), spot(120, 90)]] * 20)
+    assert good.chance == good.share == 1.0
+    refuse_other_film(told, good, FilmSize(20, 200, 150))
+
+
+def test_more_animals_than_there_are_is_said():
+    places, film = moving()
+    ghosts = np.stack([np.tile([5.0 + 35 * k, 5.0], (30, 1)) for k in range(5)], axis=1)
+    told, bad = found(np.concatenate([places, ghosts], axis=1), film, tuple("abcdefgh"))
+    assert bad.lost == (3, 4, 5, 6, 7) and bad.seen == 3
+    with pytest.raises(
+        FinloopError, match=r"8 animals(.|\n)*At most 3 silhouettes(.|\n)*d, e, f, g, h"
+    ):
+        refuse_other_film(told, bad, FilmSize(30, 200, 150))
+
+
+@pytest.mark.parametrize(
+    ("places", "changes", "said"),
+    [
+        (np.random.default_rng(0).random((9, 2, 2)), {}, "shares of the picture"),
+        (np.full((9, 2, 2), 400.0), {}, "100% of the places lie outside"),
+        (np.full((9, 2, 2), 50.0), {"tracks_scale": 10.0}, "outside the picture"),
+        (np.full((9, 2, 2), -50.0), {}, "outside the picture"),
+        (np.full((60, 2, 2), 50.0), {"frames": 9, "shown": range(9)}, "film has 9 frames"),
+        (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(90)}, "at least half of the clip"),
+        (np.full((9, 2, 2), 50.0), {"frames": 90, "shown": range(40, 50)}, "whatever clip.start_s"),
+    ],
+)
+def test_other_units_and_other_lengths_are_said(places, changes, said):
+    with pytest.raises(FinloopError) as caught:
+        given(poses_at(places), **changes)
+    assert said in str(caught.value)
+
+
+def test_a_few_frames_more_or_fewer_are_no_fault():
+    places = np.full((40, 1, 2), 50.0)
+    assert given(poses_at(places), range(38), frames=38).stop[-1] == 38
+    assert given(poses_at(places), range(60), frames=60).stop[-1] == 40
+
+
+def test_the_share_needed_lies_between_chance_and_all():
+    needed = [Fit(1.0, chance, 9, (), 1).needed for chance in (0.0, 0.4, 0.9)]
+    assert needed == [0.5, 0.7, 0.9]
+
+
+@pytest.mark.parametrize(
+    ("name", "made", "said"),
+    [
+        ("a.txt", b"1 2 3", "cannot be told"),
+        ("a.csv", b"p,q\n1,2\n", "cannot be told"),
+        ("a.csv", b"", "cannot be told"),
+        ("a.csv", b"\xff\xfe\x00scorer", "cannot be read"),
+        ("a.npz", b"no zip", "tracks of TRex"),
+        ("a.npy", b"\x93NUMPY", "tracks of idtracker.ai"),
+        ("a.parquet", b"PAR1", "tracks of idtracker.ai"),
+    ],
+)
+def test_a_file_that_is_none_is_said(tmp_path, name, made, said):
+    (tmp_path / name).write_bytes(made)
+    with pytest.raises(FinloopError, match=said):
+        load_poses(tmp_path / name, None, 25.0)
+
+
+def test_an_empty_folder_and_tracks_without_a_place_are_said(tmp_path):
+    with pytest.raises(FinloopError, match="cannot be told"):
+        load_poses(tmp_path, None, 25.0)
+    np.save(tmp_path / "a.npy", np.full((5, 2, 2), np.nan))
+    with pytest.raises(FinloopError, match="nowhere where an animal is"):
+        load_poses(tmp_path / "a.npy", None, 25.0)
+
+
+def test_the_missing_extra_is_named(tmp_path, monkeypatch, film):
+    monkeypatch.setattr(
+        "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
+    )
+    save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut(film[1]), decimals=3)
+    with pytest.raises(FinloopError, match="extra `tracks`") as caught:
+        load_poses(tmp_path / "tracks.csv", None, 25.0)
+    assert caught.value.do == "make tracks"
+
+
+def test_a_clip_without_its_frames_is_said(film, extracted, tmp_path, monkeypatch):
+    shutil.copytree(film[0] / "data/clip", tmp_path / "data/clip")
+    (tmp_path / "data/clip/frames.parquet").unlink()
+    path = extracted / "trex"
+    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path={path}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FinloopError, match=r"frames\.parquet"):
+        stages.extract.main()
+    save_table(
+        tmp_path / "data/clip/frames.parquet",
+        pd.DataFrame({"frame": range(24), "source_frame": range(100, 124)}),
+        FRAMES,
+    )
+    with pytest.raises(FinloopError, match="frames 100 … 123"):
+        stages.extract.main()
+
+
+def test_a_path_without_need_and_a_need_without_path_are_refused():
+    with pytest.raises(FinloopError, match="needs tracks_path"):
+        settings("extract", tracks="file")
+    with pytest.raises(FinloopError, match="has no use"):
+        settings("extract", tracks_path="a.h5")
+
+
+# --- formats -------------------------------------------------------------------------------------
+
+
+def idtracker(places, **more):
+    """What idtracker.ai keeps of its trajectories."""
+    return {
+        "trajectories": places, "identities_labels": list(NAMES), "frames_per_second": 25.0,
+        "video_paths": [Path("film.mp4")], "areas": {"mean": np.ones(3)}, "length_unit": None, **more,
+    }  # fmt: skip
+
+
+def long_table(places):
+    frame, animal = (one.ravel() for one in np.indices(places.shape[:2]))
+    x, y = places.reshape(-1, 2).T
+    return pd.DataFrame({"frame": frame, "time": frame / 25, "individual": animal, "x": x, "y": y})
+
+
+def wide_table(places):
+    table = pd.DataFrame(
+        places.reshape(len(places), -1), columns=[f"{c}{k}" for k in (1, 2, 3) for c in "xy"]
+    )
+    table.insert(0, "time", np.arange(len(places)) / 25)
+    return table
+
+
+def as_npy(folder, places):
+    home = folder / "session_film" / "trajectories"
+    home.mkdir(parents=True)
+    np.save(home / "trajectories.npy", np.array(idtracker(places), dtype=object))
+    return folder / "session_film"
+
+
+def as_pickle(folder, places):
+    (folder / "with_gaps.pickle").write_bytes(pickle.dumps(idtracker(places)))
+    return folder
+
+
+def as_csv_folder(folder, places):
+    home = folder / "trajectories_csv"
+    home.mkdir()
+    wide_table(places).to_csv(home / "trajectories.csv", index=False)
+    (home / "attributes.json").write_text(json.dumps({"identities_labels": NAMES}))
+    return home / "trajectories.csv"
+
+
+def as_tidy(folder, places):
+    long_table(places).to_csv(folder / "trajectories_tidy.csv", index=False)
+    (folder / "attributes_tidy.json").write_text(json.dumps({"identities_labels": NAMES}))
+    return folder / "trajectories_tidy.csv"
+
+
+def as_parquet(folder, places):
+    frame = long_table(places)
+    frame.attrs = {}
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    facts = json.dumps({"identities_labels": NAMES})
+    plain = pa.Table.from_pandas(frame)
+    pq.write_table(
+        plain.replace_schema_metadata({**plain.schema.metadata, "idtrackerai_attributes": facts}),
+        folder / "trajectories.parquet",
+    )
+    return folder / "trajectories.parquet"
+
+
+def as_hdf5(folder, places):
+    h5py = pytest.importorskip("h5py", reason="the extra `tracks` is not installed: make tracks")
+    with h5py.File(folder / "trajectories.h5", "w") as file:
+        file.create_dataset("trajectories", data=places)
+        file.attrs["identities_labels"] = list(NAMES)
+    return folder / "trajectories.h5"
+
+
+@pytest.mark.parametrize("write", [as_npy, as_pickle, as_csv_folder, as_tidy, as_parquet, as_hdf5])
+def test_trajectories_of_idtracker(tmp_path, film, write):
+    places = arrays(film[1])[:, :, 2].copy()
+    places[3, 1] = np.nan
+    poses = load_poses(write(tmp_path, places), None, 25.0)
+    assert (poses.individuals, poses.keypoints, poses.frames) == (
+        NAMES,
+        ("centre",),
+        FRAMES_OF_FILM,
+    )
+    np.testing.assert_allclose(arrays(poses)[:, :, 0], places, atol=1e-9)
+    assert len(poses.frame) == FRAMES_OF_FILM * FISH - 1 and np.isnan(poses.confidence).all()
+
+
+def test_old_trajectories_without_names_and_a_bare_array(tmp_path, film):
+    places = arrays(film[1])[:, :, 2]
+    np.save(tmp_path / "a.npy", places)
+    np.save(tmp_path / "b.npy", np.array({"trajectories": places}, dtype=object))
+    for name in "ab":
+        poses = load_poses(tmp_path / f"{name}.npy", None, 25.0)
+        assert poses.individuals == ("1", "2", "3")
+        np.testing.assert_array_equal(arrays(poses)[:, :, 0], places)
+
+
+class Runs:
+    """A pickle that would run a program."""
+
+    def __reduce__(self):
+        return print, ("run",)
+
+
+def test_a_pickle_that_would_run_something_is_refused(tmp_path, capsys):
+    np.save(tmp_path / "a.npy", np.array({"trajectories": Runs()}, dtype=object))
+    with pytest.raises(FinloopError, match=r"would run builtins\.print"):
+        load_poses(tmp_path / "a.npy", None, 25.0)
+    assert capsys.readouterr().out == ""
+
+
+def test_tracks_of_trex(tmp_path, film):
+    poses = load_poses(trex(tmp_path / "data", film[1]).parent, None, 25.0)
+    assert (poses.individuals, poses.keypoints) == (NAMES, ("head", "centre"))
+    np.testing.assert_allclose(arrays(poses), arrays(film[1])[:, :, [0, 2]], atol=1e-9)
+    one = load_poses(tmp_path / "data/film_berta.npz", None, 25.0)
+    assert one.individuals == ("berta",)
+    np.testing.assert_allclose(one.places, poses.places[poses.individual == 1])
+
+
+def test_what_trex_has_interpolated_is_left_out_and_no_posture_is_no_head(tmp_path):
+    x = np.array([1.0, 2.0, np.inf, 4.0])
+    fields = {"X": x, "Y": x, "X#wcentroid": x, "Y#wcentroid": x}
+    np.savez(
+        tmp_path / "f_id0.npz",
+        frame=[7, 8, 9, 10],
+        missing=[0, 1, 0, 0],
+        cm_per_pixel=[0.1],
+        **fields,
+    )
+    poses = load_poses(tmp_path / "f_id0.npz", None, 25.0)
+    assert poses.frame.tolist() == [7, 10]
+    assert np.isnan(poses.places[:, 0]).all() and poses.places[:, 1, 0].tolist() == [10, 40]
+    table = pd.DataFrame({"frame": [1, 2], "X (cm)": [3, 4], "Y (cm)": [5, 6], "missing": [0, 0]})
+    table.to_csv(tmp_path / "f_id1.csv", index=False)
+    poses = load_poses(tmp_path / "f_id1.csv", None, 25.0)
+    assert poses.places[:, 0].tolist() == [[3, 5], [4, 6]]
+
+
+@pytest.fixture
+def dataset(film):
+    """The truth as movement's dataset, in seconds."""
+    load = pytest.importorskip("movement.io.load_poses")
+    places = arrays(film[1])
+    return load.from_numpy(
+        position_array=places.transpose(0, 3, 2, 1), confidence_array=np.ones(places.shape[:3]).transpose(0, 2, 1),
+        individual_names=list(NAMES), keypoint_names=list(film[1].keypoints), fps=25, source_software="truth",
+    )  # fmt: skip
+
+
+def by_library(folder, dataset, poses, kind):
+    """The truth as each program writes it, by movement or the program's own library."""
+    from movement.io import save_poses
+
+    if kind == "DeepLabCut csv":
+        save_csv_in_blocks(folder / "a.csv", deeplabcut(poses), decimals=4)
+        return folder / "a.csv"
+    if kind == "DeepLabCut h5":
+        save_poses.to_dlc_file(dataset, folder / "a.h5", split_individuals=False)
+        return folder / "a.h5"
+    if kind == "SLEAP h5":
+        save_poses.to_sleap_analysis_file(dataset, folder / "a.h5")
+        return folder / "a.h5"
+    if kind == "SLEAP slp":
+        return as_slp(folder / "a.slp", poses)
+    if kind == "movement":
+        dataset.to_netcdf(folder / "a.nc", engine="h5netcdf")
+        return folder / "a.nc"
+    from pynwb import NWBHDF5IO
+
+    for name, file in zip(NAMES, save_poses.to_nwb_file(dataset), strict=True):
+        with NWBHDF5IO(folder / f"{name}.nwb", mode="w") as io:
+            io.write(file)
+    return folder
+
+
+def as_slp(path, poses):
+    import sleap_io as sio
+
+    skeleton, video = sio.Skeleton(list(poses.keypoints)), sio.Video("film.mp4", open_backend=False)
+    tracks = [sio.Track(name) for name in NAMES]
+    frames = [
+        sio.LabeledFrame(video=video, frame_idx=int(frame), instances=[
+            sio.PredictedInstance.from_numpy(
+                poses.places[row], skeleton=skeleton, point_scores=np.ones(3), score=1.0,
+                track=tracks[poses.individual[row]],
+            )
+            for row in np.flatnonzero(poses.frame == frame)
+        ])
+        for frame in np.unique(poses.frame)
+    ]  # fmt: skip
+    sio.Labels(frames).save(str(path))
+    return path
+
+
+@needs_movement
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(
+    "kind", ["DeepLabCut csv", "DeepLabCut h5", "SLEAP h5", "SLEAP slp", "movement", "NWB"]
+)
+def test_what_movement_reads(tmp_path, film, dataset, kind):
+    poses = load_poses(by_library(tmp_path, dataset, film[1], kind), None, 25.0)
+    order = [poses.individuals.index(name) for name in NAMES]
+    points = [poses.keypoints.index(name) for name in film[1].keypoints]
+    assert sorted(poses.individuals) == list(NAMES) and poses.frames == FRAMES_OF_FILM
+    np.testing.assert_allclose(arrays(poses)[:, order][:, :, points], arrays(film[1]), atol=1e-3)
+    np.testing.assert_allclose(poses.confidence, 1)
+
+
+@needs_movement
+@pytest.mark.filterwarnings("ignore")
+def test_one_animal_of_lightning_pose_and_three_dimensions_of_anipose(tmp_path, dataset):
+    from movement.io import save_poses
+
+    one = dataset.sel(individuals=["berta"])
+    save_poses.to_lp_file(one, tmp_path / "a.csv")
+    (path,) = tmp_path.glob("a*.csv")
+    for software in (None, "LightningPose"):
+        poses = load_poses(path, software, 25.0)
+        position = one.position.transpose("time", "individuals", "keypoints", "space")
+        np.testing.assert_allclose(arrays(poses), position, atol=1e-3)
+    columns = [f"{k}_{c}" for k in "pq" for c in ("x", "y", "z", "error", "ncams", "score")]
+    columns += [
+        *(f"center_{k}" for k in range(3)),
+        *(f"M_{i}{j}" for i in range(3) for j in range(3)),
+    ]
+    flat = pd.DataFrame(np.ones((4, len(columns))), columns=columns).assign(fnum=range(4))
+    flat.to_csv(tmp_path / "b.csv", index=False)
+    with pytest.raises(FinloopError, match="3 dimensions"):
+        load_poses(tmp_path / "b.csv", None, 25.0)
+
+
+@needs_movement
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", ["a.slp", "a.nwb", "a.nc", "a.h5"])
+def test_a_damaged_file_is_said(tmp_path, name):
+    (tmp_path / name).write_bytes(b"\x89HDF\r\n\x1a\n and no more")
+    with pytest.raises(FinloopError, match="cannot be read as tracks"):
+        load_poses(tmp_path / name, None, 25.0)
