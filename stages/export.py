@@ -14,9 +14,12 @@ from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, Image, cut_out, cycle, flat, readable, way
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
+from finloop.extract.table import GIVEN, GIVEN_NAME
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.poses.netcdf import save_netcdf
+from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -78,7 +81,9 @@ def main() -> None:
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
     least = round(p.tracks_least_s * facts.frame_rate)
-    points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most)
+    named = DATA / "extract" / GIVEN_NAME
+    animals = load_table(named, GIVEN, ["animal"])["animal"] if named.exists() else None
+    points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
     with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:
         made = films(folder, p, edit, sprites, gallery)
         save_json(folder / "films.json", made)
@@ -90,6 +95,10 @@ def main() -> None:
         save_csv(folder / f"{p.mode}.csv", flat(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
+        if p.tracks_netcdf:
+            save_netcdf(folder / "tracks.nc", points, facts.frame_rate)
+        if p.tracks_nwb:
+            save_nwb(folder / "nwb", points, facts.frame_rate)
     save_metrics(
         REPORT / "metrics.json",
         {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}

@@ -5,6 +5,7 @@ A toy fish is a soft drop of known mass centre, drawn here.
 
 import json
 from fractions import Fraction
+from importlib.util import find_spec
 
 import av
 import cv2
@@ -21,13 +22,17 @@ import stages.sprites
 from finloop.animate.edit_list import EDIT
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
 from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
-from finloop.export.tracks import Poses, poses
-from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
+from finloop.export.tracks import poses
+from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.poses import load_poses
+from finloop.io.poses.netcdf import save_netcdf
+from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
@@ -323,14 +328,106 @@ def test_short_tracks_are_left_out_and_of_the_rest_the_longest_stay():
         poses(*tables, 20, 1, 10, 9)
 
 
+def test_another_programs_animals_are_each_one_whatever_their_tracks():
+    tracks, features = tracked({1: 3, 2: 9, 3: 5, 4: 7})
+    tracks.loc[tracks["track_id"] == 3, "frame"] += 20
+    animals = tracks["track_id"].map({1: "berta", 2: "anna", 3: "berta", 4: "carl"})
+    found = poses(tracks, features, 40, 0, 8, 9, animals)
+    assert found.individuals == ("anna", "berta") and len(found.frame) == 9 + 3 + 5
+    berta = found.individual == 1
+    assert found.frame[berta].tolist() == [*range(2, 5), *range(22, 27)]
+    assert found.places[berta, 0, 1].tolist() == [10.0] * 3 + [30.0] * 5
+
+
+def some_poses():
+    """Two fish in eight frames, each in two of them."""
+    rng = np.random.default_rng(0)
+    return Poses(
+        ("track_4", "track_8"), ("head", "tail", "centre"), 8, np.array([0, 1, 0, 1]),
+        np.array([0, 0, 4, 6]), rng.uniform(-5, 900, (4, 3, 2)), rng.random((4, 3)),
+    )  # fmt: skip
+
+
+def compared(dataset, given, individuals):
+    """Whether a dataset of movement holds these poses and nothing else."""
+    position = dataset.position.transpose("time", "individuals", "keypoints", "space")
+    assert [str(name) for name in dataset.individuals.values] == [
+        given.individuals[k] for k in individuals
+    ]
+    assert [str(name) for name in dataset.keypoints.values] == list(given.keypoints)
+    assert list(dataset.space.values) == ["x", "y"]
+    np.testing.assert_allclose(dataset.time, np.arange(8) / float(RATE), atol=1e-6)
+    rows = np.isin(given.individual, individuals)
+    fish = given.individual[rows] - individuals[0]
+    assert np.isfinite(position.values).sum() == rows.sum() * 6
+    np.testing.assert_allclose(
+        position.values[given.frame[rows], fish], given.places[rows], atol=1e-3
+    )
+    confidence = dataset.confidence.transpose("time", "individuals", "keypoints").values
+    np.testing.assert_allclose(
+        confidence[given.frame[rows], fish], given.confidence[rows], atol=1e-6
+    )
+
+
+@pytest.mark.filterwarnings("ignore")  # of movement and of what it imports
+def test_movements_netcdf_is_read_by_xarray_and_valid_for_movement(tmp_path):
+    pytest.importorskip("movement", reason="the extra `tracks` is not installed: make tracks")
+    import xarray
+    from movement.io import save_poses
+    from movement.validators.datasets import ValidPosesInputs
+
+    given = some_poses()
+    save_netcdf(tmp_path / "tracks.nc", given, RATE)
+    for engine in ("h5netcdf", "netcdf4"):
+        dataset = xarray.load_dataset(tmp_path / "tracks.nc", engine=engine)
+        compared(dataset, given, [0, 1])
+    ValidPosesInputs.validate(dataset)
+    assert (dataset.fps, dataset.time_unit, dataset.ds_type) == (float(RATE), "seconds", "poses")
+    save_poses.to_dlc_file(dataset, tmp_path / "again.csv", split_individuals=False)
+    again = load_poses(tmp_path / "again.csv", None, 25.0)
+    assert again.individuals == given.individuals
+    np.testing.assert_allclose(again.places, given.places, atol=1e-3)
+    back = load_poses(tmp_path / "tracks.nc", None, 25.0)
+    assert back.frame.tolist() == given.frame.tolist()
+    np.testing.assert_allclose(back.places, given.places, atol=1e-3)
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_nwb_is_read_by_pynwb_and_by_movement(tmp_path):
+    pytest.importorskip("movement", reason="the extra `tracks` is not installed: make tracks")
+    from movement.io import load_dataset
+    from pynwb import NWBHDF5IO
+
+    given = some_poses()
+    save_nwb(tmp_path / "nwb", given, RATE)
+    assert {path.name for path in (tmp_path / "nwb").iterdir()} == {"track_4.nwb", "track_8.nwb"}
+    for number, name in enumerate(given.individuals):
+        with NWBHDF5IO(tmp_path / f"nwb/{name}.nwb", "r") as file:
+            read = file.read()
+            pose = read.processing["behavior"]["PoseEstimation"]
+            assert (read.identifier, pose.source_software) == (name, "finloop")
+            assert set(pose.pose_estimation_series) == set(given.keypoints)
+            head = np.asarray(pose.pose_estimation_series["head"].data)
+        rows = given.individual == number
+        np.testing.assert_allclose(head[given.frame[rows]], given.places[rows, 0])
+        dataset = load_dataset(tmp_path / f"nwb/{name}.nwb", source_software="NWB")
+        compared(dataset.sel(keypoints=list(given.keypoints)), given, [number])
+
+
+def test_formats_of_the_extra_name_it_where_it_is_missing(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        "finloop.io.poses.extra.import_module", lambda name: __import__("no_" + name)
+    )
+    for save, name in ((save_netcdf, "tracks.nc"), (save_nwb, "nwb")):
+        with pytest.raises(FinloopError, match="extra `tracks`"):
+            save(tmp_path / name, some_poses(), RATE)
+    assert not content(tmp_path)
+
+
 @pytest.mark.parametrize("block", [3, 1024])
 def test_deeplabcuts_layout_is_read_by_pandas(tmp_path, block):
-    rng = np.random.default_rng(0)
-    individual, frame = np.array([0, 1, 0, 1]), np.array([0, 0, 4, 6])
-    given = Poses(
-        ("track_4", "track_8"), ("head", "tail", "centre"), 8, individual, frame,
-        rng.uniform(-5, 900, (4, 3, 2)), rng.random((4, 3)),
-    )  # fmt: skip
+    given = some_poses()
+    individual, frame = given.individual, given.frame
     save_csv_in_blocks(tmp_path / "tracks.csv", deeplabcut(given, block), decimals=3)
     found = pd.read_csv(tmp_path / "tracks.csv", header=[0, 1, 2, 3], index_col=0)
     assert list(found.columns.names) == ["scorer", "individuals", "bodyparts", "coords"]
@@ -395,6 +492,21 @@ def folder(tmp_path, monkeypatch):
     edit = edit_list(TICKS, kind=kinds, source=np.where(sprite, 0, ticks), orientation=number)
     save_table(data / "animate/nn.parquet", edit, EDIT)
     return tmp_path
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_the_stage_names_another_programs_animals_and_writes_its_formats(folder):
+    given = pd.DataFrame({"track_id": 5, "frame": range(FRAMES), "animal": "anna"})
+    given[["head_x_px", "head_y_px", "tail_x_px", "tail_y_px"]] = np.nan
+    save_table(folder / "data/extract/given.parquet", given, GIVEN)
+    extra = find_spec("movement") is not None
+    asked = ["export.tracks_netcdf=true", "export.tracks_nwb=true"] if extra else []
+    prepare(folder, *TINY_CARP, "export.mode=nn", "export.webp_seconds=0.2", *asked)
+    stages.export.main()
+    out = folder / "data/export"
+    header = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0, nrows=1).columns
+    assert set(header.get_level_values("individuals")) == {"anna"}
+    assert (out / "tracks.nc").exists() == (out / "nwb/anna.nwb").exists() == extra
 
 
 def test_the_stage_hands_everything_on(folder):

@@ -1,5 +1,6 @@
 """Poses: named points of every animal in every frame, as programs that study behaviour do it."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -31,6 +32,23 @@ class Poses:
     frame: NDArray[np.int64]
     places: NDArray[np.float64]
     confidence: NDArray[np.float64]
+
+
+BLOCK = 1024  # frames made at a time, so that a long film does not have to fit into memory
+
+
+def blocks(poses: Poses, block: int = BLOCK) -> Iterator[tuple[int, Floats]]:
+    """Every frame, `block` frames at a time: the first one, and x, y, confidence of all points.
+
+    The array is (frames of the block, individuals, keypoints, 3), NaN where there is none.
+    """
+    values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
+    for start in range(0, poses.frames, block):
+        stop = min(start + block, poses.frames)
+        first, last = np.searchsorted(poses.frame, [start, stop])
+        cells = np.full((stop - start, len(poses.individuals), *values.shape[1:]), np.nan)
+        cells[poses.frame[first:last] - start, poses.individual[first:last]] = values[first:last]
+        yield start, cells
 
 
 def poses_of(

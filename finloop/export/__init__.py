@@ -8,5 +8,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "pictures": ["cut_out", "cycle", "readable", "way"], "keypoints": ["deeplabcut"],
-    "tracks": ["Poses", "poses"],
+    "tracks": ["poses"],
 })  # fmt: skip

@@ -10,10 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from finloop.base.poses import Poses
+from finloop.base.poses import BLOCK, Poses, blocks
 
 SCORER = "finloop"
-BLOCK = 1024  # frames made at a time, so that a long clip does not have to fit into memory
 
 
 def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
@@ -22,10 +21,6 @@ def deeplabcut(poses: Poses, block: int = BLOCK) -> Iterator[pd.DataFrame]:
         [[SCORER], poses.individuals, poses.keypoints, ["x", "y", "likelihood"]],
         names=["scorer", "individuals", "bodyparts", "coords"],
     )
-    values = np.concatenate([poses.places, poses.confidence[..., None]], axis=2)
-    for start in range(0, poses.frames, block):
-        frames = np.arange(start, min(start + block, poses.frames))
-        first, last = np.searchsorted(poses.frame, [start, start + block])
-        cells = np.full((len(frames), len(poses.individuals), *values.shape[1:]), np.nan)
-        cells[poses.frame[first:last] - start, poses.individual[first:last]] = values[first:last]
-        yield pd.DataFrame(cells.reshape(len(frames), -1), frames, columns)
+    for start, cells in blocks(poses, block):
+        frames = np.arange(start, start + len(cells))
+        yield pd.DataFrame(cells.reshape(len(cells), -1), frames, columns)

@@ -23,3 +23,7 @@ class Settings:
     tracks_least_s: NotNegative  # s; shorter tracks are left out of tracks.csv
     # the longest so many tracks are in it: each has columns of its own
     tracks_most: Annotated[int, Field(ge=1, le=1000)]
+    tracks_netcdf: (
+        bool  # whether they are written as tracks.nc of movement, too; wants `make tracks`
+    )
+    tracks_nwb: bool  # whether they are written as nwb/<animal>.nwb, too; wants `make tracks`

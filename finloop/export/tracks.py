@@ -21,6 +21,7 @@ def poses(
     body_points: int,
     least_frames: int,
     most: int,
+    animals: pd.Series | None = None,
 ) -> Poses:
     """Head, points of the backbone at equal distances, tail and mass centre of every track.
 
@@ -30,9 +31,11 @@ def poses(
     tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
     head_confidence of the feature table, whose rows are the same; frames: of the clip, also those
     without a fish; body_points: between head and tail, at least 0; least_frames, most: the shortest
-    track, and how many at the most, the longest first.
+    track, and how many at the most, the longest first; animals: names, beside `tracks`, of another
+    program's animals: then each of them is one, not each of its tracks.
     """
-    length = tracks.groupby("track_id").size()
+    who = tracks["track_id"] if animals is None else animals
+    length = who.groupby(who).size()
     kept = length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
     if kept.empty:
         longest = length.max() if len(length) else 0
@@ -42,8 +45,8 @@ def poses(
             "lower export.tracks_least_s",
         )
     ids = np.sort(kept)
-    rows = pd.concat([tracks, features], axis=1)[tracks["track_id"].isin(ids)]
-    rows = rows.sort_values(["frame", "track_id"], ignore_index=True)
+    rows = pd.concat([tracks, features], axis=1).assign(who=who)[who.isin(ids)]
+    rows = rows.sort_values(["frame", "who"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
     line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
     places = at_places(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
@@ -51,10 +54,10 @@ def poses(
     sure = rows["head_confidence"].to_numpy(float)[:, None]
     body = [f"body_{n}" for n in range(1, body_points + 1)]
     return Poses(
-        tuple(f"track_{number}" for number in ids),
+        tuple(f"track_{one}" if animals is None else str(one) for one in ids),
         (HEAD, *body, TAIL, CENTRE),
         frames,
-        np.searchsorted(ids, rows["track_id"].to_numpy()),
+        np.searchsorted(ids, rows["who"].to_numpy()),
         rows["frame"].to_numpy(np.int64),
         np.concatenate([places, centre[:, None]], axis=1),
         np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),

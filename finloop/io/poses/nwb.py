@@ -1,0 +1,47 @@
+"""Poses as NWB with the extension ndx-pose: a file for each animal, as that format wants it."""
+
+import warnings
+from dataclasses import replace
+from datetime import UTC, datetime
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+
+from finloop.base.poses import Poses, blocks
+from finloop.io.poses.extra import extra
+from finloop.io.poses.netcdf import SOFTWARE
+
+_UNKNOWN = datetime(1970, 1, 1, tzinfo=UTC)
+_ABOUT = (
+    "Points of one animal in a film, in px. Times are from the beginning of the film; when it was "
+    "taken is not known, and session_start_time says 1970."
+)
+
+
+def save_nwb(folder: Path, poses: Poses, rate: Fraction) -> None:
+    """Write <animal>.nwb for every animal into a new folder; `rate`: frames per second.
+
+    FinloopError if the extra `tracks` is not installed.
+    """
+    load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
+    config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)
+    extra("loguru", folder).logger.disable("movement")
+    folder.mkdir(parents=True)
+    for number, name in enumerate(poses.individuals):
+        rows = poses.individual == number
+        one = replace(
+            poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
+            frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
+        )  # fmt: skip
+        cells = np.concatenate([block for _, block in blocks(one)])
+        about = {"identifier": name, "session_description": _ABOUT, "session_start_time": _UNKNOWN}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            dataset = load.from_numpy(
+                cells[..., :2].transpose(0, 3, 2, 1), cells[..., 2].transpose(0, 2, 1),
+                [name], list(poses.keypoints), float(rate), SOFTWARE,
+            )  # fmt: skip
+            made = save.to_nwb_file(dataset, config(nwbfile_kwargs=about))
+            with pynwb.NWBHDF5IO(folder / f"{name}.nwb", "w") as file:
+                file.write(made)
