@@ -5,11 +5,13 @@ The door from `extract.given` to files; `extraction` comes this way where tracks
 
 from collections import Counter
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
+from finloop.base.errors import FinloopError
 from finloop.extract import film
 from finloop.extract.background import Scene
 from finloop.extract.fit import FilmSize, Fit, fit, given_of, refuse_other_film
@@ -30,6 +32,30 @@ class GivenTracks:
     head: str | None
     tail: str | None
     film: FilmSize
+
+
+def tracks_of(film: Path, pattern: str) -> str:
+    """The path of the tracks of one of several films.
+
+    pattern: in which {folder} and {name} stand for the film's, without ending, and `*`, `?`, `[…]`
+    for what is not known. FinloopError if it fits none, or more than one.
+    """
+    if "{name}" not in pattern and "{folder}" not in pattern:
+        raise FinloopError(
+            f"several films, and one file of tracks: {pattern}",
+            "a file for each film",
+            'name the film in extract.tracks_path: "{folder}/{name}*.h5"; or give one film alone',
+        )
+    folder, name = escape(str(film.absolute().parent)), escape(film.stem)
+    path = Path(pattern.replace("{folder}", folder).replace("{name}", name)).expanduser().absolute()
+    found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+    if len(found) != 1:
+        raise FinloopError(
+            f"{len(found)} tracks of {film} lie at {path}" + "".join(f"\n    {f}" for f in found),
+            "one file, or folder, of tracks for each film",
+            "correct extract.tracks_path, so that it fits that file alone",
+        )
+    return str(found[0])
 
 
 def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
@@ -82,7 +108,7 @@ def given_metrics(tracks: GivenTracks, followed: Followed, found: Fit) -> dict[s
         "places_used_share": (total["used"] - followed.short) / max(1, total.total()),
         "places_near_a_silhouette_share": found.share,
         "places_near_by_chance_share": found.chance,
-        "animals": len(given.names),
+        "animals": len({animal for animal, _ in followed.outcomes}),
         "animals_used": len({animal for animal, what in followed.outcomes if what == "used"}),
         "frames_without_place": int((given.stop == given.start).sum()),
         "places_with_head_share": float(np.isfinite(given.head).all(axis=1).mean()),

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.extract.alike import Likeness, alike, levels, likeness, measured_alike
-from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.extraction import BACKGROUND_NAME, SCENE_NAME
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
@@ -50,6 +50,8 @@ class Film(NamedTuple):
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Brought]:
     """Write tracks, cut-outs, scene and background of several films beside their folders.
 
+    Where tracks are from files, what these say of the rows, too.
+
     `errors`: of the films, by name, in which nothing could be followed. FinloopError if the first
     is among them: the animation is shown in its tank.
     """
@@ -68,6 +70,9 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
     with ExitStack() as stack:
         schema = tracks_schema(scene.points)
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, schema))
+        write_given = None
+        if (folder / FILMS / parts[0].name / GIVEN_NAME).exists():
+            write_given = stack.enter_context(table_writer(folder / GIVEN_NAME, GIVEN))
         cutouts = stack.enter_context(CutoutWriter(folder / CUTOUTS_NAME))
         for part in parts:
             if part.name in errors:
@@ -89,9 +94,24 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
                     "int32"
                 )
                 write(table)
+                if write_given:
+                    write_given(_given(folder, part, rows, table, like))
                 _copy(cutouts, store, rows, table, like)
             brought.append(Brought(part.name, len(rows), len(ids), like))
     return brought
+
+
+def _given(
+    folder: Path, part: Part, rows: Rows, table: pd.DataFrame, like: Likeness
+) -> pd.DataFrame:
+    """What another program's tracks of a film say of these rows, beside them in the common table.
+
+    An animal has the name of its film before its own: of number 1 there is one in every film.
+    """
+    told = load_table(folder / FILMS / part.name / GIVEN_NAME, GIVEN).iloc[rows]
+    told = measured_alike(told.reset_index(drop=True), Likeness(like.scale))
+    names = part.name + "-" + told["animal"].astype(str)
+    return told.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
 def _load(part: Part, clip: Path, folder: Path) -> Film:

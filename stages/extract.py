@@ -3,7 +3,8 @@
 from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from dataclasses import asdict
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
@@ -17,6 +18,7 @@ from finloop.extract.alike import Likeness
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
 from finloop.extraction import Extraction, extract
+from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
 from finloop.io.several import FILMS, all_parts, parts_of
 from finloop.io.table import save_csv
@@ -52,7 +54,18 @@ def one(clip: Path, settings: Settings, folder: Path) -> dict[str, float]:
     frames = load_facts(clip / FACTS_NAME).frames
     with progress("extract", frames) as advance:
         made = extract(clip, settings, folder, THREADS, advance)
+    for note in said_of_given(made.given):
+        print(f"finloop: note: {note}", file=sys.stderr)
     return {"frames": frames, **metrics(made)}
+
+
+def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:
+    """What a person should know about the use of tracks from a file; nothing without one."""
+    if numbers:
+        animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
+        yield f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"
+        if unused:
+            yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
 
 
 def several(
@@ -62,14 +75,8 @@ def several(
 
     A film in which nothing can be followed is named, and the others go on. What an earlier run
     found in the same clip, with the same parameters and code, is taken over. Returns metrics, and
-    a row for each film. FinloopError if tracks are from a file, which is of one film.
+    a row for each film.
     """
-    if settings.tracks == "file":
-        raise FinloopError(
-            f"{len(all_parts(clip))} films, and one file of tracks: {settings.tracks_path}",
-            "tracks of a single film",
-            "give that film alone (clip.path), or follow fish here: extract.tracks=own",
-        )
     code, numbers, every = code_of("extract"), dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
     for part in every:
@@ -77,10 +84,14 @@ def several(
             continue
         home = Path(FILMS) / part.name
         made_from = (clip / home / KEY_NAME).read_text(encoding="utf-8")
-        key = {"extract": asdict(settings), "code": code, "clip": made_from}
         print(f"finloop: {part.name}", file=sys.stderr)
-        make = partial(one, clip / home, settings)
         try:
+            own = settings
+            if settings.tracks_path:
+                path = tracks_of(Path(part.path), settings.tracks_path)
+                own = replace(settings, tracks_path=path)
+            key = {"extract": asdict(own), "code": code, "clip": made_from}
+            make = partial(one, clip / home, own)
             its = kept_or_made(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
         except FinloopError as error:

@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from scratch import content, prepare
 
+import finloop
 import stages.clip
 import stages.extract
 import stages.features
@@ -32,9 +33,12 @@ from finloop.extract.tracks import Spot
 from finloop.features.head import head_first, head_told
 from finloop.features.metrics import against_given
 from finloop.features.table import features
+from finloop.given_tracks import tracks_of
 from finloop.io.poses import load_poses
+from finloop.io.several import Part, join_clips
 from finloop.io.table import load_table, save_csv_in_blocks, save_table
-from finloop.io.video import FRAMES
+from finloop.io.video import FRAMES, load_facts, load_mask
+from finloop.verbs import Film
 
 FRAMES_OF_FILM, FISH = 24, 3
 CARP = ["clip=carp", f"clip.frames={FRAMES_OF_FILM}", f"clip.fish={FISH}", "clip.width_px=360",
@@ -186,6 +190,72 @@ def test_the_same_again_and_nothing_where_it_fails(extracted, monkeypatch):
     with pytest.raises(FinloopError, match="nothing at"):
         stages.extract.main()
     assert content(extracted / "data/extract") == first
+
+
+def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
+    places = arrays(film[1])[:, :, 2].copy()
+    ghost = np.tile([300.0, 20.0], (FRAMES_OF_FILM, 1))[:, None]
+    ghost[2:] = np.nan
+    np.save(tmp_path / "a.npy", np.concatenate([places, ghost], axis=1))
+    clip = film[0] / "data/clip"
+    facts = load_facts(clip / "facts.json")
+    shown = Film(clip, facts, load_mask(clip / "arena.png", facts.width_px, facts.height_px))
+    tracks = finloop.track(shown, tmp_path, tracks="file", tracks_path=str(tmp_path / "a.npy"))
+    assert set(tracks.given["animal"]) == {"1", "2", "3"}
+    assert tracks.given[["head_x_px", "tail_x_px"]].isna().all(axis=None)
+    led, plain = finloop.measure(tracks), features(tracks.table, 25.0, settings("features"))[0]
+    pd.testing.assert_frame_equal(led, plain, check_dtype=False, rtol=1e-5)
+
+
+def test_what_is_used_is_said():
+    numbers = {"places_used_share": 0.875, "animals": 4, "animals_used": 3}
+    used, unseen = stages.extract.said_of_given(numbers)
+    assert "87.5%" in used and "4 animals 1 never" in unseen
+    assert len([*stages.extract.said_of_given(numbers | {"animals_used": 4})]) == 1
+    assert not [*stages.extract.said_of_given({})]
+
+
+def test_each_of_several_films_has_its_tracks(tmp_path):
+    for name in ("a.mp4", "aDLC_resnet.h5", "b.mp4", "b_1.h5", "b_2.h5", "[c].mp4", "[c]x.h5"):
+        (tmp_path / name).touch()
+    pattern = "{folder}/{name}*.h5"
+    assert tracks_of(tmp_path / "a.mp4", pattern) == str(tmp_path / "aDLC_resnet.h5")
+    assert tracks_of(tmp_path / "[c].mp4", pattern) == str(tmp_path / "[c]x.h5")
+    assert tracks_of(Path("b.mp4"), f"{tmp_path}/{{name}}_2.h5") == str(tmp_path / "b_2.h5")
+    for film, said in (("b.mp4", "2 tracks of"), ("d.mp4", "0 tracks of")):
+        with pytest.raises(FinloopError, match=said):
+            tracks_of(tmp_path / film, pattern)
+    with pytest.raises(FinloopError, match="several films, and one file"):
+        tracks_of(tmp_path / "a.mp4", "a.h5")
+
+
+def test_several_films_of_another_programs_tracks_become_one(
+    film, extracted, tmp_path, monkeypatch
+):
+    """The same film and tracks twice; a third film has no tracks, and is left out."""
+    clip, code = tmp_path / "data/clip", "{folder}/{name}"
+    for name in "abc":
+        shutil.copytree(film[0] / "data/clip", clip / "films" / name)
+        (clip / "films" / name / "made_from.json").write_text("{}")
+        if name < "c":
+            shutil.copytree(extracted / "trex", tmp_path / name)
+    join_clips(clip, [Part(name, str(tmp_path / f"{name}.mp4")) for name in "abc"])
+    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path='{code}'")
+    monkeypatch.chdir(tmp_path)
+    stages.extract.main()
+    tracks, given, alone = (
+        table(tmp_path, "tracks"),
+        table(tmp_path, "given"),
+        table(extracted, "given"),
+    )
+    assert tracks[["track_id", "frame"]].equals(given[["track_id", "frame"]])
+    assert set(given["animal"]) == {f"{name}-{animal}" for name in "ab" for animal in NAMES}
+    ends = ["head_x_px", "head_y_px"]
+    for name, start in (("a", 0), ("b", FRAMES_OF_FILM)):
+        rows = given["animal"].str.startswith(name)
+        assert np.array_equal(given.loc[rows, ends], alone[ends])
+        assert (given.loc[rows, "frame"].to_numpy() == alone["frame"] + start).all()
+    assert numbers(tmp_path, "extract")["films_left_out"] == 1
 
 
 # --- places and silhouettes ----------------------------------------------------------------------

@@ -40,7 +40,9 @@ class Settings:
     points: Annotated[int, Field(ge=13)]  # of the backbone
     # own: fish are followed here; file: another program's tracks say who is where
     tracks: Literal["own", "file"]
-    tracks_path: str | None  # of that file, or of a folder with a file for each animal
+    # of that file, or of a folder with a file for each animal; of several films a pattern in which
+    # {folder} and {name} stand for a film's, such as "{folder}/{name}*.h5"
+    tracks_path: str | None
     tracks_software: Software | Literal["auto"]  # that made it; auto: as the file shows
     # px of the film per unit of the file: 2 if a film of half the width was tracked
     tracks_scale: Positive

@@ -1,5 +1,6 @@
 """Poses as NWB with the extension ndx-pose: a file for each animal, as that format wants it."""
 
+import re
 import warnings
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -22,7 +23,7 @@ _ABOUT = (
 def save_nwb(folder: Path, poses: Poses, rate: Fraction) -> None:
     """Write <animal>.nwb for every animal into a new folder; `rate`: frames per second.
 
-    FinloopError if the extra `tracks` is not installed.
+    What a file's name cannot hold is _ there. FinloopError if the extra `tracks` is not installed.
     """
     load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
     config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)
@@ -43,5 +44,9 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction) -> None:
                 [name], list(poses.keypoints), float(rate), SOFTWARE,
             )  # fmt: skip
             made = save.to_nwb_file(dataset, config(nwbfile_kwargs=about))
-            with pynwb.NWBHDF5IO(folder / f"{name}.nwb", "w") as file:
+            plain = re.sub(r"[^\w.-]", "_", name)
+            path = folder / f"{plain}.nwb"
+            if path.exists():
+                path = folder / f"{plain}_{number + 1}.nwb"
+            with pynwb.NWBHDF5IO(path, "w") as file:
                 file.write(made)
