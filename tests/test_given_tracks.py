@@ -290,6 +290,7 @@ def at(*places):
         ([(50, 50), (50, 62)], [(50, 50)], [("used", 0), ("no silhouette", None)]),
         ([(50, 40), (50, 62)], [(50, 50)], [("shared", 0), ("shared", 0)]),
         ([(50, 50), (50, 66)], [(50, 50), (50, 75)], [("used", 0), ("used", 1)]),
+        ([(53, 50)], [(47, 50), (52, 50), (60, 50)], [("used", 1)]),  # they overlap
     ],
 )
 def test_a_place_takes_the_silhouette_that_it_is_in_or_near(places, spots, outcomes):

@@ -23,6 +23,8 @@ from finloop.extract.tracks import Spot
 
 _WITHIN = 0.1  # body lengths; a place farther from a silhouette is not within it
 
+_TIE = 1e-6  # of a distance from a centre; it decides where other distances are equal
+
 Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
 """What became of a place: it has its own isolated silhouette, none is near, two places are in it,
 or it is none of an isolated fish (at the border, too large, too small, too pale)."""
@@ -84,6 +86,9 @@ def matched(
     if not len(points) or not spots:
         return [("no silhouette", None)] * len(points)
     apart = distances(points, spots, length_px)
+    centres = np.array([(spot.x_px, spot.y_px) for spot in spots])
+    off = np.hypot(*(np.nanmean(points, axis=1)[:, None] - centres).transpose(2, 0, 1))
+    apart += _TIE * off  # of silhouettes that overlap the one whose centre is nearest
     nearest = apart.argmin(axis=1)
     within = apart.min(axis=1) <= _WITHIN * length_px
     apart[:, np.unique(nearest[within])] = np.inf  # for those that are within none
