@@ -23,6 +23,7 @@ from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
 from finloop.io.footage import Loss, Numbered, Timing, nearest_in_time, open_footage, segments_of
+from finloop.io.footage.fields import Order
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
@@ -59,12 +60,13 @@ class Source:
             self.truth.clear()
 
 
-def open_source(p: Settings) -> Source:
+def open_source(p: Settings, fields: Order = "") -> Source:
     """The film that the parameters name; nothing but its head is read yet.
 
-    FinloopError if it cannot be opened, or the carp have no room.
+    FinloopError if it cannot be opened, or the carp have no room. `fields`: of own footage that is
+    to be deinterlaced.
     """
-    return _carp(p) if isinstance(p, Carp) else _films(p)
+    return _carp(p) if isinstance(p, Carp) else _films(p, fields)
 
 
 def normalise(
@@ -124,7 +126,7 @@ def _carp(p: Carp) -> Source:
     return Source(facts, [take()], Loss(), truth)
 
 
-def _films(p: Zebrafish | File) -> Source:
+def _films(p: Zebrafish | File, fields: Order) -> Source:
     """Films that follow one another in the clip."""
     if isinstance(p, Zebrafish):
         paths = zebrafish_clips(p.parts, cache_folder())
@@ -135,7 +137,7 @@ def _films(p: Zebrafish | File) -> Source:
             p.film, frame_rate_hz=p.frame_rate_hz, start_s=p.start_s, end_s=p.end_s,
             colour=colour,
         )  # fmt: skip
-        films = [footage]
+        films = [replace(footage, fields=fields)]
     lengths = [f.frames_in_source for f in films]
     facts = replace(
         films[0].facts(p.source, p.crf),

@@ -68,7 +68,8 @@ from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.search import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
-from finloop.normalise import normalise, open_source
+from finloop.mended import make_clip
+from finloop.normalise import open_source
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, placed, shelves
@@ -137,8 +138,8 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
     p, home = settings("clip", **values), _folder(folder) / "clip"
     source = open_source(p)
     with whole_folder(home) as part:
-        facts, _, arena = normalise(source, p, part)
-    return Film(home, facts, arena)
+        made = make_clip(p, source, part)
+    return Film(home, made.facts, made.arena)
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:

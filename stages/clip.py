@@ -3,7 +3,7 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Callable
+from contextlib import nullcontext
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
@@ -11,17 +11,17 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
-from finloop.clip.quality import Tally, psnr_db
+from finloop.clip.check import Quality
+from finloop.clip.quality import psnr_db
 from finloop.clip.settings import File, Settings
-from finloop.clip.verdict import findings
+from finloop.clip.verdict import MENDED, findings
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import listed, names, refuse_grown, stamps
-from finloop.io.picture import save_picture
 from finloop.io.several import FILMS, Part, folders, join_clips
-from finloop.io.table import save_csv, save_table
-from finloop.io.video import CLIP_NAME, KEY_FRAME_EVERY, VideoFacts, read_frames, read_spread
-from finloop.normalise import Source, normalise, open_source
+from finloop.io.table import save_csv
+from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
+from finloop.mended import Watch, make_clip
+from finloop.normalise import Source, open_source
 from stages.kept import code_of, kept_or_made
 from stages.settings import load
 
@@ -31,7 +31,6 @@ FACTS = (  # among the metrics
     "frames", "width_px", "height_px", "frame_rate_hz", "frames_repeated", "frames_dropped",
     "frames_missing",
 )  # fmt: skip
-Advance = Callable[[], None]
 
 
 def main() -> None:
@@ -44,8 +43,7 @@ def main() -> None:
         else:
             p = films[0] if films else p
             source = open_source(p)
-            with progress("clip", source.facts.frames) as advance:
-                numbers = one(p, source, folder, advance)
+            numbers = one(p, source, folder, progress)
     save_metrics(METRICS, numbers)
     say(numbers)
 
@@ -55,40 +53,29 @@ def films_of(p: File) -> list[File]:
     return [replace(of_path, path=str(film)) for path, of_path in p.each() for film in listed(path)]
 
 
-def one(p: Settings, source: Source, folder: Path, advance: Advance) -> dict[str, float]:
+def one(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, float]:
     """Write a film's clip to a folder; its metrics."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = stamps(p.film) if isinstance(p, File) else []
-    facts, tally, arena = normalise(source, p, folder, advance)
+    made = make_clip(p, source, folder, watch)
+    facts, tally = made.facts, made.tally
     for note in source.loss.notes:
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, File):
         refuse_grown(p.film, before)
     coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
-    numbers = asdict(checked(facts, tally, folder))
     return (
         of_facts(facts)
-        | numbers
+        | made.numbers
         | {
             "brightness_mean_level": tally.brightness_mean,
             "brightness_min_level": tally.darkest,
             "brightness_max_level": tally.brightest,
             "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-            "arena_fraction": float(arena.mean()),
+            "arena_fraction": float(made.arena.mean()),
         }
     )
-
-
-def checked(facts: VideoFacts, tally: Tally, folder: Path) -> Quality:
-    """Check the clip in a folder; what is measured of each frame, and the tank, go there, too."""
-    read = partial(read_frames, folder / CLIP_NAME)
-    samples = list(tally.samples.values())
-    clip = Clip(read, facts.frame_rate_hz, samples, tally.lights, tally.changes)
-    quality, table, tank = check(clip, KEY_FRAME_EVERY)
-    save_table(folder / CHECK_NAME, table, CHECK)
-    save_picture(folder / TANK_NAME, tank)
-    return quality
 
 
 def say(numbers: dict[str, float]) -> None:
@@ -96,7 +83,9 @@ def say(numbers: dict[str, float]) -> None:
     rows = []
     for name, _ in folders(CLIP):
         prefix = f"{name}_" if name else ""
-        for finding in findings(Quality.of(numbers, prefix)):
+        mended = {word for word in MENDED if numbers[f"{prefix}mended_{word}"]}
+        now, filmed = (Quality.of(numbers, prefix + part) for part in ("", "filmed_"))
+        for finding in findings(now, filmed, mended):
             rows.append({"film": name} | finding.row if name else finding.row)
             print(f"finloop: {name + ': ' if name else ''}{finding.line}", file=sys.stderr)
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
@@ -118,7 +107,7 @@ def several(films: list[File], folder: Path) -> dict[str, float]:
             try:
                 source = open_source(p)
                 key = {"clip": asdict(p), "code": code, "film": stamps(path)}
-                make = partial(one, p, source, advance=lambda: None)
+                make = partial(one, p, source, watch=lambda *_: nullcontext(lambda: None))
                 of_film = kept_or_made(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:

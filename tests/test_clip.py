@@ -874,7 +874,7 @@ def artifact(folder: Path) -> set[str]:
 
 def test_own_film_runs_through(run_stage, avi, capsys):
     metrics = run_stage(
-        "file", path=str(avi), start_s=0.4, arena="circle",
+        "file", path=str(avi), start_s=0.4, even_light="never", arena="circle",
         arena_x_px=30, arena_y_px=20, arena_radius_px=15,
     )  # fmt: skip
     facts = load_facts(stage.CLIP / "facts.json")
@@ -910,7 +910,7 @@ def test_mask_arena_and_odd_colour(run_stage, tmp_path):
     mask[5:, 9:] = 255
     cv2.imwrite(str(tmp_path / "mask.png"), mask)
     metrics = run_stage(
-        "file", path=str(folder), frame_rate_hz=12.5, arena="mask",
+        "file", path=str(folder), frame_rate_hz=12.5, even_light="never", arena="mask",
         arena_mask=str(tmp_path / "mask.png"),
     )  # fmt: skip
     assert (metrics["frame_rate_hz"], metrics["width_px"]) == (12.5, 63)

@@ -235,18 +235,18 @@ def test_adding_a_film_makes_that_film_alone(joined, tmp_path, monkeypatch, caps
     before = {kind: content(home / "data" / kind / "films") for kind in ("clip", "extract")}
     put_film(home / "films/3 broken.mp4", swimming(late=0.3))
     made = Counter()
-    for stage, verb in ((stages.clip, "normalise"), (stages.extract, "extract")):
+    for stage, verb in ((stages.clip, "make_clip"), (stages.extract, "extract")):
         whole = getattr(stage, verb)
         monkeypatch.setattr(
             stage, verb, lambda *a, whole=whole, verb=verb: (made.update([verb]), whole(*a))[1]
         )
     run(home, monkeypatch)
-    assert made == {"normalise": 1, "extract": 1}
+    assert made == {"make_clip": 1, "extract": 1}
     for kind, files in before.items():
         assert files.items() <= content(home / "data" / kind / "films").items()
     assert table_of(home)["track_id"].nunique() == 3
     run(home, monkeypatch)  # nothing has changed
-    assert made == {"normalise": 1, "extract": 1}
+    assert made == {"make_clip": 1, "extract": 1}
 
 
 def test_a_film_without_a_fish_is_left_out_unless_it_is_the_first(tmp_path, monkeypatch, capsys):
@@ -277,14 +277,14 @@ def test_where_no_film_can_be_read_each_is_named(tmp_path, monkeypatch):
 
 def test_a_film_that_grows_while_it_is_read_is_refused(tmp_path, monkeypatch):
     path = put_film(tmp_path / "films", swimming())
-    whole = stages.clip.normalise
+    whole = stages.clip.make_clip
 
     def growing(*args):
         with path.open("ab") as file:
             file.write(b"more")
         return whole(*args)
 
-    monkeypatch.setattr(stages.clip, "normalise", growing)
+    monkeypatch.setattr(stages.clip, "make_clip", growing)
     with pytest.raises(FinloopError, match="has changed while it was read"):
         run(tmp_path, monkeypatch)
     assert not (tmp_path / "data/clip").exists()

@@ -5,7 +5,7 @@ long film takes no longer than one of five hundred frames; light and doubled pic
 in every frame, while the clip is written (`quality.Tally`).
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import NamedTuple, Protocol
 
@@ -18,7 +18,7 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.clip.doubled import doubled
 from finloop.clip.fields import field_order
 from finloop.clip.light import gain, in_light, light
-from finloop.clip.shake import STILL, UNKNOWN, marks, shift, steadied
+from finloop.clip.shake import STILL, UNKNOWN, Shift, marks, shift, steadied
 
 CHECK_NAME, TANK_NAME = "check.parquet", "tank.png"  # beside the clip
 RUNS, LENGTH = 8, 64  # how many runs, of how many frames, a long film is judged by
@@ -95,17 +95,21 @@ def runs(frames: int, stride: int = 1) -> list[tuple[int, int]]:
 
 
 def still_tank(samples: Sequence[Picture]) -> Picture:
-    """The grey median of frames, each brought to the light and the place of the others."""
-    few = [grey(frame) for frame in samples[:: -(-len(samples) // _SAMPLES)]]
-    few = [in_light(frame, gain(frame, few[0])) for frame in few]
-    first = _median(few)
-    of = marks(first)
-    shifts = [shift(frame, of) for frame in few]
-    known = [
-        steadied(frame, by) if np.isfinite(by.x) else frame
-        for frame, by in zip(few, shifts, strict=True)
-    ]
-    return _median(known)
+    """The median of frames, each brought to the median light and place of all."""
+    few = samples[:: -(-len(samples) // _SAMPLES)]
+    gains = [gain(frame, few[0]) for frame in few]
+    usual = np.median(gains, axis=0)
+    few = [in_light(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
+    first = marks(_median(few))
+    shifts = [shift(frame, first) for frame in few]
+    known = np.array([one for one in shifts if one is not UNKNOWN])
+    if len(known):
+        middle = Shift(*np.median(known, axis=0))
+        few = [
+            frame if by is UNKNOWN else steadied(frame, by.beside(middle))
+            for frame, by in zip(few, shifts, strict=True)
+        ]
+    return _median(few)
 
 
 def _median(frames: Sequence[Picture]) -> Picture:
@@ -117,15 +121,13 @@ def _median(frames: Sequence[Picture]) -> Picture:
     return middle
 
 
-def check(
-    clip: Clip, stride: int = 1, advance: Callable[[], None] = lambda: None
-) -> tuple[Quality, pd.DataFrame, Picture]:
+def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
     """What is measured of a clip, frame by frame (`CHECK`), and its still tank.
 
-    stride: distance of its key frames. advance: called after each frame that is looked at.
+    stride: distance of its key frames.
     """
-    tank = still_tank(clip.samples)
-    of, last = marks(tank), STILL
+    whole = still_tank(clip.samples)
+    tank, of, last = grey(whole), marks(whole), STILL
     rows: list[dict[str, float]] = []
     moving: list[tuple[float, float, float, float]] = []
     for start, stop in runs(clip.frames, stride):
@@ -143,11 +145,10 @@ def check(
                 moving.append(_moving(steady, tank, bright))
             rows.append({"frame": frame} | row)
             before, light_before = here, bright
-            advance()
     table = pd.DataFrame({"light": clip.lights, "change": clip.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    return _quality(table, clip, len(rows), np.array(moving).reshape(-1, 4)), table, tank
+    return _quality(table, clip, len(rows), np.array(moving).reshape(-1, 4)), table, whole
 
 
 def grey(picture: Picture) -> Picture:

@@ -9,6 +9,8 @@ from pydantic import Field
 from finloop.base.settings import Crf, NotNegative, Positive, check
 from finloop.drawn.carp.settings import CarpFilm
 
+Mending = Literal["auto", "always", "never"]
+
 
 @dataclass(frozen=True)
 class Zebrafish:
@@ -44,6 +46,11 @@ class File:
     # frames/s, null = the file's own; a value keeps every frame and re-reads its time
     frame_rate_hz: Annotated[float, Field(gt=0, le=1e6)] | None
     colour: Literal["auto", "always", "never"]  # whether the clip keeps colours
+    # whether faults of the film are mended; auto: where the check finds them
+    deinterlace: Mending  # rows of two moments: every other row is filled in from its neighbours
+    undouble: Mending  # doubled pictures are left out, and the rest keeps its time
+    even_light: Mending  # every frame is brought to the film's median light
+    steady: Mending  # every frame is moved back to where the camera usually stands
     arena: Literal["none", "rectangle", "circle", "mask"]  # where animals can be
     arena_left_px: float | None  # px, of the rectangle
     arena_top_px: float | None  # px, of the rectangle

@@ -51,6 +51,10 @@ class Shift(NamedTuple):
     y: float
     apart: float
 
+    def beside(self, other: "Shift") -> "Shift":
+        """This shift counted from another one."""
+        return Shift(self.x - other.x, self.y - other.y, self.apart)
+
 
 STILL = Shift(0.0, 0.0, 0.0)
 UNKNOWN = Shift(float("nan"), float("nan"), float("nan"))

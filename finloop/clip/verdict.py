@@ -1,6 +1,6 @@
 """What is good about a film and what would be better filmed otherwise, in plain sentences."""
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from math import isnan
 from typing import NamedTuple
 
@@ -36,12 +36,34 @@ class Finding(NamedTuple):
         return {"what": self.word, "verdict": good, "measured": self.text, "what to do": self.do}
 
 
-def findings(quality: Quality) -> list[Finding]:
-    """A finding each on light, camera, pictures, coding, exposure and contrast."""
+MENDED = {
+    "deinterlace": (("interlaced",), "The later rows were filled in from their neighbours."),
+    "undouble": (("doubled",), "The repeats were left out, and the rest keeps its time."),
+    "even_light": (("flicker", "drift"), "Every frame was brought to one light."),
+    "steady": (("shake",), "Every frame was moved back."),
+}
+"""By the parameter that mends: the words of the findings, and what was done."""
+
+
+def findings(
+    quality: Quality, filmed: Quality | None = None, mended: Collection[str] = ()
+) -> list[Finding]:
+    """A finding each on light, camera, pictures, exposure and contrast of a clip.
+
+    filmed: of the film before it was `mended`, by these parameters.
+    """
+    done = {word: said for name in mended for word in MENDED[name][0] for said in MENDED[name][1:]}
+    before = {one.word: one for one in _all(filmed)} if filmed and done else {}
     return [
-        *_light(quality), _shake(quality), _doubled(quality), _interlaced(quality),
-        *_exposure(quality), _contrast(quality),
-    ]  # fmt: skip
+        Finding(one.word, one.good, f"{before[one.word].text} {done[one.word]} {one.text}", one.do)
+        if one.word in done and not before[one.word].good
+        else one
+        for one in _all(quality)
+    ]
+
+
+def _all(q: Quality) -> list[Finding]:
+    return [*_light(q), _shake(q), _doubled(q), _interlaced(q), *_exposure(q), _contrast(q)]
 
 
 def _short(value: float) -> str:

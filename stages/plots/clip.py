@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from finloop.base.arrays import Picture
-from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, grey
 from finloop.clip.light import gain, in_light
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.several import folders
@@ -30,10 +30,10 @@ def film(name: str, clip: Path) -> Picture:
     facts = load_facts(clip / FACTS_NAME)
     middle = [facts.frames // 2]
     (frame,) = read_spread(clip / CLIP_NAME, middle, colour=facts.colour)
-    (grey,) = read_spread(clip / CLIP_NAME, middle)
-    tank = load_picture(clip / TANK_NAME)
+    (plain,) = read_spread(clip / CLIP_NAME, middle)
+    tank = grey(load_picture(clip / TANK_NAME))
     table = load_table(clip / CHECK_NAME, CHECK)
-    even = in_light(grey, gain(grey, tank))
+    even = in_light(plain, gain(plain, tank))
     return film_check(frame, np.abs(even.astype(np.float32) - tank), table, facts.frame_rate_hz,
                       f"{name} a frame of the film".strip())  # fmt: skip
 

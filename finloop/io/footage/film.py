@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import CHROMA_FRACTION, Turn, chroma_fraction, deep_levels, turn_of
+from finloop.io.footage.fields import deinterlaced
 from finloop.io.footage.frame import display_matrix, grey, is_deep, is_yuv, rgb
 from finloop.io.footage.source import (
     SAMPLES,
@@ -253,7 +254,10 @@ def film_frames(footage: Footage, loss: Loss) -> Numbered:
     with opened(footage.path) as (container, stream):
         stamps = _sought(container, stream, footage)
         time_s, damaged = -step, 0
-        for number, frame in enumerate(decoded(container, stream, loss)):
+        shot = decoded(container, stream, loss)
+        if footage.fields:
+            shot = deinterlaced(shot, stream, footage.fields)
+        for number, frame in enumerate(shot):
             if frame is None:
                 continue
             damaged = loss.damaged  # up to the last good frame

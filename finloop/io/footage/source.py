@@ -10,6 +10,7 @@ import numpy as np
 
 from finloop.base.errors import FinloopError
 from finloop.io.footage.coding import UPRIGHT, Turn
+from finloop.io.footage.fields import Order
 from finloop.io.video import VideoFacts
 
 SAMPLES = 12  # frames that are looked at to tell colour, depth and range
@@ -66,6 +67,7 @@ class Footage:
     levels: tuple[float, float] | None = None
     # width : height of a pixel as the file states it; pictures are not resampled
     pixel_aspect: Fraction = Fraction(1)
+    fields: Order = ""  # of a film that is to be deinterlaced
     notes: tuple[str, ...] = ()  # sentences that a person should read
     # start_s, end_s: half-open range of time that `frames` gives
     start_s: float = 0.0

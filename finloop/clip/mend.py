@@ -1,0 +1,106 @@
+"""What is wrong with a film and can be mended: woven fields, doubled pictures, light, shake.
+
+A film in which nothing is wrong is not touched: its clip has the bytes that it would have anyhow.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from math import isfinite
+from typing import Literal
+
+import numpy as np
+
+from finloop.base.arrays import Mask, Picture
+from finloop.clip.check import Quality, grey
+from finloop.clip.doubled import Doubled
+from finloop.clip.light import gain, in_light
+from finloop.clip.settings import File
+from finloop.clip.shake import STILL, UNKNOWN, Marks, Shift, marks, shift, steadied
+from finloop.clip.verdict import DOUBLED_PCT, DRIFT_PCT, FLICKER_PCT, INTERLACED, SHAKE_PX
+
+# Of the picture's smaller side: a camera that moves farther takes a strip of that width from both
+# borders, and sees the tank from another place, so that one shift is not enough.
+FARTHEST = 0.03
+APART = 0.3  # of the shake: where parts of the picture move otherwise by more, it is no shift
+_EDGE = 2  # px; a Lanczos kernel reaches that far beyond what was filmed
+
+Frames = Iterator[tuple[float, tuple[int, Picture]]]
+"""Time, s, number in the film, and picture."""
+
+
+def wanted(p: File, q: Quality, smaller_px: int) -> set[str]:
+    """The names of the parameters by which something is to be mended, of a film so good."""
+    far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
+    converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
+    seen = {
+        "deinterlace": abs(q.field_order) >= INTERLACED,
+        "undouble": q.doubled_pct >= DOUBLED_PCT and converted,
+        "even_light": q.light_flicker_pct >= FLICKER_PCT or q.light_drift_pct >= DRIFT_PCT,
+        "steady": q.shake_px >= SHAKE_PX and far,
+    }
+    possible = {"undouble": converted, "steady": isfinite(q.shake_px)}
+    modes = {name: getattr(p, name) for name in seen}
+    return {
+        name
+        for name, mode in modes.items()
+        if (mode == "always" and possible.get(name, True)) or (mode == "auto" and seen[name])
+    }
+
+
+def field_of(q: Quality) -> Literal["auto", "tff", "bff"]:
+    """The order of fields as FFmpeg's filters name it."""
+    if not isfinite(q.field_order):
+        return "auto"
+    return "tff" if q.field_order > 0 else "bff"
+
+
+def new_pictures(take: Frames, twice: Doubled, rate_hz: float) -> Frames:
+    """The frames that are new, each at the time of its picture; `rate_hz`: of the pictures."""
+    for (_, frame), picture, repeats in zip(take, twice.pictures, twice.repeats, strict=False):
+        if not repeats:
+            yield float(picture) / rate_hz, frame
+
+
+@dataclass
+class Calm:
+    """Brings frames to the light and the place of the still tank (h, w) or (h, w, 3).
+
+    light, place: which of the two. right_px …: how far the camera was to each side so far.
+    """
+
+    tank: Picture
+    light: bool
+    place: bool
+    right_px: float = 0.0
+    left_px: float = 0.0
+    down_px: float = 0.0
+    up_px: float = 0.0
+    _marks: Marks | None = None
+    _last: Shift = field(default=STILL)
+
+    def __call__(self, take: Frames) -> Frames:
+        """The frames, mended."""
+        for time_s, (number, frame) in take:
+            if self.light:
+                frame = in_light(frame, gain(frame, self.tank))
+            if self.place:
+                frame = self._steadied(frame)
+            yield time_s, (number, frame)
+
+    def _steadied(self, frame: Picture) -> Picture:
+        self._marks = self._marks or marks(self.tank)
+        by = shift(grey(frame), self._marks, self._last)
+        by = self._last if by is UNKNOWN else by
+        self._last = by
+        self.right_px, self.left_px = max(self.right_px, by.x), max(self.left_px, -by.x)
+        self.down_px, self.up_px = max(self.down_px, by.y), max(self.up_px, -by.y)
+        return steadied(frame, by)
+
+    def filmed(self) -> Mask:
+        """Mask (h, w) of the pixels that every frame shows, whatever its shift was."""
+        shown = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
+        height, width = self.tank.shape[:2]
+        sides = (self.up_px, self.down_px, self.left_px, self.right_px)
+        top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
+        shown[top : height - bottom, left : width - right] = True
+        return shown

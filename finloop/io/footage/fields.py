@@ -1,0 +1,46 @@
+"""Interlaced film made whole: FFmpeg's filter bwdif, one picture a frame."""
+
+from collections.abc import Iterator
+from typing import Literal
+
+from av.filter import Graph
+from av.video.frame import VideoFrame
+from av.video.stream import VideoStream
+
+Order = Literal["", "auto", "tff", "bff"]
+"""Which field is the earlier one: the upper (tff), the lower (bff), as the film says; "" = none."""
+
+
+def deinterlaced(
+    frames: Iterator[VideoFrame | None], stream: VideoStream, order: Order
+) -> Iterator[VideoFrame | None]:
+    """The frames with the rows of the later field filled in; None stays where it is damaged."""
+    graph = Graph()
+    source = graph.add_buffer(template=stream)
+    weave = graph.add("bwdif", f"mode=send_frame:parity={order}:deint=all")
+    sink = graph.add("buffersink")
+    source.link_to(weave)
+    weave.link_to(sink)
+    graph.configure()
+    for frame in frames:
+        if frame is None:
+            yield None
+            continue
+        graph.push(frame)
+        yield from _ready(graph, stream)
+    graph.push(None)
+    yield from _ready(graph, stream)
+
+
+def _ready(graph: Graph, stream: VideoStream) -> Iterator[VideoFrame]:
+    """What the filter has finished, in the stream's ticks; it is a frame behind."""
+    while True:
+        try:
+            frame = graph.pull()
+        except (BlockingIOError, EOFError):
+            return
+        assert isinstance(frame, VideoFrame)
+        if frame.pts is not None and stream.time_base and frame.time_base:
+            frame.pts = round(frame.pts * frame.time_base / stream.time_base)
+            frame.time_base = stream.time_base
+        yield frame

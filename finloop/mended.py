@@ -1,0 +1,140 @@
+"""The normalised clip of a film, checked, and written again where what is wrong can be mended.
+
+First what its pictures are (fields, doubled ones), then how they were taken (light, shake): the
+second is measured on pictures that are whole.
+"""
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from finloop.base.arrays import Mask, Picture
+from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
+from finloop.clip.doubled import Doubled, doubled
+from finloop.clip.mend import Calm, field_of, new_pictures, wanted
+from finloop.clip.quality import Tally
+from finloop.clip.settings import File, Settings
+from finloop.io.footage.fields import Order
+from finloop.io.picture import save_picture
+from finloop.io.table import save_table
+from finloop.io.video import (
+    ARENA_NAME,
+    CLIP_NAME,
+    KEY_FRAME_EVERY,
+    VideoFacts,
+    read_frames,
+    save_mask,
+)
+from finloop.normalise import Source, normalise, open_source
+
+Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
+"""Given a word and a number of frames, a block in which each frame is told."""
+
+_PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
+
+
+@dataclass(frozen=True)
+class Made:
+    """A clip that was written: facts, tally, arena (h, w); how good the film was and the clip is.
+
+    mended: the parameters by which something was mended.
+    """
+
+    facts: VideoFacts
+    tally: Tally
+    arena: Mask
+    filmed: Quality
+    quality: Quality
+    mended: frozenset[str]
+
+    @property
+    def numbers(self) -> dict[str, float]:
+        """Metrics: of the clip, of the film where that was another one, and what was mended."""
+        numbers = dict(vars(self.quality))
+        if self.mended:
+            numbers |= {f"filmed_{name}": value for name, value in vars(self.filmed).items()}
+        words = sorted(_PICTURES | _TAKING)
+        return numbers | {f"mended_{word}": int(word in self.mended) for word in words}
+
+
+def make_clip(
+    p: Settings, source: Source, folder: Path, watch: Watch = lambda *_: nullcontext(lambda: None)
+) -> Made:
+    """Write the clip of a film to a folder, with its check; own footage is mended.
+
+    FinloopError as `normalise`.
+    """
+    with watch("clip", source.facts.frames) as advance:
+        facts, tally, arena = normalise(source, p, folder, advance)
+    filmed, tank = _checked(facts, tally, folder)
+    made = Made(facts, tally, arena, filmed, filmed, frozenset())
+    if not isinstance(p, File):
+        return made
+    fields: Order = ""
+    twice: Doubled | None = None
+    calm: Calm | None = None
+    for kind in (_PICTURES, _TAKING):
+        todo = wanted(p, made.quality, min(arena.shape)) & kind
+        if "undouble" in todo and not _frame_by_frame(made.facts):
+            todo.remove("undouble")
+        if not todo:
+            continue
+        if "deinterlace" in todo:
+            fields = field_of(made.quality)
+        if "undouble" in todo:
+            twice = doubled(np.array(made.tally.changes))
+        if todo & _TAKING:
+            calm = Calm(tank, "even_light" in todo, "steady" in todo)
+        again = _again(p, fields, twice, calm)
+        with watch("mend", again.facts.frames) as advance:
+            facts, tally, arena = normalise(again, p, folder, advance)
+        if calm:
+            arena = arena & calm.filmed()
+            save_mask(folder / ARENA_NAME, arena)
+        quality, tank = _checked(facts, tally, folder)
+        made = Made(facts, tally, arena, filmed, quality, made.mended | todo)
+    return made
+
+
+def _frame_by_frame(facts: VideoFacts) -> bool:
+    """Whether frame k of the clip is frame k of the film."""
+    retimed = facts.frames_repeated + facts.frames_dropped + facts.frames_missing
+    return not retimed and len(facts.segments) == 1
+
+
+def _again(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> Source:
+    """The film once more, its frames mended on the way."""
+    source = open_source(p, fields)
+    facts, takes = source.facts, source.takes
+    if twice is not None:
+        rate = facts.frame_rate * _simple(twice.rate, len(twice.repeats))
+        takes = [new_pictures(take, twice, float(rate)) for take in takes]
+        facts = replace(facts, frame_rate=rate, frames=int((~twice.repeats).sum()))
+    if calm is not None:
+        takes = [calm(take) for take in takes]
+    return replace(source, facts=facts, takes=takes)
+
+
+def _simple(rate: float, frames: int) -> Fraction:
+    """The simplest fraction that goes with a rate over so many frames."""
+    tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
+    return next(
+        (one for one in tries if abs(float(one) - rate) * frames < 0.5),
+        Fraction(rate).limit_denominator(1001),
+    )
+
+
+def _checked(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
+    """Check the clip in a folder; what is measured of each frame, and the tank, go there, too."""
+    read = partial(read_frames, folder / CLIP_NAME)
+    samples = list(tally.samples.values())
+    clip = Clip(read, facts.frame_rate_hz, samples, tally.lights, tally.changes)
+    quality, table, tank = check(clip, KEY_FRAME_EVERY)
+    save_table(folder / CHECK_NAME, table, CHECK)
+    save_picture(folder / TANK_NAME, tank)
+    return quality, tank

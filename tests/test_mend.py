@@ -1,0 +1,168 @@
+"""What is wrong with a film is mended, and what is not is left to the byte."""
+
+from collections.abc import Sequence
+from fractions import Fraction
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from finloop.base.settings import settings
+from finloop.clip.check import Quality
+from finloop.clip.mend import wanted
+from finloop.clip.shake import Shift, steadied
+from finloop.clip.verdict import findings
+from finloop.drawn.carp.film import film
+from finloop.io.movie import VideoWriter
+from finloop.io.table import load_table
+from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
+from finloop.mended import Made, make_clip
+from finloop.normalise import open_source
+
+RNG = np.random.default_rng(3)
+OFF = {"deinterlace": "never", "undouble": "never", "even_light": "never", "steady": "never"}
+Frames = Sequence[np.ndarray]
+
+
+def drawn(**values) -> list[np.ndarray]:
+    carp = {"width_px": 320, "height_px": 240, "body_length_px": 70.0, "colour": False, "fish": 1}
+    return [frame for frame, _ in film(settings("clip", source="carp", **carp, **values))]
+
+
+@pytest.fixture(scope="module")
+def carp() -> Frames:
+    return drawn(frames=64)
+
+
+def made(folder: Path, frames: Frames, rate: int = 25, **values) -> tuple[Made, list[np.ndarray]]:
+    """What becomes of a film of these frames."""
+    shot, home = folder / "film.mp4", folder / "clip"
+    height, width = frames[0].shape[:2]
+    with VideoWriter(shot, width, height, Fraction(rate), frames[0].ndim == 3) as writer:
+        for frame in frames:
+            writer.write(frame)
+    home.mkdir(exist_ok=True)
+    p = settings("clip", source="file", path=str(shot), **values)
+    one = make_clip(p, open_source(p), home)
+    return one, [x.copy() for x in read_frames(home / CLIP_NAME, colour=frames[0].ndim == 3)]
+
+
+def off(a: Frames, b: Frames, edge: int = 0) -> float:
+    """Mean difference of two films, grey levels."""
+    inner = np.s_[edge or None : -edge or None, edge or None : -edge or None]
+    return float(
+        np.mean([cv2.absdiff(x[inner], y[inner]).mean() for x, y in zip(a, b, strict=True)])
+    )
+
+
+def test_a_film_in_which_nothing_is_wrong_is_the_same_to_the_byte(tmp_path, carp):
+    one, _ = made(tmp_path, carp)
+    clip = (tmp_path / "clip" / CLIP_NAME).read_bytes()
+    made(tmp_path, carp, **OFF)
+    assert (tmp_path / "clip" / CLIP_NAME).read_bytes() == clip
+    assert one.mended == frozenset() and one.arena.all()
+    assert one.numbers["mended_steady"] == 0
+
+
+def test_flicker_is_taken_out_of_every_channel(tmp_path):
+    tank = drawn(frames=25)
+    tank = [np.dstack([frame, frame * 0.9, frame * 0.7]).astype(np.uint8) for frame in tank]
+    lamp = RNG.uniform(0.9, 1.1, (25, 1)) * RNG.uniform(0.97, 1.03, (25, 3))
+    shot = [np.clip(f * g, 0, 255).astype(np.uint8) for f, g in zip(tank, lamp, strict=True)]
+    one, clip = made(tmp_path, shot)
+    assert one.mended == {"even_light"}
+    assert one.filmed.light_flicker_pct > 4 > 0.3 > one.quality.light_flicker_pct
+    means = np.array([frame.mean(axis=(0, 1)) for frame in clip])
+    assert (means.std(axis=0) / means.mean(axis=0)).max() < 0.006
+    kept, _ = made(tmp_path, shot, even_light="never")
+    assert kept.mended == frozenset() and kept.quality == kept.filmed
+
+
+def test_a_shaking_camera_is_steadied_and_the_border_is_no_arena(tmp_path, carp):
+    jitter = RNG.uniform(-2, 2, (64, 2))
+    shot = [steadied(f, Shift(x, y, 0)) for f, (x, y) in zip(carp, jitter, strict=True)]
+    one, clip = made(tmp_path, shot)
+    assert one.mended == {"steady"}
+    assert one.filmed.shake_px == pytest.approx(np.mean(jitter**2 * 2) ** 0.5, rel=0.15)
+    assert one.quality.shake_px < 0.06
+    still, shaken, calm = (np.median(np.std(one, axis=0)[8:-8, 8:-8]) for one in (carp, shot, clip))
+    assert calm < 1.02 * still < 1.1 * still < shaken  # as a pixel of the tank changes over time
+    assert not one.arena[0].any() and not one.arena[:, -1].any() and one.arena[8:-8, 8:-8].all()
+    np.testing.assert_array_equal(load_mask(tmp_path / "clip" / ARENA_NAME, 320, 240), one.arena)
+
+
+def test_pictures_shown_twice_are_shown_once_at_their_time(tmp_path, carp):
+    shot = [carp[k * 2 // 3] for k in range(96)]  # 20 pictures/s as 30
+    one, clip = made(tmp_path, shot, rate=30)
+    assert one.mended == {"undouble"} and one.facts.frame_rate == 20
+    assert len(clip) == 64 and off(clip, carp) == 0
+    frames = load_table(tmp_path / "clip" / FRAMES_NAME, FRAMES)["source_frame"].to_numpy()
+    assert [k * 2 // 3 for k in frames] == list(range(64))  # each shows its own frame of the film
+
+
+@pytest.mark.parametrize("upper", [True, False])
+def test_woven_fields_become_whole_pictures(tmp_path, upper):
+    quick = drawn(frames=64, frame_rate_hz=50.0)
+    woven, early = [], quick[0::2]
+    for a, b in zip(early, quick[1::2], strict=True):
+        both = b.copy()
+        both[0 if upper else 1 :: 2] = a[0 if upper else 1 :: 2]
+        woven.append(both)
+    one, clip = made(tmp_path, woven)
+    assert one.mended == {"deinterlace"}
+    assert (one.filmed.field_order > 0) == upper
+    assert abs(one.quality.field_order) < 0.1
+    assert len(clip) == 32
+    # The rows of the earlier field stay; where the carp is, the others come nearer to its moment.
+    moved = [cv2.absdiff(a, w) > 40 for a, w in zip(early, woven, strict=True)]
+    errors = [
+        np.mean([cv2.absdiff(a, x)[m].mean() for a, x, m in zip(early, of, moved, strict=True)])
+        for of in (clip, woven)
+    ]
+    assert errors[0] < 0.6 * errors[1]
+
+
+def test_sixteen_bits_are_mended_as_eight(tmp_path, carp):
+    folder = tmp_path / "film"
+    folder.mkdir()
+    lamp = RNG.uniform(0.9, 1.1, 30)
+    for k in range(30):
+        deep = np.clip(carp[k].astype(np.float64) * lamp[k] * 90, 0, 65535).astype(np.uint16)
+        cv2.imwrite(str(folder / f"{k}.png"), deep)
+    p = settings("clip", source="file", path=str(folder), frame_rate_hz=25.0)
+    (tmp_path / "clip").mkdir()
+    one = make_clip(p, open_source(p), tmp_path / "clip")
+    assert one.mended == {"even_light"} and one.quality.light_flicker_pct < 0.4
+
+
+# --- what is mended
+
+
+def parameters(**values):
+    return settings("clip", source="file", path="film.mp4", **values)
+
+
+def quality(**values) -> Quality:
+    good = dict.fromkeys(Quality.__dataclass_fields__, 0.0) | {"doubled_rate": 1.0}
+    return Quality(**good | {"contrast_grey": 80.0, "noise_grey": 1.0} | values)
+
+
+def test_what_cannot_be_mended_is_left():
+    far = quality(shake_px=9.0, shake_most_px=30.0)
+    assert wanted(parameters(), far, 480) == set()
+    assert wanted(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
+    turned = quality(shake_px=2.0, shake_most_px=4.0, shake_apart_px=1.5)
+    assert wanted(parameters(), turned, 480) == set()
+    assert wanted(parameters(steady="always"), far, 480) == {"steady"}
+    unknown = quality(shake_px=np.nan, shake_most_px=np.nan, shake_apart_px=np.nan)
+    assert wanted(parameters(steady="always"), unknown, 480) == set()
+    stutter = quality(doubled_pct=40.0, doubled_rate=np.nan)
+    assert wanted(parameters(undouble="always"), stutter, 480) == set()
+
+
+def test_findings_say_what_was_and_what_is():
+    filmed, now = quality(light_flicker_pct=5.0), quality(light_flicker_pct=0.1)
+    words = {one.word: one for one in findings(now, filmed, {"even_light"})}
+    assert words["flicker"].good and "5" in words["flicker"].text
+    assert words["drift"] == {one.word: one for one in findings(now)}["drift"]
