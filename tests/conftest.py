@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 os.environ.setdefault("FINLOOP_THREADS", "1")  # a second thread only waits for the other worker
 import stages.run  # isort: skip  # noqa: F401  (sets the threads of all libraries, before numpy)
@@ -18,7 +18,11 @@ import psutil
 import pytest
 from matplotlib.figure import Figure
 
+if TYPE_CHECKING:
+    from tiny_run import TinyRun
+
 ROOT = Path(__file__).parents[1]
+OUTPUTS = ("data", "reports")
 TINY_CARP = [
     "clip=carp",
     "clip.frames=100",
@@ -61,9 +65,9 @@ TINY_CARP = [
 
 
 SLOW = ("pipeline",
-        "morph_stage", "experiment", "gait_stage", "params", "carp", "bpn",
+        "experiment", "gait_stage", "params", "carp", "bpn",
         "extract", "sprites", "features", "distance_map", "footage_film", "clip",
-        "animate_film", "realism", "examples", "render", "animate_forecast", "gateways", "play",
+        "animate_film", "realism", "examples", "morph_stage", "render", "animate_forecast", "gateways", "play",
         "loops", "morph_simple", "play_server", "curve_dynamics", "forecast", "report")  # fmt: skip
 """The files that take longest, by the word after `test_`."""
 
@@ -95,6 +99,7 @@ class Copy:
 
     root: Path
     env: dict[str, str]
+    kept: Path  # data/ and reports/ after the first run
 
     def run(self, *command: str, fails: bool = False) -> str:
         """What a command prints, stdout and stderr; it must end well, or with `fails` badly."""
@@ -136,8 +141,10 @@ class Copy:
 
     def back(self) -> None:
         """As it was after the first run."""
+        for name in OUTPUTS:
+            shutil.rmtree(self.root / name, ignore_errors=True)
+            shutil.copytree(self.kept / name, self.root / name)
         self.git("reset", "--quiet", "--hard", "start")
-        self.dvc("checkout", "--force", "--quiet")
 
 
 def alive(process: psutil.Process) -> bool:
@@ -148,11 +155,11 @@ def alive(process: psutil.Process) -> bool:
         return False
 
 
-def wait_for(look: Callable[[], Any], seconds: float) -> Any:
+def wait_for(look: Callable[[], Any], seconds: float, every: float = 0.005) -> Any:
     """What `look` returns as soon as that is true; what it returns in the end if it never is."""
     end = time.monotonic() + seconds
     while not (result := look()) and time.monotonic() < end:
-        time.sleep(0.005)
+        time.sleep(every)
     return result
 
 
@@ -171,8 +178,23 @@ def no_drawing(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="session")
-def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
-    """The repository, copied and run once on a drawn carp of two seconds, all committed."""
+def tiny_run(tmp_path_factory: pytest.TempPathFactory) -> "TinyRun":
+    """What the stages make of a drawn carp of two seconds: run once for all workers."""
+    from tiny_run import TinyRun  # which imports this module
+
+    base = tmp_path_factory.getbasetemp()
+    return TinyRun((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "tiny")
+
+
+@pytest.fixture(scope="session")
+def first_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> Iterator[Copy]:
+    """The repository, copied, with a run of its pipeline on a drawn carp, all committed.
+
+    The stages have run in this process, thirty starts less. DVC takes what they made as made by it:
+    that it runs them to the same bytes, tests/test_pipeline.py shows.
+    """
+    from tiny_run import STAGES
+
     root = tmp_path_factory.mktemp("finloop")
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     for name in subprocess.check_output(listed, cwd=ROOT, text=True).split("\0"):
@@ -192,7 +214,8 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
         "DVC_GLOBAL_CONFIG_DIR": str(apart / "global"),
         "DVC_SITE_CACHE_DIR": str(apart / "site"),
     }
-    copy = Copy(root, env)
+    env.pop("PYTHONDONTWRITEBYTECODE", None)  # else every stage compiles the same modules again
+    copy = Copy(root, env, apart)
     copy.git("init", "--quiet", ".")
     (root / ".git/info").mkdir(exist_ok=True)
     (root / ".git/info/exclude").write_text("__pycache__\n")  # a link is no folder to git
@@ -201,10 +224,13 @@ def first_run(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Copy]:
     copy.compose()
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "before the first run")
-    copy.dvc("repro")
+    tiny_run.bring(root, STAGES)
+    copy.dvc("commit", "--force", "--quiet")
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "the first run")
     copy.git("tag", "start")
+    for name in OUTPUTS:
+        shutil.copytree(root / name, apart / name)
     yield copy
     for process in psutil.process_iter(["cwd"]):  # the queue's worker waits for more
         if process.info["cwd"] == str(root):

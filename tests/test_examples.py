@@ -1,7 +1,6 @@
 """The library's verbs: ten lines make what the pipeline's stages make."""
 
 import contextlib
-import importlib
 import re
 import subprocess
 import sys
@@ -12,11 +11,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT, TINY_CARP
-from scratch import prepare
 from toy_swim import MIRROR, RATE, swum
 
 import finloop
-import stages.extract
 from finloop import verbs
 from finloop.animate.edit_list import EDIT
 from finloop.base.errors import FinloopError
@@ -24,11 +21,6 @@ from finloop.io.table import load_table
 from finloop.jumps.film import FilmJumps
 
 EXAMPLE = ROOT / "examples/ten_lines.py"
-STAGES = (
-    "clip", "extract", "features", "pose", "jumps", "bpn", "forecast", "sprites", "distance",
-    "loops", "gateways", "animate",
-)  # fmt: skip
-
 STEERED = ("tracks", "reel", "model", "similar", "loops", "jumps", "gateways", "poses")
 
 
@@ -55,13 +47,17 @@ def tiny(monkeypatch):
     monkeypatch.setattr(verbs, "settings", tiny_settings)
 
 
-def test_the_ten_lines_make_what_the_stages_make(tiny, tmp_path, monkeypatch):
-    prepare(tmp_path, *TINY_CARP)
+@pytest.fixture(scope="module")
+def animated(tmp_path_factory, tiny_run):
+    """A folder in which the stages up to `animate` have run."""
+    path = tmp_path_factory.mktemp("animated")
+    tiny_run.bring(path, ["animate"])
+    return path
+
+
+def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stages.extract, "THREADS", 1)
-    for word in STAGES:
-        importlib.import_module(f"stages.{word}").main()
-    wanted = load_table(tmp_path / "data/animate/hybrid.parquet", EDIT)
+    wanted = load_table(animated / "data/animate/hybrid.parquet", EDIT)
 
     monkeypatch.setattr(sys, "argv", ["ten_lines.py"])
     text = EXAMPLE.read_text(encoding="utf-8")

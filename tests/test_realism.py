@@ -10,20 +10,8 @@ from conftest import TINY_CARP
 from scratch import prepare
 from sklearn.metrics import roc_auc_score
 
-import stages.animate
-import stages.bpn
-import stages.clip
-import stages.distance
-import stages.extract
-import stages.features
-import stages.forecast
-import stages.gateways
-import stages.jumps
-import stages.loops
 import stages.plots.realism
-import stages.pose
 import stages.realism
-import stages.sprites
 from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
@@ -317,17 +305,10 @@ def test_a_view_shows_the_heading_to_the_right():
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory):
+def folder(tmp_path_factory, tiny_run):
     path = tmp_path_factory.mktemp("realism")
     prepare(path, *TINY_CARP)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(path)
-        for stage in (
-            stages.clip, stages.extract, stages.features, stages.pose, stages.jumps, stages.bpn,
-            stages.forecast, stages.sprites, stages.distance, stages.loops, stages.gateways,
-            stages.animate, stages.realism,
-        ):  # fmt: skip
-            stage.main()
+    tiny_run.bring(path, ["realism"])
     return path
 
 
