@@ -16,6 +16,7 @@ from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
 from finloop.extract.table import GIVEN, GIVEN_NAME
 from finloop.features.table import FEATURES
+from finloop.identity.film import IDENTITIES
 from finloop.io.atomic import whole_folder
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.poses.netcdf import save_netcdf
@@ -72,6 +73,16 @@ def films(
     return {"frame_rate_hz": round(float(rate), 4), "tank": tank_px, "films": made}
 
 
+def names(tracks: pd.DataFrame) -> pd.Series:
+    """The name of the animal of every row: another program's, or `animal_` and its number."""
+    if (named := DATA / "extract" / GIVEN_NAME).exists():
+        return load_table(named, GIVEN, ["animal"])["animal"]
+    told = load_table(DATA / "identity/identities.parquet", IDENTITIES, ["track_id", "identity"])
+    digits = len(str(told["identity"].max()))
+    name = "animal_" + told["identity"].astype(str).str.zfill(digits)
+    return tracks["track_id"].map(name.set_axis(told["track_id"]))
+
+
 def main() -> None:
     """Make data/export/, reports/export/."""
     p: Settings = load("export")
@@ -81,8 +92,7 @@ def main() -> None:
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
     least = round(p.tracks_least_s * facts.frame_rate)
-    named = DATA / "extract" / GIVEN_NAME
-    animals = load_table(named, GIVEN, ["animal"])["animal"] if named.exists() else None
+    animals = names(tracks)
     points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
     with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:
         made = films(folder, p, edit, sprites, gallery)
@@ -104,7 +114,7 @@ def main() -> None:
         {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}
         | {
             "frames": len(edit),
-            "tracks": len(points.individuals),
+            "animals": len(points.individuals),
             "track_rows_share": len(points.frame) / len(tracks),
         },
     )

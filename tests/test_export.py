@@ -28,6 +28,7 @@ from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, w
 from finloop.export.tracks import poses
 from finloop.extract.table import GIVEN, OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
+from finloop.identity.film import IDENTITIES
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.poses import load_poses
@@ -474,6 +475,10 @@ def folder(tmp_path, monkeypatch):
         orientation=1, orientations=ORIENTATIONS, swimming_type=0,
     )  # fmt: skip
     save_table(data / "features/features.parquet", features, FEATURES)
+    told = pd.DataFrame(
+        {"track_id": [5], "identity": 0, "after_track": -1, "gap_frames": 0, "probability": 1.0}
+    )
+    save_table(data / "identity/identities.parquet", told, IDENTITIES)
     sprites = sprite_table()
     save_table(data / "sprites/sprites.parquet", sprites, SPRITES)
     with CutoutWriter(data / "extract/cutouts.arrow") as writer:
@@ -548,12 +553,14 @@ def test_the_stage_hands_everything_on(folder):
         part = np.array(page)[box["y"] :, box["x"] :][: box["h"], : box["w"]]
     assert np.array_equal(part[..., 3], drop(turn=1)[..., 1])
 
-    tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)["finloop"]["track_5"]
+    tracks = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0)["finloop"][
+        "animal_0"
+    ]
     assert np.allclose(tracks["head"]["x"], 40 + np.arange(FRAMES))
     assert np.allclose(tracks["body_2"]["x"], 30 + np.arange(FRAMES))
     metrics = json.loads((folder / "reports/export/metrics.json").read_text())
     assert (
-        metrics["track_rows_share"] == 1 and metrics["tracks"] == 1 and metrics["frames"] == TICKS
+        metrics["track_rows_share"] == 1 and metrics["animals"] == 1 and metrics["frames"] == TICKS
     )
 
 

@@ -31,8 +31,8 @@ def poses(
     tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
     head_confidence of the feature table, whose rows are the same; frames: of the clip, also those
     without a fish; body_points: between head and tail, at least 0; least_frames, most: the shortest
-    track, and how many at the most, the longest first; animals: names, beside `tracks`, of another
-    program's animals: then each of them is one, not each of its tracks.
+    track, and how many at the most, the longest first; animals: names, beside `tracks`, of
+    animals: then each of them is one, not each of its tracks.
     """
     who = tracks["track_id"] if animals is None else animals
     length = who.groupby(who).size()

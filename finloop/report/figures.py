@@ -84,6 +84,10 @@ FILM = Chapter(
         Figure("features/trajectories.png", "", "Tracks",
                "Where every fish that could be followed went.",
                "Coloured tracks over the background of the tank."),
+        Figure("identity/timeline.png", "", "Whose tracks are whose",
+               "Each row is an animal, each bar a track; a dot is a join through a touch, its "
+               "colour how sure it is. Animals are followed by motion and by how they look.",
+               "A chart of bars over time, a row for each animal, with dots between the bars."),
         Figure("pose/shapes.png", "", "Postures",
                "The few shapes that postures consist of, from two standard deviations to one side "
                "to two to the other. After a jump the animal goes on bending in them.",

@@ -1,0 +1,11 @@
+"""Whose tracks are whose: animals that touched and parted, by motion and appearance.
+
+A track ends where an animal touches another. Motion (`motion`) and appearance (`appearance`) say
+how probable it is that a later track is the same animal; `joins` finds the best set of joins.
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "film": ["IDENTITIES", "identities"],
+})  # fmt: skip

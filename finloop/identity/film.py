@@ -1,0 +1,186 @@
+"""The animals of a film: each track's identity, with its probability."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
+from finloop.distance.picture import BODY
+from finloop.features.head import tail_first
+from finloop.identity import appearance, motion
+from finloop.identity.joins import Joins, best
+from finloop.identity.settings import Settings
+from finloop.reel import Reel
+
+IDENTITIES = Schema(
+    *columns("int32", "1", "track_id", "identity"),
+    Column("after_track", "int32", "1"),  # the track before of the same animal; −1: none
+    Column("gap_frames", "int32", "1"),  # from the end of that one; 0 where there is none
+    Column("probability", "float32", "1"),  # that it is that animal; 1 where there is none before
+)
+_TYPES = {column.name: column.dtype for column in IDENTITIES.columns}
+_LEAST_HALF = 10  # frames on either side of a gap that is made
+_EVERY = 4  # of a backbone's points, one at which its width is taken
+USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
+
+
+class Lengths(NamedTuple):
+    """First and last row of each track, half-open."""
+
+    start: NDArray[np.intp]
+    stop: NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Known:
+    """All by which the animals of a film are known. measures (n, d): of every row's body.
+
+    segment (n,): of the film, in which each row lies; no animal is followed across a cut.
+    """
+
+    reel: Reel
+    measures: Floats
+    segment: NDArray[np.intp]
+    settings: Settings
+
+
+def known(reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: Settings) -> Known:
+    """What is known of a film's animals.
+
+    tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
+    film's further segments.
+    """
+    segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
+    return Known(reel, body_measures(tracks, reel.features), segment, p)
+
+
+def identities(of_film: Known) -> pd.DataFrame:
+    """Schema IDENTITIES: whose track each is; animals are numbered by how long they are seen."""
+    features = of_film.reel.features
+    parts = [np.arange(a, b) for a, b in zip(*spans(features), strict=True)]
+    joins = joined(of_film, parts)
+    frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
+    first, last = (np.array([rows[k] for rows in parts]) for k in (0, -1))
+    has = joins.before >= 0
+    return pd.DataFrame(
+        {
+            "track_id": track[first],
+            "identity": _numbered(joins, [len(rows) for rows in parts]),
+            "after_track": np.where(has, track[last[joins.before]], -1),
+            "gap_frames": np.where(has, frame[first] - frame[last[joins.before]], 0),
+            "probability": joins.probability,
+        }
+    ).astype(_TYPES)
+
+
+def told(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
+    """Schema IDENTITIES, where another program says whose track each is.
+
+    animals (rows,): its names, beside track_id and frame of the feature table.
+    """
+    span = features.assign(animal=animals.to_numpy()).groupby("track_id", as_index=False)
+    table = span.agg(
+        animal=("animal", "first"), start=("frame", "min"), stop=("frame", "max"),
+        rows=("frame", "size"),
+    )  # fmt: skip
+    seen = table.groupby("animal")["rows"].sum().sort_values(ascending=False, kind="stable")
+    table["identity"] = table["animal"].map({one: k for k, one in enumerate(seen.index)})
+    ordered = table.sort_values(["identity", "start"])
+    ordered["after_track"] = ordered.groupby("identity")["track_id"].shift(fill_value=-1)
+    ended = ordered.groupby("identity")["stop"].shift()
+    ordered["gap_frames"] = (ordered["start"] - ended).fillna(0)
+    made = ordered.sort_index().assign(probability=1.0)
+    return made[IDENTITIES.names].astype(_TYPES)
+
+
+def made_gaps(of_film: Known, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
+    """Gaps made in whole tracks: the shares joined right, and joined wrong; NaN without any.
+
+    Frames are taken out of the middle of every track that is long enough, as many as in one of the
+    film's own `gaps`, and all tracks are joined anew.
+    """
+    parts, halves = list[NDArray[np.intp]](), list[int]()
+    frame = of_film.reel.features["frame"].to_numpy()
+    for a, b in zip(*spans(of_film.reel.features), strict=True):
+        gap = int(rng.choice(gaps)) if len(gaps) else 1
+        middle = int(np.searchsorted(frame[a:b], (frame[a] + frame[b - 1] - gap) // 2)) + a
+        after = int(np.searchsorted(frame[a:b], frame[middle - 1] + gap)) + a
+        if middle - a >= _LEAST_HALF <= b - after:
+            halves.append(len(parts))
+            parts += [np.arange(a, middle), np.arange(after, b)]
+        else:
+            parts.append(np.arange(a, b))
+    before = joined(of_film, parts).before
+    found = before[np.array(halves, int) + 1]
+    if not len(found):
+        return np.full(2, np.nan)
+    return np.array([(found == halves).mean(), ((found != halves) & (found >= 0)).mean()])
+
+
+def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
+    """Length, area, contrast and half widths from head to tail of every row (n, d)."""
+    widths = lists_to_array(tracks["half_width_px"])[:, ::_EVERY][:, 1:-1]
+    back = tail_first(lists_to_points(tracks, "backbone"), features)
+    widths = np.where(back[:, None], widths[:, ::-1], widths)
+    return np.hstack([tracks[["length_px", "area_px", "contrast"]].to_numpy(float), widths])
+
+
+def spans(features: pd.DataFrame) -> Lengths:
+    """The rows of each track of a feature table."""
+    edges = np.flatnonzero(np.diff(features["track_id"].to_numpy())) + 1
+    return Lengths(np.append(0, edges), np.append(edges, len(features)))
+
+
+def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:
+    """The joins of tracks, or of parts of tracks: rows in the order of frames."""
+    p = of_film.settings
+    rng = np.random.default_rng(p.seed)
+    return best(scores(of_film, parts), p.strangers, p.least_probability, rng)
+
+
+def scores(of_film: Known, parts: list[NDArray[np.intp]]) -> Floats:
+    """Log ratio (n, n) of a join from a to b: motion and appearance together."""
+    reel, p = of_film.reel, of_film.settings
+    features = reel.features
+    frame = features["frame"].to_numpy()
+    place = features[["x_px", "y_px"]].to_numpy(float) / reel.length_px
+    whole = features[["track_id", "frame"]].assign(x=place[:, 0], y=place[:, 1])
+    drift = motion.drift(whole)
+    ends = motion.ends(
+        [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
+    )
+    moved = motion.log_ratios(ends, drift)
+    segment = np.array([of_film.segment[rows[0]] for rows in parts])
+    moved[segment[:, None] != segment] = -np.inf
+    overlap = (ends.start[:, None] <= ends.stop) & (ends.start <= ends.stop[:, None])
+    some = [_spread(rows, p.looked_at) for rows in parts]
+    every = np.concatenate(some)
+    pictures = reel.frames(every, p.size_px, BODY).reshape(len(every), -1)
+    looks = appearance.described(of_film.measures[every], pictures, p.components)
+    by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
+    return moved + appearance.log_ratios(by_track, overlap)
+
+
+def _spread(rows: NDArray[np.intp], count: int) -> NDArray[np.intp]:
+    """At most `count` rows spread over a track."""
+    return rows[np.unique(np.linspace(0, len(rows) - 1, count).astype(int))]
+
+
+def _numbered(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:
+    """The number of each track's animal, 0 for the one with the most rows."""
+    root = np.arange(len(lengths))
+    for track in range(len(lengths)):
+        head = track
+        while joins.before[head] >= 0:
+            head = joins.before[head]
+        root[track] = head
+    seen = np.bincount(root, weights=lengths, minlength=len(lengths))
+    order = np.argsort(-seen, kind="stable")
+    number = np.empty(len(lengths), np.intp)
+    number[order] = np.arange(len(lengths))
+    return number[root]

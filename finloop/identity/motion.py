@@ -1,0 +1,149 @@
+"""How far an animal gets while it is not seen, measured in its film.
+
+Where a track is whole, a gap is made in it: the animal's place after the gap, against the place at
+which its motion before would have brought it, is how wrong one would have been. Places are in body
+lengths, gaps in frames.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Reals
+
+_BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
+_LEAST = 30  # made gaps, by which an error is known
+_TAIL = 0.02  # of all joins are to any place of the tank: an animal that darts
+
+
+@dataclass(frozen=True)
+class Ends:
+    """Where tracks begin and end. start, stop (n,): frames of both; the rest in body lengths.
+
+    first, last (n, 2): places; arriving, leaving (n, 2): velocities a frame.
+    """
+
+    start: Reals
+    stop: Reals
+    first: Floats
+    last: Floats
+    arriving: Floats
+    leaving: Floats
+
+
+def ends(frames: list[Reals], places: list[Floats], before: int) -> Ends:
+    """The ends of tracks, given the frames (k,) and places (k, 2) of each.
+
+    before: rows over which a velocity is measured, where there are as many.
+    """
+    back = [min(before, len(one) - 1) for one in frames]
+    return Ends(
+        np.array([one[0] for one in frames]),
+        np.array([one[-1] for one in frames]),
+        np.array([one[0] for one in places]),
+        np.array([one[-1] for one in places]),
+        np.array([_pace(f, p, 0, n) for f, p, n in zip(frames, places, back, strict=True)]),
+        np.array([_pace(f, p, -1 - n, -1) for f, p, n in zip(frames, places, back, strict=True)]),
+    )
+
+
+def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
+    if len(frames) < 2:
+        return np.zeros(2)
+    return (places[b] - places[a]) / max(frames[b] - frames[a], 1)
+
+
+@dataclass(frozen=True)
+class Drift:
+    """How wrong a foretold place is after a gap. gaps (k,): frames, ascending; error (k,).
+
+    before: frames over which the velocity is measured by which it is foretold.
+    """
+
+    gaps: Floats
+    error: Floats
+    kept: Floats  # (k,): of the velocity before, so much of it is taken on
+    tank: float  # area, body lengths²
+    before: int
+
+    def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
+        """Log of how much more probable a place is for the same animal than for any animal.
+
+        gap: frames; apart: distance from the foretold place. The error is spread exponentially in
+        all directions.
+        """
+        error = np.maximum(np.interp(gap, self.gaps, self.error), 1e-3)
+        near = np.exp(-apart / error) / (2 * np.pi * error**2)
+        return np.log((1 - _TAIL) * np.minimum(near * self.tank, 1e6) + _TAIL)
+
+    def shares(self, gap: Floats) -> Floats:
+        """Of the velocity before, how much is taken on over a gap."""
+        return np.interp(gap, self.gaps, self.kept)
+
+
+def drift(tracks: pd.DataFrame) -> Drift:
+    """Measure it on whole tracks: track_id, frame, x, y (body lengths), rows in that order.
+
+    The gaps double from one frame on, as long as there are enough tracks of that length; beyond, an
+    animal may be anywhere. A velocity is measured over as many frames as foretells best: over fewer
+    than a tail beat it may lead aside.
+    """
+    spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
+    tank = float(np.maximum(spread, 1.0).prod())
+    anywhere = float(np.sqrt(tank / (2 * np.pi)))
+    tried = [(before, *_errors(tracks, before)) for before in _BEFORE]
+    common = min(len(error) for _, error, _ in tried if error) if tried[0][1] else 0
+    if not common:
+        return Drift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
+    before, error, kept = min(
+        (one for one in tried if one[1]),
+        key=lambda one: np.log(np.add(one[1][:common], 1e-6)).sum(),
+    )
+    gaps = 2.0 ** np.arange(len(error))
+    last = max(anywhere, error[-1])
+    beyond = gaps[-1] * (last / max(error[-1], 1e-3)) ** 2 + 1
+    return Drift(
+        np.append(gaps, beyond), np.append(error, last), np.append(kept, 0.0), tank, before
+    )
+
+
+def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
+    """For gaps of 1, 2, 4 … frames: the scale of the error, and how much of a velocity is kept."""
+    place = tracks[["x", "y"]].to_numpy(float)
+    error, kept = list[float](), list[float]()
+    gap = 1
+    while (same := _together(tracks, before + gap)).sum() >= _LEAST:
+        at = np.flatnonzero(same)
+        pace = (place[at + before] - place[at]) / before
+        went = place[at + before + gap] - place[at + before]
+        share = float(np.clip((pace * went).sum() / max(gap * (pace**2).sum(), 1e-12), 0, 1))
+        kept.append(share)
+        # Of a spread that is exponential in all directions the mean distance is twice its scale.
+        error.append(0.5 * float(np.hypot(*(went - share * gap * pace).T).mean()))
+        gap *= 2
+    return error, kept
+
+
+def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
+    """Whether the row `ahead` rows later is as many frames later in the same track."""
+    key = tracks[["track_id", "frame"]].to_numpy()
+    same = np.zeros(len(key), bool)
+    if ahead < len(key):
+        same[:-ahead] = (key[ahead:] - key[:-ahead] == (0, ahead)).all(1)
+    return same
+
+
+def log_ratios(ends: Ends, drift: Drift) -> Floats:
+    """For every pair (n, n) of tracks the log ratio of a join from the end of a to the start of b.
+
+    −∞ where b does not begin after a has ended. What is foretold is the place half way: a goes on
+    and b came from.
+    """
+    gap = ends.start[None, :] - ends.stop[:, None]
+    share = drift.shares(gap.astype(float))[..., None]
+    half = 0.5 * share * gap[..., None]
+    ahead = ends.last[:, None] + half * ends.leaving[:, None]
+    back = ends.first[None] - half * ends.arriving[None]
+    apart = np.hypot(*np.moveaxis(back - ahead, -1, 0))
+    return np.where(gap > 0, drift.log_ratio(gap.astype(float), apart), -np.inf)

@@ -1,0 +1,21 @@
+"""Parameters of `identity`: whose tracks are whose."""
+
+from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
+
+from finloop.base.settings import Count, Seed, Share
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How tracks are joined to animals, by motion and by appearance."""
+
+    looked_at: Annotated[int, Field(ge=4)]  # pictures of a track, by which it is known
+    size_px: Annotated[int, Field(ge=8)]  # px, sides of these pictures
+    components: Count  # principal components of the pictures, at most
+    # of all ends of tracks; so often an animal comes from nowhere, or goes there
+    strangers: Share
+    least_probability: Share  # a join that is less probable is not made
+    seed: Seed  # of the noise by which probabilities are found

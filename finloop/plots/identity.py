@@ -1,0 +1,40 @@
+"""Picture of `identity`: whose tracks are whose, over time."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+_MOST = 40  # animals drawn: those seen longest
+_SURE = "viridis"
+
+
+def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
+    """A row an animal, a bar a track; what leads from bar to bar has the colour of how sure it is.
+
+    table: schema IDENTITIES; features: track_id and frame of every row.
+    """
+    span = features.groupby("track_id")["frame"].agg(["min", "max"]).loc[table["track_id"]]
+    start, stop = (span[end].to_numpy() / rate_hz for end in ("min", "max"))
+    shown = table["identity"].to_numpy() < _MOST
+    rows = table["identity"].to_numpy()
+    count = min(int(rows.max()) + 1, _MOST)
+    figure = Figure(figsize=(10, 1.6 + 0.22 * count), layout="constrained")
+    axes = figure.subplots()
+    axes.barh(
+        rows[shown], (stop - start)[shown] + 1 / rate_hz, left=start[shown], height=0.7,
+        color=np.where(rows[shown] % 2, "#5b7f95", "#9db4c0"),
+    )  # fmt: skip
+    at = {track: k for k, track in enumerate(table["track_id"])}
+    joined = [k for k in np.flatnonzero(shown) if table["after_track"].iloc[k] >= 0]
+    before = [at[table["after_track"].iloc[k]] for k in joined]
+    # In the middle of the gap, which may be much shorter than a point.
+    points = axes.scatter(
+        [(stop[a] + start[b]) / 2 for a, b in zip(before, joined, strict=True)], rows[joined],
+        c=table["probability"].iloc[joined], vmin=0.5, vmax=1, cmap=_SURE, s=22, zorder=3,
+        edgecolors="white", linewidths=0.5,
+    )  # fmt: skip
+    figure.colorbar(points, ax=axes, label="probability of a join")
+    axes.set(xlabel="time (s)", ylabel="animal", ylim=(count - 0.4, -0.6), xlim=(0, stop.max()))
+    left = int(rows.max()) + 1 - count
+    axes.set_title(f"{count} animals" + (f", and {left} seen more shortly" if left else ""))
+    return figure

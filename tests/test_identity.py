@@ -1,0 +1,177 @@
+"""Whose tracks are whose: motion through gaps, looks, the best joins and how sure they are."""
+
+import itertools
+import json
+
+import numpy as np
+import pandas as pd
+import pytest
+from scratch import prepare, put_clip
+from toy_fish import filled, line, outline
+
+import stages.extract
+import stages.features
+import stages.identity
+import stages.plots.identity
+from finloop.identity import appearance, motion
+from finloop.identity.film import IDENTITIES
+from finloop.identity.joins import best
+from finloop.io.table import load_table
+
+
+def table_of(*places):
+    """Tracks of these places (k, 2) each, from frame 0 on."""
+    return pd.concat([
+        pd.DataFrame({"track_id": k, "frame": np.arange(len(one)), "x": one[:, 0], "y": one[:, 1]})
+        for k, one in enumerate(places)
+    ])  # fmt: skip
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(5)
+
+
+# --- motion
+
+
+def test_who_swims_straight_on_is_foretold():
+    ways = [np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)]
+    drift = motion.drift(table_of(*ways))
+    assert drift.error[:-1] == pytest.approx(0, abs=1e-9)
+    assert drift.kept[:-1] == pytest.approx(1)
+
+
+def test_who_wanders_gets_as_far_as_a_random_walk(rng):
+    ways = np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)
+    drift = motion.drift(table_of(*ways))
+    # The mean distance after g steps of spread 1 is sqrt(pi g / 2): twice the scale.
+    assert drift.error[:-1] == pytest.approx(0.5 * np.sqrt(np.pi * drift.gaps[:-1] / 2), rel=0.1)
+    assert np.all(drift.kept[:-1] < 0.1)
+
+
+def test_the_ratio_of_places_is_that_of_densities(rng):
+    """Over the whole tank the density of the same animal adds up to one, as that of any does."""
+    drift = motion.Drift(np.array([1.0, 2.0]), np.array([0.7, 0.7]), np.zeros(2), 400.0, 4)
+    place = rng.uniform(-10, 10, (200_000, 2))
+    ratio = np.exp(drift.log_ratio(np.ones(len(place)), np.hypot(*place.T)))
+    assert ratio.mean() == pytest.approx(1.0, rel=0.03)
+
+
+def test_a_track_is_joined_to_one_that_begins_where_it_leads():
+    t = np.arange(30.0)
+    ways = [np.stack([0.3 * t, 0 * t], 1), np.stack([0.3 * t, 9 - 0.3 * t], 1)]
+    before = [(t[:12], way[:12]) for way in ways]
+    after = [(t[16:], way[16:]) for way in ways[::-1]]
+    frames, places = zip(*before, *after, strict=True)
+    ends = motion.ends(list(frames), list(places), 4)
+    score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)))
+    assert best(score, 0.05, 0.5, np.random.default_rng(0)).before.tolist() == [-1, -1, 1, 0]
+    assert np.isneginf(score[2:, :2]).all()  # nothing leads back in time
+
+
+# --- joins
+
+
+def test_equal_scores_are_equally_probable(rng):
+    score = np.full((4, 4), -np.inf)
+    score[:2, 2:] = 6.0
+    found = best(score, 1e-6, 0.3, rng)
+    assert sorted(found.before[2:]) == [0, 1]
+    assert found.probability[2:] == pytest.approx(0.5, abs=0.15)
+    assert (best(score, 1e-6, 0.75, rng).before == -1).all()
+
+
+def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
+    ends, starts = range(3), range(3, 6)
+    score = np.full((6, 6), -np.inf)
+    score[:3, 3:] = rng.normal(2, 2, (3, 3))
+    stranger = 0.1
+    weight = np.zeros((6, 6))
+    total = 0.0
+    for pick in itertools.product([None, *starts], repeat=3):
+        joined = [(a, b) for a, b in zip(ends, pick, strict=True) if b is not None]
+        if len({b for _, b in joined}) < len(joined):
+            continue
+        alone = 6 - 2 * len(joined)
+        one = np.exp(sum(score[join] for join in joined)) * stranger**alone
+        total += one
+        for join in joined:
+            weight[join] += one
+    found = best(score, stranger, 0.01, rng)
+    for b in starts:
+        if found.before[b] >= 0:
+            truth = weight[found.before[b], b] / total
+            assert found.probability[b] == pytest.approx(truth, abs=0.15)
+
+
+# --- looks
+
+
+def looks_of(rng, animals, spread, tracks=30, pictures=20):
+    """Tracks of animals that differ by 1 in each number; `spread`: of the pictures of one."""
+    animal = np.arange(tracks) % len(animals)
+    return animal, [rng.normal(animals[k], spread, (pictures, animals.shape[1])) for k in animal]
+
+
+def test_animals_that_differ_are_told_by_their_looks(rng):
+    animal, tracks = looks_of(rng, rng.normal(0, 1, (6, 5)), 0.5)
+    at_once = np.arange(30) // 6  # six at a time
+    ratio = appearance.log_ratios(tracks, at_once[:, None] == at_once)
+    other = ~np.eye(30, dtype=bool)
+    same = animal[:, None] == animal
+    assert (ratio[same & other] > 0).mean() > 0.95
+    assert (ratio[~same] < 0).mean() > 0.95
+
+
+def test_animals_that_look_the_same_are_not_told(rng):
+    _, tracks = looks_of(rng, np.zeros((6, 5)), 1.0)
+    at_once = np.arange(30) // 6
+    assert np.abs(appearance.log_ratios(tracks, at_once[:, None] == at_once)).max() < 1.0
+
+
+def test_few_tracks_say_nothing_about_looks(rng):
+    _, tracks = looks_of(rng, rng.normal(0, 1, (2, 5)), 0.1, tracks=4)
+    assert not appearance.log_ratios(tracks, np.ones((4, 4), bool)).any()
+
+
+# --- the stage
+
+
+def crossing(frames=60):
+    """Two fish that swim across one another, under a shallow angle, and are one silhouette there."""
+    made, truth = [], []
+    for k in range(frames):
+        picture = np.full((150, 260), 180.0)
+        middles = [(34 + 3.2 * k, 40 + 1.15 * k), (34 + 3.2 * k, 110 - 1.15 * k)]
+        for number, (x, y) in enumerate(middles):
+            local = line(0.5 * np.sin(0.9 * k + number)) * 0.4
+            mask = filled(outline(local * (1, -1) + (x, y), 2.6 * WIDE), picture.shape) / 255.0
+            picture = np.minimum(picture, 180 - 120 * mask)
+        made.append(np.rint(picture).astype(np.uint8))
+        truth.append(middles)
+    return made, np.array(truth)
+
+
+WIDE = np.sqrt(np.abs(np.sin(np.pi * np.linspace(0, 1, 33) ** 0.7))) + 0.1
+
+
+def test_fish_that_cross_keep_their_identities(tmp_path, monkeypatch):
+    frames, truth = crossing()
+    prepare(tmp_path, "extract.least_frames=5")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.extract, "THREADS", 1)
+    put_clip(tmp_path, frames)
+    for stage in (stages.extract, stages.features, stages.identity, stages.plots.identity):
+        stage.main()
+    told = load_table(tmp_path / "data/identity/identities.parquet", IDENTITIES)
+    rows = pd.read_parquet(tmp_path / "data/features/features.parquet").merge(told, on="track_id")
+    assert len(told) >= 4  # they did touch
+    apart = np.abs(truth[rows["frame"], :, 1] - rows["y_px"].to_numpy()[:, None])
+    clear = np.abs(truth[rows["frame"], 0, 1] - truth[rows["frame"], 1, 1]) > 12
+    of_truth = pd.crosstab(rows["identity"][clear], apart.argmin(1)[clear])
+    assert (of_truth.to_numpy() > 0).sum() == 2  # two identities, each of one fish
+    numbers = json.loads((tmp_path / "reports/identity/metrics.json").read_text())
+    assert numbers["identities"] == 2
+    assert numbers["joins"] >= 2
+    assert (tmp_path / "reports/identity/timeline.png").stat().st_size > 0
