@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-kernel setup tracks params repro play sweep lint params-check bench docs clean
+.PHONY: help demo film test test-kernel setup tracks params repro play sweep lint params-check bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -34,6 +34,11 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "  dvc_plots/index.html                 every chart and picture"
 	@echo "Then: make play                        send the fish by hand"
 	@dvc plots show >/dev/null
+
+film: display setup ## your own film, from file to report:  make film FILM=/path/of/film.mp4
+	@FILM='$(subst ','\'',$(value FILM))' python -m stages.film $(S)
+	@dvc repro
+	@python -m stages.film --report
 
 test: setup ## run the tests
 	@python -m pytest -n 2 --dist loadfile --no-loadscope-reorder

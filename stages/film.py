@@ -1,0 +1,123 @@
+"""One's own film: conf/local/default.yaml names it, params.yaml is composed; then, the report.
+
+`python -m stages.film [key=value ...]` takes the film, or several, from the variable FILM: a path
+as it is, or paths between spaces, those that hold spaces in quotes. `--report` says where the
+report is, and opens it where there is a desktop. `make film` calls both, and the pipeline between.
+"""
+
+from stages.run import run  # isort: skip
+
+import json
+import os
+import shlex
+import sys
+import webbrowser
+from pathlib import Path
+
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.io.atomic import whole_file
+from finloop.io.footage.listed import listed
+from stages.compose import composed
+from stages.settings import LOCAL, PARAMS
+
+REPORT = Path("reports/index.html")
+WANTED = 'make film FILM=/path/of/film.mp4; several: FILM="a.mp4 b.mp4", quoted where a space is'
+
+
+def films_in(text: str) -> list[str]:
+    """The paths that FILM names, whole; FinloopError where it names none, or one is not there."""
+    if not text.strip():
+        raise FinloopError("FILM names no film", WANTED, "give the path of your film")
+    try:
+        named = [text] if Path(text).expanduser().exists() else shlex.split(text)
+    except ValueError as error:
+        raise FinloopError(
+            f"FILM={text} cannot be read: {error}",
+            WANTED,
+            "give the path as it is, or close quotes",
+        ) from error
+    missing = [one for name in named for one in listed(name) if not one.exists()]
+    if missing:
+        raise FinloopError(
+            f"there is nothing at {', '.join(str(one.absolute()) for one in missing)}",
+            WANTED,
+            "correct the path",
+        )
+    return [str(Path(name).expanduser().absolute()) for name in named]
+
+
+def local_text(films: list[str]) -> str:
+    """The content of conf/local/default.yaml for these films."""
+    # As OmegaConf reads it: `${` would begin the name of another value.
+    paths = [json.dumps(one.replace("${", "\\${"), ensure_ascii=False) for one in films]
+    value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
+    return f"""# @package _global_
+# By `make film`. Your own settings belong here, too.
+defaults:
+  - override /clip: file
+
+clip:
+  path: {value}
+"""
+
+
+def name_films(films: list[str], local: Path) -> str:
+    """Let conf/local/default.yaml name these films; what was done, in a sentence.
+
+    A file that names them already is left with its settings; another one is kept as a backup,
+    unless it holds nothing but what this function wrote.
+    """
+    before = local.read_text(encoding="utf-8") if local.is_file() else ""
+    known = _films_of(before)
+    if known == films:
+        return f"{local} names the film already, and is left as it is"
+    kept = ""
+    if before and before != local_text(known):
+        backup = next(
+            one
+            for number in range(1, 10**6)
+            if not (one := local.with_name(f"{local.name}.before-{number}")).exists()
+        )
+        with whole_file(backup) as part:
+            part.write_text(before, encoding="utf-8")
+        kept = f"; what it held before is kept in {backup}"
+    with whole_file(local) as part:
+        part.write_text(local_text(films), encoding="utf-8")
+    return f"{local} names the film{kept}"
+
+
+def _films_of(text: str) -> list[str]:
+    """The films that a conf/local/default.yaml names; none where it does not say."""
+    try:
+        path = yaml.safe_load(text)["clip"]["path"]
+    except (yaml.YAMLError, KeyError, TypeError):
+        return []
+    paths = [path] if isinstance(path, str) else path
+    if not isinstance(paths, list) or not all(isinstance(one, str) for one in paths):
+        return []
+    return [one.replace("\\${", "${") for one in paths]
+
+
+def show_report(report: Path) -> None:
+    """Say where the report is, and open it where there is a desktop."""
+    print(f"\nDone. The report: {report.absolute()}")
+    desktop = sys.platform == "darwin" or any(map(os.environ.get, ("DISPLAY", "WAYLAND_DISPLAY")))
+    if desktop:
+        webbrowser.open(report.absolute().as_uri())
+
+
+def main() -> None:
+    """Name the film and compose params.yaml; or show the report."""
+    if sys.argv[1:] == ["--report"]:
+        show_report(REPORT)
+        return
+    print(f"finloop: {name_films(films_in(os.environ.get('FILM', '')), LOCAL)}")
+    text = composed(sys.argv[1:])
+    with whole_file(PARAMS) as part:
+        part.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)
