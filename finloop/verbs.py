@@ -257,13 +257,13 @@ def foretell(
     """A network of the next pose and motion, trained, and what is sampled beside it.
 
     `changes`: of `finloop.forecast.settings.Settings`. FinloopError also if the film is too short,
-    or no fish in it moves or turns.
+    no fish in it moves or turns, or no two rows of it look alike.
     """
     p = settings("forecast", **changes)
     mirror = shown_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
     foreteller, _ = train(states, hold_out(states, p), p)
-    return sampler(states, foreteller, similar_rows(states, jumps.look, p), p)
+    return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.seen, p), p)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

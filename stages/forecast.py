@@ -20,10 +20,13 @@ from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
 from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.jumps.seen import Seen
 from finloop.pose.film import FilmPoses
+from finloop.reel import Reel
 from stages.forecasts import load_look, states_of
 from stages.poses import load_poses
 from stages.settings import load
@@ -78,6 +81,9 @@ def main() -> None:
         try:
             film = states_of(features, poses, look, rate_hz)
             parts = split(film, p)
+            with open_cutouts(DATA / "extract/cutouts.arrow") as frames:
+                seen = Seen.of(Reel(features, frames), poses, load("jumps").look_px)
+            graph = similar_rows(film, look, seen, p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})
@@ -86,7 +92,6 @@ def main() -> None:
             return
         with progress("forecast", p.epochs, "epochs") as advance:
             model, curve = learn(film, parts, p, advance)
-        graph = similar_rows(film, look, p)
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))

@@ -6,7 +6,7 @@ from functools import cache
 import numpy as np
 import pytest
 from toy_film import LENGTH, waters_of
-from toy_swim import HOW, MIRROR, RATE, plain, swum
+from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
 from finloop.animate.edit_list import FRAME, NETWORK, Goal
 from finloop.animate.film import ROW
@@ -30,7 +30,7 @@ def sample():
     features, codes = swum()
     film = film_states(features, codes, MIRROR, RATE, HOW)
     model, _ = learn(film, split(film, HOW), replace(HOW, epochs=3))
-    return sampler(film, model, similar_rows(film, plain(film), HOW), HOW)
+    return sampler(film, model, similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
 def waters(mirrored=True, barred=()):

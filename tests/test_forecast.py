@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum
+from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum, unseen
 
 from finloop.base.errors import FinloopError
 from finloop.forecast.assess import (
@@ -49,7 +49,7 @@ def learnt(film):
 
 @pytest.fixture(scope="module")
 def swim(film, learnt):
-    return sampler(film, learnt[0], similar_rows(film, plain(film), HOW), HOW)
+    return sampler(film, learnt[0], similar_rows(film, plain(film), unseen, HOW), HOW)
 
 
 def rng(seed=0):
@@ -188,11 +188,27 @@ def test_rows_that_look_different_are_no_neighbours(film):
     look = 2.0 * np.tile(open_fins, 2)[:, None]
     shown = np.roll(look, -1)  # next
     for most, share in ((3.0, 0.5), (1.0, 0.0)):
-        start, to = similar_rows(film, look, replace(HOW, look=most))
+        start, to = similar_rows(film, look, unseen, replace(HOW, look=most))
         one = np.repeat(np.arange(len(look)), np.diff(start))
         mixed = (shown[one] != shown[to]).mean()
         assert mixed == pytest.approx(share, abs=0.1)
     assert mixed == 0
+
+
+def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
+    asked = []
+
+    def seen(rows, to, mirrored):
+        asked.append((rows, to, mirrored))
+        return 9.0 * (to % 2 == 0)
+
+    start, to = similar_rows(film, plain(film), seen, HOW)
+    one = np.repeat(np.arange(len(film.states)), np.diff(start))
+    assert len(one) and ((one % film.count % 2 == 0) | (to % film.count % 2 == 0)).all()
+    with pytest.raises(FinloopError, match="look alike"):
+        similar_rows(film, plain(film), lambda rows, *_: np.full(len(rows), 9.0), HOW)
+    ((rows, other, mirrored),) = asked
+    assert max(rows.max(), other.max()) < film.count and mirrored.any() and not mirrored.all()
 
 
 def test_a_graph_is_read_as_it_was_written(film, swim):

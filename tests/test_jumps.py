@@ -12,7 +12,8 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.planner import BODY
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
-from finloop.jumps.search import JUMPS, nearest
+from finloop.jumps.search import JUMPS, chosen, nearest
+from finloop.jumps.seen import Seen
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Parts, signatures
 
@@ -34,7 +35,7 @@ def walk(rng: np.random.Generator, n: int = 160) -> np.ndarray:
 def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
     values, track = walk(rng), np.repeat([0, 1, 2], [60, 70, 30])
     n, made = len(track), nearest(values, track, COUNT, LEAST, mirror)
-    assert list(made) == JUMPS.names
+    assert list(made) == ["row", "to", "mirrored", "far"]
     targets = np.concatenate(values[: 1 + mirror])
     for row in range(n):
         far = np.linalg.norm(targets - values[0, row], axis=1)
@@ -49,11 +50,37 @@ def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
         mine = made[made["row"] == row]
         assert mine["to"].tolist() == (best % n).tolist()
         assert mine["mirrored"].tolist() == (best >= n).tolist()
-        assert mine["seam"].to_numpy() == pytest.approx(far[best], rel=1e-5)
+        assert mine["far"].to_numpy() == pytest.approx(far[best], rel=1e-5)
 
 
 def test_a_film_too_short_to_go_on_has_no_jump(rng):
     assert nearest(walk(rng, LEAST), np.zeros(LEAST, int), COUNT, LEAST).empty
+
+
+def test_of_what_is_near_the_best_to_the_eye_are_chosen():
+    near = pd.DataFrame({"row": [0] * 4 + [1], "to": range(4, 9), "mirrored": False, "far": 0.5})
+    made = chosen(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
+    assert list(made) == JUMPS.names
+    assert made["to"].tolist() == [5, 4, 8] and made["row"].tolist() == [0, 0, 1]
+    assert made["seam"].tolist() == [0.5, 2.25, 81]
+
+
+def test_what_is_seen_is_what_no_posture_explains(rng):
+    """Two frames in one posture, and their mirror images; a third one, bent."""
+    pictures = np.zeros((4, 24, 24, 2), np.uint8)
+    pictures[:, 8:16, 4:20] = 200
+    pictures[1, 10:12, 14:18, 0] = 50  # a patch on one side
+    pictures[2] = pictures[1, ::-1]
+    steps = [np.full(8, 1 / 8)] * 4
+    bent = np.stack([np.zeros(8)] * 3 + [np.linspace(0, 0.4, 8)])
+    postures = np.concatenate([np.tile([0.5, 0.0], (4, 1)), bent, steps], 1)
+    seen = Seen(pictures, postures, 2.0)
+    same = seen([0, 1, 2, 1], [0, 1, 1, 2], [False, False, True, True])
+    assert same == pytest.approx(0, abs=0.05)
+    patch = np.linalg.norm((pictures[1] - pictures[0].astype(float)) / 255) / 2
+    assert seen([0, 1], [1, 0], [False, False]) == pytest.approx(patch, rel=0.1)
+    plain = np.linalg.norm((pictures[3] - pictures[1].astype(float)) / 255) / 2
+    assert 0 < seen([1], [3], [False])[0] <= plain + 1e-6
 
 
 def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):

@@ -14,6 +14,11 @@ MIRROR = np.diag([-1.0, 1.0])
 HOW = settings("forecast", epochs=12, hidden=24, share=0.999)
 
 
+def unseen(rows, to, mirrored):
+    """To the eye all rows are alike."""
+    return np.zeros(len(rows))
+
+
 def plain(film):
     """How rows look that all look alike."""
     return np.zeros((len(film.states), 1))

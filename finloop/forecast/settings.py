@@ -35,7 +35,8 @@ class Settings:
     # The spread: the film's departures from the mean, of rows in similar states.
     neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
     fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
-    look: Positive  # deviations in light and skin; rows so far apart at most are similar
+    look: Positive  # deviations in light and skin; rows so far apart at most are similar ...
+    seen: Positive  # ... and natural steps, to the eye, the one drawn in the other's pose
     # s, on average, for which the departures of successive rows are taken; longer in a film whose
     # postures last longer
     follow_s: Positive

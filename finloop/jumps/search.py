@@ -12,8 +12,10 @@ JUMPS = Schema(
     Column("seam", "float32", "natural step"),
 )
 """In place of `row` the film can show the row `to`, mirrored or not, and go on from there. `seam`
-says how far the two are from each other, in median steps from row to row. A mirrored `row` can be
-replaced in the same way: then what is mirrored is not, and the other way round."""
+says how far the two are from each other, in median steps from row to row: the larger of how far
+they are in what they are compared by, and of the square of how far to the eye, drawn in one pose. A
+mirrored `row` can be replaced in the same way: then what is mirrored is not, and the other way
+round."""
 
 _BLOCK = 256  # rows at a time
 
@@ -21,7 +23,7 @@ _BLOCK = 256  # rows at a time
 def nearest(
     values: Floats, track: Ints, count: int, least: int, mirror: bool = True
 ) -> pd.DataFrame:
-    """Jumps, columns of `JUMPS`: to the `count` nearest rows of every row, one a passage of film.
+    """The `count` nearest rows of every row, one a passage of film: row, to, mirrored, and how far.
 
     Of rows that follow one another only the nearest is kept. A row that less than `least` rows of
     its track follow is not jumped to, nor one within `least` rows of the same track.
@@ -47,12 +49,23 @@ def nearest(
         chosen = np.sort(np.argpartition(apart, most - 1, axis=1)[:, :most], axis=1)
         finite = np.isfinite(np.take_along_axis(apart, chosen, 1))
         source, to = np.repeat(rows, finite.sum(1)), chosen[finite]
-        seam = np.linalg.norm(values[0, source] - targets[to], axis=-1)
-        order = np.lexsort((to, seam, source))
-        tables.append((source[order], to[order], seam[order]))
-    source, to, seam = (np.concatenate(column) for column in zip(*tables, strict=True))
-    table = pd.DataFrame({"row": source, "to": to % n, "mirrored": to >= n, "seam": seam})
-    return table.astype({"row": "int32", "to": "int32", "seam": "float32"})[JUMPS.names]
+        far = np.linalg.norm(values[0, source] - targets[to], axis=-1)
+        order = np.lexsort((to, far, source))
+        tables.append((source[order], to[order], far[order]))
+    source, to, far = (np.concatenate(column) for column in zip(*tables, strict=True))
+    return pd.DataFrame({"row": source, "to": to % n, "mirrored": to >= n, "far": far})
+
+
+def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
+    """Jumps, columns of `JUMPS`: of every row the `count` with the least seams.
+
+    What is seen counts squared: below a natural step it is hidden in the motion, above it shows the
+    more. near: as `nearest` gives them; seen: (k,) natural steps.
+    """
+    table = near.assign(seam=np.maximum(near["far"], np.square(seen)))
+    table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
+    kinds = {column.name: column.dtype for column in JUMPS.columns}
+    return table[JUMPS.names].astype(kinds).reset_index(drop=True)
 
 
 def _minima(apart: Floats) -> Mask:

@@ -10,14 +10,15 @@ from finloop.base.settings import Count, NotNegative, Positive, Share
 class Settings:
     """Which frames are neighbours."""
 
-    neighbours: Count  # so many of every frame are kept, the nearest, one a passage of the film
+    candidates: Count  # so many of every frame are drawn, the nearest, one a passage of the film
+    neighbours: Count  # so many of these are kept, those whose seams are seen least
     least_s: Positive  # s; film shorter than this is not jumped over, and is left after a jump
     # what a difference in each counts, 1 = equally: the pose, ...
     pose: NotNegative
     change: NotNegative  # ... how the pose changes, ...
     motion: NotNegative  # ... speed ahead, aside and of turning, ...
     look: NotNegative  # ... light and skin, drawn in one pose
-    look_px: Count  # across the pictures that light and skin are compared in ...
+    look_px: Count  # across the pictures that are compared, and light and skin in ...
     look_numbers: Count  # ... by so many principal components
     # whether a fish is shown mirrored; auto: if its sides look alike, and it uses them alike
     mirror: Literal["auto", "yes", "no"]
