@@ -93,6 +93,7 @@ def normalise(
         frames_repeated=timing.repeated,
         frames_dropped=timing.dropped,
         frames_missing=source.loss.frames,
+        mm_per_px=p.mm_per_px,
         notes=(*facts.notes, *source.loss.notes),
     )
     save_facts(folder / FACTS_NAME, facts)

@@ -70,7 +70,12 @@ def films(
             made[word] |= {"pivot_x_px": half - crop.left, "pivot_y_px": half - crop.top}
             made[word] |= {"loops": word not in SIDES}
     tank_px = {"width_px": facts.width_px, "height_px": facts.height_px}
-    return {"frame_rate_hz": round(float(rate), 4), "tank": tank_px, "films": made}
+    return {
+        "frame_rate_hz": round(float(rate), 4),
+        "mm_per_px": facts.mm_per_px,
+        "tank": tank_px,
+        "films": made,
+    }
 
 
 def names(tracks: pd.DataFrame) -> pd.Series:

@@ -9,6 +9,7 @@ from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.features.metrics import (
     against_given,
     against_truth,
+    in_mm,
     longest_track,
     summary,
     table1,
@@ -36,6 +37,9 @@ def main() -> None:
     save_table(TABLE, table, FEATURES)
 
     metrics = summary(table) | {"delta_s": delta_of(table) / facts.frame_rate_hz}
+    if facts.mm_per_px is not None:
+        tank = facts.width_px, facts.height_px
+        metrics |= in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)
     if (truth := CLIP / TRUTH_NAME).exists():
         metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
     if given is not None:

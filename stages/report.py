@@ -17,7 +17,7 @@ from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, rendered, webp
 from finloop.report.settings import Settings
-from finloop.report.tables import Table, headline, measures, of_frame, of_numbers
+from finloop.report.tables import Table, headline, measures, number, of_frame, of_numbers
 from stages.settings import STAMP, load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
@@ -91,8 +91,15 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
     """The film in a sentence."""
     fish = f", {features['fish_frames']:,} pictures of fish" if features else ""
     size = f"{facts.width_px}×{facts.height_px} px at {facts.frame_rate_hz:.4g} Hz"
+    scale = ""
+    if "body_length_median_mm" in features:
+        wide, high = (number(features[f"tank_{side}_mm"]) for side in ("width", "height"))
+        length = number(features["body_length_median_mm"])
+        speed = number(features.get("speed_median_mm_s"))
+        scale = f"The picture is {wide}×{high} mm, an animal {length} mm long; "
+        scale += f"its median speed is {speed} mm/s. " if speed else ""
     return (
-        f"{SOURCES[source][0]}: {facts.frames:,} frames of {size}{fish}. "
+        f"{SOURCES[source][0]}: {facts.frames:,} frames of {size}{fish}. {scale}"
         "From them, an animation that swims where it is sent."
     )
 

@@ -25,7 +25,14 @@ from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
 from finloop.features.head import _posterior, _viterbi, head_first
 from finloop.features.memory import block_frames, measured_delta
-from finloop.features.metrics import against_truth, forwards, longest_track, summary, table1
+from finloop.features.metrics import (
+    against_truth,
+    forwards,
+    in_mm,
+    longest_track,
+    summary,
+    table1,
+)
 from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
 from finloop.features.table import (
     FEATURES,
@@ -947,3 +954,16 @@ def test_a_damaged_file_is_one_message_and_leaves_no_half_table(here, name, harm
         stages.features.main()
         stages.plots.features.main()
     assert content(here / "data/features") == before
+
+
+def test_a_ruler_gives_lengths_and_speeds_in_millimetres():
+    """40 px long, half a body length in each Δ of five frames, 25 frames a second."""
+    moved = [0.5] * 15 + [np.nan] * 5
+    table = pd.DataFrame(
+        {"track_id": 1, "frame": range(20), "body_length_px": 40.0, "displacement": moved}
+    )
+    found = in_mm(table, (640, 480), 25.0, 0.25)
+    assert found["body_length_median_mm"] == 10
+    assert found["speed_median_mm_s"] == pytest.approx(0.5 * 10 * 25 / 5)
+    assert (found["tank_width_mm"], found["tank_height_mm"]) == (160, 120)
+    assert in_mm(table, (640, 480), 25.0, 0.5) == {name: 2 * mm for name, mm in found.items()}

@@ -18,6 +18,7 @@ class Zebrafish:
 
     source: Literal["zebrafish"]  # names this variant
     parts: Literal["A", "B", "AB"]  # 501, 508 or all 1009 frames
+    mm_per_px: Positive | None  # mm, of a pixel, by a ruler in the picture; null = not known
     crf: Crf  # of the normalised clip
 
 
@@ -26,6 +27,7 @@ class Carp(CarpFilm):
     """Drawn carp from above, with exact ground truth, from a seed."""
 
     source: Literal["carp"]  # names this variant
+    mm_per_px: Positive | None  # mm, of a pixel, by a ruler in the picture; null = not known
     crf: Crf  # above 0: the drawing goes through a codec, as film does
 
 
@@ -60,6 +62,7 @@ class File:
     arena_y_px: float | None  # px, centre of the circle
     arena_radius_px: Positive | None  # px, of the circle
     arena_mask: str | None  # path of a picture of the film's size, bright inside
+    mm_per_px: Positive | None  # mm, of a pixel, by a ruler in the picture; null = not known
     crf: Crf  # of the normalised clip
 
     def __post_init__(self) -> None:

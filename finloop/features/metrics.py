@@ -61,6 +61,22 @@ def summary(features: pd.DataFrame, long: int = 60) -> dict[str, float]:
     }
 
 
+def in_mm(
+    features: pd.DataFrame, tank_px: tuple[int, int], rate_hz: float, mm_per_px: float
+) -> dict[str, float]:
+    """Lengths and speeds in millimetres, for metrics.json; `tank_px`: width and height.
+
+    The speed is the displacement over Δ; NaN where no track is as long as Δ.
+    """
+    speed = features["displacement"] * features["body_length_px"]
+    return {
+        "body_length_median_mm": float(features["body_length_px"].median()) * mm_per_px,
+        "speed_median_mm_s": float(speed.median()) * mm_per_px * rate_hz / delta_of(features),
+        "tank_width_mm": tank_px[0] * mm_per_px,
+        "tank_height_mm": tank_px[1] * mm_per_px,
+    }
+
+
 def forwards(features: pd.DataFrame) -> dict[str, float]:
     """How often a moving fish is headed within 90° of its way; a swap of head and tail is not.
 

@@ -66,6 +66,7 @@ class VideoFacts:
     # and 255 for 8 bits
     level_low: float = 0.0
     level_high: float = 255.0
+    mm_per_px: float | None = None  # mm, of a pixel of the clip; None: not known
     crf: int = 0  # quality of the coding, 0 = lossless
     notes: tuple[str, ...] = ()  # sentences about the source that a person should read
 
