@@ -1,7 +1,9 @@
 """What is seen at a jump: one row drawn in the pose of another, against that row itself (Eq. 5)."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,7 +44,14 @@ class Seen:
         """Natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in the former's pose."""
         size_px = self.pictures.shape[1] / SPAN
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
-        far = apart_in_pose(
-            self.pictures, self.postures, size_px, rows, to, np.asarray(mirrored, bool)
-        )
-        return far / self.natural
+        mirrored = np.asarray(mirrored, bool)
+        threads = numba.get_num_threads()  # the kernel holds no lock; pairs do not know each other
+
+        def of_some(part: Ints) -> Floats:
+            return apart_in_pose(
+                self.pictures, self.postures, size_px, rows[part], to[part], mirrored[part]
+            )
+
+        with ThreadPoolExecutor(threads) as pool:
+            parts = np.array_split(np.arange(len(rows)), threads)
+            return np.concatenate(list(pool.map(of_some, parts))) / self.natural
