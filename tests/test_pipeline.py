@@ -361,7 +361,7 @@ def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(repo: Copy):
     (repo.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
     for word, blow in STOPS.items():
         stop(repo, word, blow)
-    repo.dvc("repro", "plots-extract", "plots-features")
+    repo.dvc("repro", *(f"plots-{word}" for word in STOPS))
     assert lock(repo) == wanted
     wanted_numbers = repo.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv")
     assert wanted_numbers == ""
