@@ -3,6 +3,7 @@
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 _MOST = 40  # animals drawn: those seen longest
 _SURE = "viridis"
@@ -35,6 +36,7 @@ def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Fig
     )  # fmt: skip
     figure.colorbar(points, ax=axes, label="probability of a join")
     axes.set(xlabel="time (s)", ylabel="animal", ylim=(count - 0.4, -0.6), xlim=(0, stop.max()))
+    axes.yaxis.set_major_locator(MaxNLocator(integer=True))
     left = int(rows.max()) + 1 - count
     axes.set_title(f"{count} animals" + (f", and {left} seen more shortly" if left else ""))
     return figure
