@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from conftest import ROOT, TINY_CARP
-from toy_swim import MIRROR, RATE, swum
+from toy_swim import MIRROR, RATE, swum, unseen
 
 import finloop
 from finloop import verbs
@@ -82,7 +82,8 @@ def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monke
 def test_a_forecast_has_mirror_images_if_the_jumps_have(sides):
     features, codes = swum(count=400)
     poses = SimpleNamespace(codes=codes, shapes=SimpleNamespace(mirror=MIRROR))
-    jumps = FilmJumps(pd.DataFrame(), np.zeros((sides * len(features), 1), np.float32), {})
+    look = np.zeros((sides * len(features), 1), np.float32)
+    jumps = FilmJumps(pd.DataFrame(), look, unseen, {})
     forecast = verbs.foretell(features, poses, jumps, RATE, epochs=1, hidden=4)
     assert len(forecast.states) == sides * len(features)
     image = forecast.states[-399:] * ([-1, 1, 1, -1, -1] if sides == 2 else 1)
