@@ -39,18 +39,25 @@ class Brought(NamedTuple):
 
 
 class Film(NamedTuple):
-    """What was found in one of several films."""
+    """What was found in one of several films.
+
+    table: of its rows at the common rate; rows (k,): their numbers in the film's own table and
+    cut-outs; home: its folder.
+    """
 
     part: Part
     facts: VideoFacts
     scene: SceneFacts
     table: pd.DataFrame
+    rows: Rows
+    home: Path
 
 
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Brought]:
     """Write tracks, cut-outs, scene and background of several films beside their folders.
 
-    Where tracks are from files, what these say of the rows, too.
+    Where tracks are from files, what these say of the rows, too. A film whose tracks are all
+    shorter than a frame of the common rate brings none.
 
     `errors`: of the films, by name, in which nothing could be followed. FinloopError if the first
     is among them: the animation is shown in its tank.
@@ -62,67 +69,70 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
             "a first film in which fish can be followed: the animation is shown in its tank",
             "put another film first, or mend this one's parameters",
         )
+    first = folder / FILMS / parts[0].name
     for name in (SCENE_NAME, BACKGROUND_NAME):
-        shutil.copyfile(folder / FILMS / parts[0].name / name, folder / name)
+        shutil.copyfile(first / name, folder / name)
     scene = load_record(folder / SCENE_NAME, SceneFacts, "extract")
     brought: list[Brought] = []
     light = None
     with ExitStack() as stack:
-        schema = tracks_schema(scene.points)
-        write = stack.enter_context(table_writer(folder / TRACKS_NAME, schema))
+        write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
         write_given = None
-        if (folder / FILMS / parts[0].name / GIVEN_NAME).exists():
+        if (first / GIVEN_NAME).exists():
             write_given = stack.enter_context(table_writer(folder / GIVEN_NAME, GIVEN))
         cutouts = stack.enter_context(CutoutWriter(folder / CUTOUTS_NAME))
         for part in parts:
             if part.name in errors:
                 continue
-            film = _load(part, clip, folder)
-            shown = frames_at(film.facts.frames, film.facts.frame_rate, whole.frame_rate)
-            rows = np.flatnonzero(np.isin(film.table["frame"], shown))
+            film = _load(part, clip, folder, whole)
+            if not len(film.rows):
+                brought.append(Brought(part.name, 0, 0, Likeness()))
+                continue
             grey = film.facts.colour and not whole.colour
-            with open_cutouts(folder / FILMS / part.name / CUTOUTS_NAME) as store:
-                its = levels(_some(store, rows), grey)
+            with open_cutouts(film.home / CUTOUTS_NAME) as store:
+                its = levels(_some(store, film.rows), grey)
                 light = its if light is None else light
                 length = film.scene.typical_length_px
                 like = likeness(length, scene.typical_length_px, its, light, grey)
-                table = measured_alike(film.table.iloc[rows].reset_index(drop=True), like)
-                ids, number = np.unique(table["track_id"], return_inverse=True)
-                first = sum(one.tracks for one in brought)
-                table["track_id"] = (number + first).astype("int32")
-                table["frame"] = (part.start + np.searchsorted(shown, table["frame"])).astype(
-                    "int32"
-                )
+                table = _numbered(film, like, sum(one.tracks for one in brought))
                 write(table)
                 if write_given:
-                    write_given(_given(folder, part, rows, table, like))
-                _copy(cutouts, store, rows, table, like)
-            brought.append(Brought(part.name, len(rows), len(ids), like))
+                    write_given(_given(film, table, like))
+                _copy(cutouts, store, film.rows, table, like)
+            tracks = table["track_id"].nunique()
+            brought.append(Brought(part.name, len(film.rows), tracks, like))
     return brought
 
 
-def _given(
-    folder: Path, part: Part, rows: Rows, table: pd.DataFrame, like: Likeness
-) -> pd.DataFrame:
-    """What another program's tracks of a film say of these rows, beside them in the common table.
+def _numbered(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
+    """A film's tracks as of the first film's fish, numbered after the `tracks` of others."""
+    table = measured_alike(film.table, like)
+    number = np.unique(table["track_id"], return_inverse=True)[1]
+    return table.assign(track_id=(number + tracks).astype("int32"))
+
+
+def _given(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
+    """What another program's tracks of a film say of its rows, beside them in the common table.
 
     An animal has the name of its film before its own: of number 1 there is one in every film.
     """
-    told = load_table(folder / FILMS / part.name / GIVEN_NAME, GIVEN).iloc[rows]
+    told = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
     told = measured_alike(told.reset_index(drop=True), Likeness(like.scale))
-    names = part.name + "-" + told["animal"].astype(str)
+    names = film.part.name + "-" + told["animal"].astype(str)
     return told.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
-def _load(part: Part, clip: Path, folder: Path) -> Film:
+def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
+    """What was found in a film, at the common rate and in the common count of frames."""
     home = folder / FILMS / part.name
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
-    return Film(
-        part,
-        load_facts(clip / FILMS / part.name / FACTS_NAME),
-        scene,
-        load_table(home / TRACKS_NAME, tracks_schema(scene.points)),
-    )
+    facts = load_facts(clip / FILMS / part.name / FACTS_NAME)
+    table = load_table(home / TRACKS_NAME, tracks_schema(scene.points))
+    shown = frames_at(facts.frames, facts.frame_rate, whole.frame_rate)
+    rows = np.flatnonzero(np.isin(table["frame"], shown))
+    table = table.iloc[rows].reset_index(drop=True)
+    at = part.start + np.searchsorted(shown, table["frame"])
+    return Film(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
 
 
 def _some(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:

@@ -111,7 +111,7 @@ def several(films: list[File], folder: Path) -> dict[str, float]:
                 of_film = kept_or_made(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
-                print(f"finloop: WARNING: {path} is left out: {error}", file=sys.stderr)
+                print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)
                 parts[-1] = parts[-1]._replace(error=error.came)
             advance()
     whole = join_clips(folder, parts)

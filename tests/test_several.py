@@ -23,8 +23,9 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.footage.listed import listed, names
 from finloop.io.movie import VideoWriter
 from finloop.io.several import frames_at, parts_of
-from finloop.io.table import load_table
+from finloop.io.table import load_table, save_table
 from finloop.io.video import VideoFacts, load_facts
+from finloop.several import join_extractions
 
 POINTS, FRAMES, BODY = 13, 24, 24.0
 SIZE = (90, 160)
@@ -264,6 +265,17 @@ def test_a_film_without_a_fish_is_left_out_unless_it_is_the_first(tmp_path, monk
     put_film(tmp_path / "films/0.mp4", noise)
     with pytest.raises(FinloopError, match=r"0\.mp4, the first film, cannot be followed"):
         run(tmp_path, monkeypatch)
+
+
+def test_a_film_whose_tracks_fall_between_the_common_frames_brings_none(joined, tmp_path):
+    shutil.copytree(joined / "data", tmp_path / "data", symlinks=True)
+    folder = tmp_path / "data/extract"
+    of_film = folder / "films/2-fine/tracks.parquet"
+    table = load_table(of_film, tracks_schema(POINTS))
+    save_table(of_film, table[table["frame"] % 2 == 1], tracks_schema(POINTS))
+    first, second = join_extractions(tmp_path / "data/clip", folder, {})
+    assert (second.name, second.rows, second.tracks) == ("2-fine", 0, 0)
+    assert len(table_of(tmp_path)) == first.rows > 0
 
 
 def test_where_no_film_can_be_read_each_is_named(tmp_path, monkeypatch):

@@ -13,13 +13,11 @@ import pandas as pd
 from finloop.base.arrays import Floats, Picture
 from finloop.base.cutout import Cutout
 
-_LUMA = (0.299, 0.587, 0.114)  # of R, G, B: BT.601, as `io` makes grey of colour
 _OPAQUE = 250  # alpha of a pixel that shows the fish alone
-# Fish of one film differ by as much in length, and its light drifts by as much: less is left as
-# filmed, because every resampling blurs.
+# What differs by less is left as filmed, because every resampling blurs: tracks of one zebrafish
+# film differ by up to 8 % from its typical length, and its light drifts by 2 %, the carp's by 3 %.
 _SAME_LENGTH, _SAME_LIGHT = 0.1, 0.05
 _MOST_LIGHT = 3.0  # a gain beyond this would show noise and not a fish
-_AREAS = ("area_px",)
 
 
 class Likeness(NamedTuple):
@@ -62,7 +60,7 @@ def likeness(
 
 def as_grey(pixels: Picture) -> Picture:
     """A cut-out in colour as one in grey."""
-    mono = np.rint(pixels[..., :-1] @ np.array(_LUMA)).astype(np.uint8)
+    mono = cv2.cvtColor(np.ascontiguousarray(pixels[..., :-1]), cv2.COLOR_RGB2GRAY)
     return np.dstack([mono, pixels[..., -1]])
 
 
@@ -102,13 +100,14 @@ def _resized(one: Cutout, scale: float) -> Cutout:
 def measured_alike(tracks: pd.DataFrame, like: Likeness) -> pd.DataFrame:
     """Rows of the table of tracks as they would be in the first film.
 
-    Contrast is in the film's own grey levels: it is scaled with the light.
+    px and, of the area, px² are scaled; contrast is in the film's own grey levels: it is scaled
+    with the light.
     """
     if like.none:
         return tracks
     made = tracks.copy()
     for name in tracks.columns[tracks.columns.str.endswith("_px")]:
-        power = 2 if name in _AREAS else 1
+        power = 2 if name == "area_px" else 1
         made[name] = [one * like.scale**power for one in tracks[name]]
     if like.gains:
         made["contrast"] = tracks["contrast"] * np.float32(np.mean(like.gains))

@@ -39,11 +39,11 @@ def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
     return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
 
 
-Seen = Callable[[Ints, Ints, Mask], Floats]
+ToTheEye = Callable[[Ints, Ints, Mask], Floats]
 """How far, in natural steps, rows (k,) and rows (k,), mirrored or not, are apart to the eye."""
 
 
-def similar_rows(film: FilmStates, look: Reals, seen: Seen, p: Settings) -> tuple[Ints, Ints]:
+def similar_rows(film: FilmStates, look: Reals, seen: ToTheEye, p: Settings) -> tuple[Ints, Ints]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
     At most `p.neighbours` of different passages, each at least Δ from the others and from the row

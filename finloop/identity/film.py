@@ -24,12 +24,12 @@ IDENTITIES = Schema(
     Column("probability", "float32", "1"),  # that it is that animal; 1 where there is none before
 )
 _TYPES = {column.name: column.dtype for column in IDENTITIES.columns}
-_LEAST_HALF = 10  # frames on either side of a gap that is made
+_LEAST_HALF = 10  # frames on either side of a gap that is made: a track of twice as many is long
 _EVERY = 4  # of a backbone's points, one at which its width is taken
 USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
 
 
-class Lengths(NamedTuple):
+class Spans(NamedTuple):
     """First and last row of each track, half-open."""
 
     start: NDArray[np.intp]
@@ -130,10 +130,10 @@ def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
     return np.hstack([tracks[["length_px", "area_px", "contrast"]].to_numpy(float), widths])
 
 
-def spans(features: pd.DataFrame) -> Lengths:
+def spans(features: pd.DataFrame) -> Spans:
     """The rows of each track of a feature table."""
     edges = np.flatnonzero(np.diff(features["track_id"].to_numpy())) + 1
-    return Lengths(np.append(0, edges), np.append(edges, len(features)))
+    return Spans(np.append(0, edges), np.append(edges, len(features)))
 
 
 def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:

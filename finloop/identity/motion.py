@@ -14,7 +14,11 @@ from finloop.base.arrays import Floats, Reals
 
 _BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
 _LEAST = 30  # made gaps, by which an error is known
-_TAIL = 0.02  # of all joins are to any place of the tank: an animal that darts
+# Of all joins so many are to any place of the tank: an animal that darts. From 0.005 to 0.02 the
+# zebrafish's joins are the same.
+_TAIL = 0.02
+_SUREST = 1e6  # no place is more often that of the same animal than of any: distances end somewhere
+_NO_ERROR = 1e-3  # body lengths; nothing is foretold more exactly than it is measured
 
 
 @dataclass(frozen=True)
@@ -70,12 +74,13 @@ class Drift:
     def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
         """Log of how much more probable a place is for the same animal than for any animal.
 
-        gap: frames; apart: distance from the foretold place. The error is spread exponentially in
-        all directions.
+        log((1 − ε) A exp(−d / s) / (2 π s²) + ε), for a distance d from the foretold place
+        (`apart`, body lengths), the scale s of the error over a `gap` (frames), a tank of area A,
+        and ε of animals that dart.
         """
-        error = np.maximum(np.interp(gap, self.gaps, self.error), 1e-3)
+        error = np.maximum(np.interp(gap, self.gaps, self.error), _NO_ERROR)
         near = np.exp(-apart / error) / (2 * np.pi * error**2)
-        return np.log((1 - _TAIL) * np.minimum(near * self.tank, 1e6) + _TAIL)
+        return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
     def shares(self, gap: Floats) -> Floats:
         """Of the velocity before, how much is taken on over a gap."""
@@ -102,7 +107,7 @@ def drift(tracks: pd.DataFrame) -> Drift:
     )
     gaps = 2.0 ** np.arange(len(error))
     last = max(anywhere, error[-1])
-    beyond = gaps[-1] * (last / max(error[-1], 1e-3)) ** 2 + 1
+    beyond = gaps[-1] * (last / max(error[-1], _NO_ERROR)) ** 2 + 1
     return Drift(
         np.append(gaps, beyond), np.append(error, last), np.append(kept, 0.0), tank, before
     )

@@ -15,7 +15,8 @@ class Settings:
     looked_at: Annotated[int, Field(ge=4)]  # pictures of a track, by which it is known
     size_px: Annotated[int, Field(ge=8)]  # px, sides of these pictures
     components: Count  # principal components of the pictures, at most
-    # of all ends of tracks; so often an animal comes from nowhere, or goes there
+    # of all ends of tracks; so often an animal comes from nowhere, or goes there. The two zebrafish
+    # films' 79 tracks become 20 animals at 0.01, 22 at 0.05, 26 at 0.2; no made gap is joined wrong
     strangers: Share
     least_probability: Share  # a join that is less probable is not made
     seed: Seed  # of the noise by which probabilities are found

@@ -21,9 +21,9 @@ the fish is not to be mirrored. As in `signature.Parts`, together of the deviati
 
 
 class FilmJumps(NamedTuple):
-    """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images; numbers of both.
+    """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images.
 
-    seen: how far any two rows are apart to the eye.
+    seen: how far any two rows are apart to the eye; numbers: about jumps and looks, for metrics.
     """
 
     jumps: pd.DataFrame
