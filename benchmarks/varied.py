@@ -1,0 +1,202 @@
+"""A film of any number of pictures, varied from the film in data/: what `extract` would have left.
+
+Every track is shown again and again, each time another fish: bent more or less, larger or smaller,
+lighter or darker, its sides exchanged or not, and swimming another way, drawn by the puppet.
+"""
+
+import shutil
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats
+from finloop.base.cutout import Cutout
+from finloop.base.schema import lists_to_array, lists_to_points
+from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.features.head import tail_first
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
+from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.record import load_json, load_record, made_by
+from finloop.io.table import load_table, table_writer
+from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, save_facts
+from finloop.pose.film import POSES, FilmPoses, restored
+from finloop.puppet.drawing import Laid, line
+from finloop.puppet.pose import Pose, mirrored
+
+WORKERS = 2
+
+
+@dataclass(frozen=True)
+class Base:
+    """The film that is varied: its folder `data`, tables and postures, row by row."""
+
+    home: Path
+    tracks: pd.DataFrame
+    poses: FilmPoses
+    side: int  # px, of a square that holds the film's picture in all directions
+
+    @classmethod
+    @cache
+    def of(cls, home: Path) -> "Base":
+        """Load it; FinloopError where a stage up to `pose` has not been run."""
+        points = load_record(home / "extract/scene.json", SceneFacts, "extract").points
+        tracks = load_table(home / "extract" / TRACKS_NAME, tracks_schema(points))
+        features = load_table(home / "features/features.parquet", FEATURES)
+        back = tail_first(lists_to_points(tracks, "backbone"), features)
+        tracks["half_width_px"] = [
+            width[::-1] if turn else width
+            for width, turn in zip(tracks["half_width_px"], back, strict=True)
+        ]
+        table = load_table(home / "pose/poses.parquet", POSES)
+        poses = load_json(
+            home / "pose/shapes.json",
+            lambda facts: restored(features, table, facts),
+            *made_by("pose"),
+        )
+        facts = load_facts(home / "clip" / FACTS_NAME)
+        return cls(home, tracks, poses, int(np.ceil(np.hypot(facts.width_px, facts.height_px))))
+
+
+@dataclass(frozen=True)
+class Variation:
+    """How a copy differs. turn_rad: of the whole tank; the others are factors."""
+
+    turn_rad: float
+    bend: float
+    size: float
+    light: float
+    mirror: bool
+
+    @classmethod
+    def drawn(cls, number: int) -> "Variation":
+        """The variation of a copy; the first is the film itself."""
+        if not number:
+            return cls(0.0, 1.0, 1.0, 1.0, False)
+        rng = np.random.default_rng(number)
+        factors = (float(rng.uniform(1 - one, 1 + one)) for one in (0.2, 0.1, 0.15))
+        return cls(float(rng.uniform(0, 2 * np.pi)), *factors, bool(rng.integers(2)))
+
+    def placed(self, points: Floats, base: Base) -> Floats:
+        """Points (…, 2) of the film in the picture of the copy."""
+        facts = load_facts(base.home / "clip" / FACTS_NAME)
+        away = points - (facts.width_px / 2, facts.height_px / 2)
+        if self.mirror:
+            away = away * (1, -1)
+        cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        x, y = away[..., 0], away[..., 1]
+        return np.stack([cos * x + sin * y, cos * y - sin * x], -1) + base.side / 2
+
+
+def varied(home: Path, folder: Path, pictures: int) -> None:
+    """Write data/clip and data/extract of a film of `pictures` pictures into a folder.
+
+    home: the folder `data` of a film that has been run up to `pose`.
+    """
+    base = Base.of(home)
+    clip, extract = folder / "clip", folder / "extract"
+    for one in (clip, extract):
+        one.mkdir(parents=True)
+    copies = -(-pictures // len(base.tracks))
+    _clip(base, clip, copies)
+    shutil.copyfile(home / "extract/scene.json", extract / "scene.json")
+    _square(home / "extract/background.png", extract / "background.png", base.side)
+    schema = tracks_schema(load_record(extract / "scene.json", SceneFacts, "extract").points)
+    with (
+        table_writer(extract / TRACKS_NAME, schema) as write,
+        CutoutWriter(extract / CUTOUTS_NAME) as cutouts,
+        ProcessPoolExecutor(WORKERS) as pool,
+    ):
+        left = pictures
+        for table, made in pool.map(partial(_copy, home), range(copies)):
+            write(table[:left])
+            for one in made[:left]:
+                cutouts.write(one)
+            left -= len(made[:left])
+
+
+def _clip(base: Base, folder: Path, copies: int) -> None:
+    """Facts of so many copies one after the other, and the pictures of the tank, made square."""
+    home = base.home / "clip"
+    facts = load_facts(home / FACTS_NAME)
+    segments = [
+        (a + k * facts.frames, b + k * facts.frames)
+        for k in range(copies)
+        for a, b in facts.segments
+    ]
+    whole = replace(
+        facts, width_px=base.side, height_px=base.side, frames=copies * facts.frames,
+        segments=tuple(segments),
+    )  # fmt: skip
+    save_facts(folder / FACTS_NAME, whole)
+    (folder / CLIP_NAME).symlink_to((home / CLIP_NAME).resolve())
+    _square(home / "tank.png", folder / "tank.png", base.side)
+    save_picture(folder / ARENA_NAME, np.full((base.side, base.side), 255, np.uint8))
+
+
+def _square(source: Path, target: Path, side: int) -> None:
+    """A picture in the middle of a square one, its edge drawn on outwards."""
+    picture = load_picture(source)
+    down, across = (side - length for length in picture.shape[:2])
+    margins = (down // 2, down - down // 2, across // 2, across - across // 2)
+    save_picture(target, cv2.copyMakeBorder(picture, *margins, cv2.BORDER_REPLICATE))
+
+
+def _copy(home: Path, number: int) -> tuple[pd.DataFrame, list[Cutout]]:
+    """The table of tracks and the cut-outs of one copy."""
+    base, how = Base.of(home), Variation.drawn(number)
+    frames = load_facts(home / "clip" / FACTS_NAME).frames
+    tracks, pose = base.tracks, base.poses.pose
+    mean = base.poses.shapes.mean
+    posture = mean + how.bend * (pose.posture - mean)
+    if how.mirror:
+        posture = mirrored(posture)
+    x, y = how.placed(tracks[["x_px", "y_px"]].to_numpy(float), base).T
+    heading = (-1 if how.mirror else 1) * pose.heading_rad + how.turn_rad
+    target = Pose(x, y, heading, how.size * pose.size_px, posture)
+    first = number * (int(tracks["track_id"].max()) + 1)
+    table = tracks.assign(
+        track_id=(tracks["track_id"] + first).astype("int32"),
+        frame=(tracks["frame"] + number * frames).astype("int32"),
+        x_px=x, y_px=y,
+        area_px=tracks["area_px"] * np.float32(how.size**2),
+        contrast=tracks["contrast"] * np.float32(how.light),
+        length_px=tracks["length_px"] * np.float32(how.size),
+        half_width_px=_lists(lists_to_array(tracks["half_width_px"]) * how.size),
+    )  # fmt: skip
+    outline = how.placed(lists_to_points(tracks, "outline").astype(float), base)
+    for name, points in (("backbone", target.backbone_px()), ("outline", outline)):
+        for axis, values in zip("xy", np.moveaxis(points, -1, 0), strict=True):
+            table[f"{name}_{axis}_px"] = _lists(values)
+    keys = table[["track_id", "frame"]].to_numpy().tolist()
+    with open_cutouts(home / "extract" / CUTOUTS_NAME) as store:
+        return table, list(_drawn(base, store, target, how, keys))
+
+
+def _drawn(
+    base: Base, store: CutoutStore, target: Pose, how: Variation, keys: list[list[int]]
+) -> Iterator[Cutout]:
+    """The copy's cut-outs, cropped to what shows the fish."""
+    for row, (track_id, frame) in enumerate(keys):
+        one = store[row]
+        source = line(base.poses.pose[row], one.x0_px, one.y0_px)
+        laid = Laid(one.pixels, source, line(target[row]), how.mirror)
+        top, left, bottom, right = laid.box
+        box = max(top, 0), max(left, 0), min(bottom, base.side), min(right, base.side)
+        shown = laid.in_box(box)
+        shown[..., :-1] = np.minimum(how.light * shown[..., :-1], shown[..., -1:])
+        pixels = np.round(255 * shown).clip(0, 255).astype(np.uint8)
+        x, y, w, h = cv2.boundingRect(pixels[..., -1])
+        cropped = np.ascontiguousarray(pixels[y : y + h, x : x + w])
+        yield Cutout(track_id, frame, box[1] + x, box[0] + y, cropped)
+
+
+def _lists(values: Floats) -> list[Floats]:
+    return list(values.astype(np.float32))
