@@ -360,6 +360,21 @@ def test_two_fish_under_one_shadow_are_two_silhouettes():
     assert [s.area_px for s in found] == pytest.approx([np.pi * LONG * WIDE] * 2, rel=0.12)
 
 
+def test_a_fish_beside_a_slanting_one_is_given_once():
+    """The rectangle about the slanting one holds the other, too, whole or in part."""
+    tank = np.full(SIZE, 150, np.uint8)
+    slanting = coverage(80, 60, 45)
+    for x, y in ((98, 78), (62, 42), (112, 60)):
+        frame = laid(laid(tank, slanting, 30), coverage(x, y, 45, long=9, wide=4), 30)
+        found = patches(frame, scene_of(tank))
+        times = np.zeros(SIZE, int)
+        for one in found:
+            h, w = one.mask.shape
+            times[one.y0 : one.y0 + h, one.x0 : one.x0 + w] += one.mask
+        assert len(found) == 2
+        assert times.max() == 1
+
+
 def test_patterned_skin_makes_no_holes():
     tank = np.full(SIZE, 150, np.uint8)
     koi = laid(laid(tank, coverage(80, 60), 30), coverage(85, 60, long=9, wide=3), 150)

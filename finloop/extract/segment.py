@@ -80,7 +80,19 @@ def silhouettes(
         patch = change[top:bottom, left:right]
         contrast = upper_level(patch, scene.threshold, _CONTRAST)
         level = max(int(scene.threshold), int(share * contrast))
-        yield from _parts(patch, left, top, level, contrast, arena, least_area)
+        for part in _parts(patch, left, top, level, contrast, arena, least_area):
+            if _inside(contour, part):  # others may reach into the rectangle
+                yield part
+
+
+def _inside(candidate: NDArray[np.int32], part: Silhouette) -> bool:
+    """Whether a silhouette is a part of a candidate, of which `candidate` is the edge.
+
+    It is connected, so one of its pixels tells.
+    """
+    row, column = divmod(int(part.mask.argmax()), part.mask.shape[1])
+    pixel = float(part.x0 + column), float(part.y0 + row)
+    return cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0
 
 
 def _parts(
