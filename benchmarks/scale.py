@@ -8,7 +8,6 @@ the most memory of all processes of a stage together, and what it leaves on disk
 import argparse
 import os
 import resource
-import subprocess
 import sys
 import tempfile
 import time
