@@ -6,6 +6,7 @@ import json
 import numpy as np
 import pandas as pd
 import pytest
+import scipy
 from scratch import prepare, put_clip
 from toy_fish import filled, line, outline
 
@@ -15,7 +16,7 @@ import stages.identity
 import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
-from finloop.identity.joins import best
+from finloop.identity.joins import Pairs, at_once, best, later
 from finloop.io.table import load_table
 
 
@@ -65,21 +66,63 @@ def test_a_track_is_joined_to_one_that_begins_where_it_leads():
     after = [(t[16:], way[16:]) for way in ways[::-1]]
     frames, places = zip(*before, *after, strict=True)
     ends = motion.ends(list(frames), list(places), 4)
-    score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)))
-    assert best(score, 0.05, 0.5, np.random.default_rng(0)).before.tolist() == [-1, -1, 1, 0]
-    assert np.isneginf(score[2:, :2]).all()  # nothing leads back in time
+    pairs = later(ends.start, ends.stop, np.zeros(4, int))
+    score = motion.log_ratios(ends, motion.drift(table_of(*ways, *ways)), pairs)
+    joins = best(4, pairs, score, 0.05, 0.5, np.random.default_rng(0))
+    assert joins.before.tolist() == [-1, -1, 1, 0]
 
 
 # --- joins
 
 
+def spans_of(rng, tracks=60, cut=300):
+    """First and last frames of tracks of a film with a cut, and the segment of each."""
+    start = rng.integers(0, 2 * cut, tracks)
+    segment = start // cut
+    stop = np.minimum(start + rng.integers(0, 60, tracks), (segment + 1) * cut - 1)
+    return start, stop, segment
+
+
+def test_tracks_are_followed_by_the_next_of_their_segment(rng):
+    start, stop, segment = spans_of(rng)
+    after = (start > stop[:, None]) & (segment == segment[:, None])
+    every = later(start, stop, segment, len(start))
+    assert set(zip(*every, strict=True)) == set(zip(*np.nonzero(after), strict=True))
+    some = later(start, stop, segment, 5)
+    for track in range(len(start)):
+        first = np.sort(start[after[track]])[:5]
+        np.testing.assert_array_equal(np.sort(start[some.b[some.a == track]]), first)
+
+
+def test_pairs_at_once_have_a_frame_in_common(rng):
+    start, stop, _ = spans_of(rng)
+    both = np.triu((start <= stop[:, None]) & (start[:, None] <= stop), 1)
+    pairs = list(zip(*at_once(start, stop), strict=True))
+    assert sorted(pairs) == list(zip(*np.nonzero(both), strict=True))
+
+
+def test_the_best_set_of_few_pairs_is_that_of_the_whole_matrix(rng):
+    for part in (2, 7, 20):  # tracks that pairs connect: many parts, and one
+        a, b = np.nonzero(np.triu(rng.random((20, 20)) < 0.4, 1))
+        same = a // part == b // part
+        pairs = Pairs(a[same], b[same])
+        score, stranger = rng.normal(0, 3, same.sum()), 0.2
+        before = best(20, pairs, score, stranger, 0.0, rng).before
+        whole = np.full((20, 40), -1e6)
+        whole[pairs] = score - 2 * np.log(stranger)
+        whole[np.arange(20), 20 + np.arange(20)] = 0
+        at = scipy.optimize.linear_sum_assignment(whole, maximize=True)
+        joined = before >= 0
+        assert whole[before[joined], joined.nonzero()[0]].sum() == pytest.approx(whole[at].sum())
+        assert len(set(before[joined])) == joined.sum()
+
+
 def test_equal_scores_are_equally_probable(rng):
-    score = np.full((4, 4), -np.inf)
-    score[:2, 2:] = 6.0
-    found = best(score, 1e-6, 0.3, rng)
+    pairs, score = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3])), np.full(4, 6.0)
+    found = best(4, pairs, score, 1e-6, 0.3, rng)
     assert sorted(found.before[2:]) == [0, 1]
     assert found.probability[2:] == pytest.approx(0.5, abs=0.15)
-    assert (best(score, 1e-6, 0.75, rng).before == -1).all()
+    assert (best(4, pairs, score, 1e-6, 0.75, rng).before == -1).all()
 
 
 def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
@@ -98,7 +141,8 @@ def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
         total += one
         for join in joined:
             weight[join] += one
-    found = best(score, stranger, 0.01, rng)
+    pairs = Pairs(*np.nonzero(np.isfinite(score)))
+    found = best(6, pairs, score[pairs], stranger, 0.01, rng)
     for b in starts:
         if found.before[b] >= 0:
             truth = weight[found.before[b], b] / total
@@ -114,10 +158,28 @@ def looks_of(rng, animals, spread, tracks=30, pictures=20):
     return animal, [rng.normal(animals[k], spread, (pictures, animals.shape[1])) for k in animal]
 
 
+def looked_at(tracks, time):
+    """The log ratio of all pairs (n, n) of tracks that are seen in one frame each."""
+    n = len(tracks)
+    pairs = Pairs(*np.indices((n, n)).reshape(2, -1))
+    return appearance.log_ratios(tracks, at_once(time, time), pairs).reshape(n, n)
+
+
+def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):
+    """Where all pictures lie in a few directions, some of them show these."""
+    pictures = (rng.normal(0, 1, (300, 3)) @ rng.normal(0, 1, (3, 40))).astype(np.float32)
+    whole, some = [], []
+    for most, made in ((1000, whole), (50, some)):
+        monkeypatch.setattr(appearance, "_PICTURES", most)
+        made.append(appearance.described(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:])
+    apart = [np.linalg.norm(one[0][:-1] - one[0][1:], axis=1) for one in (whole, some)]
+    np.testing.assert_allclose(apart[0] / apart[1], (apart[0] / apart[1]).mean(), rtol=1e-4)
+
+
 def test_animals_that_differ_are_told_by_their_looks(rng):
     animal, tracks = looks_of(rng, rng.normal(0, 1, (6, 5)), 0.5)
-    at_once = np.arange(30) // 6  # six at a time
-    ratio = appearance.log_ratios(tracks, at_once[:, None] == at_once)
+    time = np.arange(30) // 6  # six at a time
+    ratio = looked_at(tracks, time)
     other = ~np.eye(30, dtype=bool)
     same = animal[:, None] == animal
     assert (ratio[same & other] > 0).mean() > 0.95
@@ -126,13 +188,12 @@ def test_animals_that_differ_are_told_by_their_looks(rng):
 
 def test_animals_that_look_the_same_are_not_told(rng):
     _, tracks = looks_of(rng, np.zeros((6, 5)), 1.0)
-    at_once = np.arange(30) // 6
-    assert np.abs(appearance.log_ratios(tracks, at_once[:, None] == at_once)).max() < 1.0
+    assert np.abs(looked_at(tracks, np.arange(30) // 6)).max() < 1.0
 
 
 def test_few_tracks_say_nothing_about_looks(rng):
     _, tracks = looks_of(rng, rng.normal(0, 1, (2, 5)), 0.1, tracks=4)
-    assert not appearance.log_ratios(tracks, np.ones((4, 4), bool)).any()
+    assert not looked_at(tracks, np.zeros(4, int)).any()
 
 
 # --- the stage

@@ -6,8 +6,7 @@ apart is learnt from the film: two parts of one track are one animal, two tracks
 in common are two.
 """
 
-from collections.abc import Sequence
-from itertools import combinations
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +14,8 @@ from sklearn.decomposition import PCA
 from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.linear_model import LogisticRegression
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats
+from finloop.identity.joins import Pairs, Tracks
 
 _FOLDS = 2  # what tells animals apart is tried on tracks that it was not learnt from
 _PARTS = 3  # of a track: the first and the last are compared, the middle lies between them
@@ -23,59 +23,76 @@ _LEAST = 8  # pairs of one animal, and of two, by which alike and unlike are tol
 # Of the spread within tracks so much is taken to be the same in all directions; 0.01 makes the same
 # animals of the zebrafish, 0.2 two more.
 _SHRUNK = 0.05
+# Of a longer film the components are those of so many pictures, and what tells animals apart is
+# learnt from so many tracks, spread over it.
+_PICTURES, _TRACKS = 10_000, 1_000
+_BLOCK = 2_000  # pictures held at once
 
 
-def described(measures: Floats, pictures: NDArray[np.float32], components: int) -> Floats:
+def described(
+    measures: Floats, pictures: Callable[[Tracks], NDArray[np.float32]], components: int
+) -> Floats:
     """Numbers (rows, d) by which an animal is known, of spread 1; the components have it together.
 
-    measures (rows, m); pictures (rows, pixels).
+    measures (rows, m); pictures: of some of the rows, (k, pixels).
     """
-    count = min(components, *(side - 1 for side in pictures.shape))
+    rows = np.arange(len(measures))
+    some = pictures(spread(rows, _PICTURES)).astype(float)
+    count = min(components, *(side - 1 for side in some.shape))
     if count < 1:
         return _spread(measures)
-    few = PCA(count, svd_solver="arpack", random_state=0)
-    shown = few.fit_transform(pictures.astype(float))
+    few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
+    del some
+    blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
+    shown = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
     return np.hstack([_spread(measures), shown / max(float(shown.std()), 1e-12)])
+
+
+def spread(rows: Tracks, most: int) -> Tracks:
+    """At most so many of some rows, spread evenly over them."""
+    return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def _spread(values: Floats) -> Floats:
     return (values - values.mean(0)) / np.maximum(values.std(0), 1e-9)
 
 
-def log_ratios(tracks: Sequence[Floats], overlap: Mask) -> Floats:
-    """For every pair (n, n) of tracks the log ratio of looking like one animal against two.
+def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats:
+    """The log ratio (e,) of looking like one animal against two, of pairs of tracks.
 
-    tracks: of each the numbers (k, d) of its pictures, in the order of time. overlap (n, n):
-    whether two tracks have a frame in common. All zeros where the film has too few pairs to learn
-    from. No pair is surer than as many pairs as there are can make it.
+    tracks: of each the numbers (k, d) of its pictures, in the order of time. at_once: the tracks
+    that have a frame in common. All zeros where the film has too few pairs to learn from. No pair
+    is surer than as many pairs as there are can make it.
     """
-    n = len(tracks)
-    long = np.array([i for i in range(n) if len(tracks[i]) >= 2 * _PARTS])
-    one_animal, two = list[float](), list[float]()
+    long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
+    one_animal, two = list[Floats](), list[Floats]()
     for fold in range(_FOLDS):
-        tried = long[fold::_FOLDS].tolist()
-        first, last = _ends(tracks, _tells(tracks, np.setdiff1d(long, tried)))
-        one_animal += [_apart(first[i], last[i]) for i in tried]
-        two += [_apart(first[a], last[b]) for a, b in combinations(tried, 2) if overlap[a, b]]
-    if min(len(one_animal), len(two)) < _LEAST:
-        return np.zeros((n, n))
-    told = LogisticRegression(class_weight="balanced").fit(
-        np.concatenate([one_animal, two])[:, None],
-        np.repeat([1, 0], [len(one_animal), len(two)]),
+        tried = np.zeros(len(tracks), bool)
+        tried[long[fold::_FOLDS]] = True
+        first, last = _ends(tracks, _tells(tracks, long[~tried[long]]))
+        one_animal.append(_apart(first[tried], last[tried]))
+        a, b = (track[tried[at_once.a] & tried[at_once.b]] for track in at_once)
+        two.append(_apart(first[a], last[b]))
+    told = [np.concatenate(apart) for apart in (one_animal, two)]
+    counts = [len(apart) for apart in told]
+    if min(counts) < _LEAST:
+        return np.zeros(len(pairs.a))
+    learnt = LogisticRegression(class_weight="balanced").fit(
+        np.concatenate(told)[:, None], np.repeat([1, 0], counts)
     )
-    slope, offset = float(told.coef_[0, 0]), float(told.intercept_[0])
+    slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
     if slope >= 0:  # what is farther apart would be more alike: nothing was learnt
-        return np.zeros((n, n))
+        return np.zeros(len(pairs.a))
     first, last = _ends(tracks, _tells(tracks, long))
-    apart = np.array([[_apart(a, b) for b in first] for a in last])
-    most = float(np.log(min(len(one_animal), len(two))))
-    return np.clip(slope * apart + offset, -most, most)
+    most = float(np.log(min(counts)))
+    return np.clip(slope * _apart(last[pairs.a], first[pairs.b]) + offset, -most, most)
 
 
-def _tells(tracks: Sequence[Floats], learnt: NDArray[np.intp]) -> LinearDiscriminantAnalysis | None:
+def _tells(tracks: Sequence[Floats], learnt: Tracks) -> LinearDiscriminantAnalysis | None:
     """The directions that tell these tracks from one another; None of fewer than two tracks."""
     if len(learnt) < 2:
         return None
+    learnt = spread(learnt, _TRACKS)
     label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
     tells = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
     return tells.fit(np.concatenate([tracks[i] for i in learnt]), label)
@@ -83,15 +100,14 @@ def _tells(tracks: Sequence[Floats], learnt: NDArray[np.intp]) -> LinearDiscrimi
 
 def _ends(
     tracks: Sequence[Floats], tells: LinearDiscriminantAnalysis | None
-) -> tuple[list[Floats], list[Floats]]:
-    """The mean of each track's first part, and of its last, in what tells animals apart."""
-    codes = [one if tells is None else tells.transform(one) for one in tracks]
-    part = [max(1, len(one) // _PARTS) for one in codes]
-    return (
-        [one[:k].mean(0) for one, k in zip(codes, part, strict=True)],
-        [one[-k:].mean(0) for one, k in zip(codes, part, strict=True)],
-    )
+) -> tuple[Floats, Floats]:
+    """The mean (n, c) of each track's first part, and of its last, in what tells animals apart."""
+    part = [max(1, len(one) // _PARTS) for one in tracks]
+    first = np.array([one[:k].mean(0) for one, k in zip(tracks, part, strict=True)])
+    last = np.array([one[-k:].mean(0) for one, k in zip(tracks, part, strict=True)])
+    # The directions are linear: the mean of codes is the code of the mean.
+    return (first, last) if tells is None else (tells.transform(first), tells.transform(last))
 
 
-def _apart(a: Floats, b: Floats) -> float:
-    return float(np.linalg.norm(a - b))
+def _apart(a: Floats, b: Floats) -> Floats:
+    return np.linalg.norm(a - b, axis=1)

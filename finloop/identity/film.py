@@ -13,7 +13,7 @@ from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_t
 from finloop.distance.picture import BODY
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
-from finloop.identity.joins import Joins, best
+from finloop.identity.joins import Joins, at_once, best, later
 from finloop.identity.settings import Settings
 from finloop.reel import Reel
 
@@ -137,14 +137,10 @@ def spans(features: pd.DataFrame) -> Spans:
 
 
 def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:
-    """The joins of tracks, or of parts of tracks: rows in the order of frames."""
-    p = of_film.settings
-    rng = np.random.default_rng(p.seed)
-    return best(scores(of_film, parts), p.strangers, p.least_probability, rng)
+    """The joins of tracks, or of parts of tracks: rows in the order of frames.
 
-
-def scores(of_film: Known, parts: list[NDArray[np.intp]]) -> Floats:
-    """Log ratio (n, n) of a join from a to b: motion and appearance together."""
+    The score of a join is that of motion and appearance together.
+    """
     reel, p = of_film.reel, of_film.settings
     features = reel.features
     frame = features["frame"].to_numpy()
@@ -154,21 +150,20 @@ def scores(of_film: Known, parts: list[NDArray[np.intp]]) -> Floats:
     ends = motion.ends(
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
-    moved = motion.log_ratios(ends, drift)
     segment = np.array([of_film.segment[rows[0]] for rows in parts])
-    moved[segment[:, None] != segment] = -np.inf
-    overlap = (ends.start[:, None] <= ends.stop) & (ends.start <= ends.stop[:, None])
-    some = [_spread(rows, p.looked_at) for rows in parts]
+    pairs = later(ends.start, ends.stop, segment)
+    moved = motion.log_ratios(ends, drift, pairs)
+    some = [appearance.spread(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
-    pictures = reel.frames(every, p.size_px, BODY).reshape(len(every), -1)
-    looks = appearance.described(of_film.measures[every], pictures, p.components)
+    looks = appearance.described(
+        of_film.measures[every],
+        lambda few: reel.frames(every[few], p.size_px, BODY).reshape(len(few), -1),
+        p.components,
+    )
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
-    return moved + appearance.log_ratios(by_track, overlap)
-
-
-def _spread(rows: NDArray[np.intp], count: int) -> NDArray[np.intp]:
-    """At most `count` rows spread over a track."""
-    return rows[np.unique(np.linspace(0, len(rows) - 1, count).astype(int))]
+    looked = appearance.log_ratios(by_track, at_once(ends.start, ends.stop), pairs)
+    rng = np.random.default_rng(p.seed)
+    return best(len(parts), pairs, moved + looked, p.strangers, p.least_probability, rng)
 
 
 def _numbered(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:

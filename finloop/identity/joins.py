@@ -3,55 +3,138 @@
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 from numpy.typing import NDArray
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite_matching
 
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Reals
 
-_NEVER = -1e6  # log weight of a join that cannot be
-_DRAWS = 200  # a probability is a share of so many
+_DRAWS = 500  # a probability is a share of so many
+# Tracks that begin soonest after an end, by which the animal may go on; the zebrafish's made gaps
+# are joined the same from 16 on. In a film of hours all pairs would be too many.
+_SOONEST = 64
+
+Tracks = NDArray[np.intp]
+
+
+class Pairs(NamedTuple):
+    """Pairs of tracks that may be one animal: the earlier (e,) and the later (e,)."""
+
+    a: Tracks
+    b: Tracks
 
 
 class Joins(NamedTuple):
     """For each track (n,) the one before it, −1 for none, and the probability of that."""
 
-    before: NDArray[np.intp]
+    before: Tracks
     probability: Floats
 
 
-def best(log_ratio: Floats, strangers: float, least: float, rng: np.random.Generator) -> Joins:
+def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
+    """With every track the `most` that begin soonest after it has ended, in its segment.
+
+    start, stop (n,): first and last frames of the film; segment (n,): rising with the frames.
+    """
+    order = np.argsort(start, kind="stable")
+    low = np.searchsorted(start[order], stop, side="right")
+    return _ranges(
+        order, low, np.minimum(np.searchsorted(segment[order], segment, "right"), low + most)
+    )
+
+
+def at_once(start: Reals, stop: Reals) -> Pairs:
+    """All pairs a < b of tracks that have a frame in common; start, stop as in `later`."""
+    order = np.argsort(start, kind="stable")
+    low = np.empty(len(order), np.intp)
+    low[order] = np.arange(len(order)) + 1
+    one, other = _ranges(order, low, np.searchsorted(start[order], stop, side="right"))
+    return Pairs(np.minimum(one, other), np.maximum(one, other))
+
+
+def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
+    """Every track k with the tracks order[low[k]:high[k]]."""
+    count = np.maximum(high - low, 0)
+    offset = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return Pairs(np.repeat(np.arange(len(order)), count), order[np.repeat(low, count) + offset])
+
+
+def best(
+    tracks: int, pairs: Pairs, log_ratio: Floats, strangers: float, least: float,
+    rng: np.random.Generator,
+) -> Joins:  # fmt: skip
     """The set of joins that is most probable as a whole; every track has at most one on each side.
 
-    log_ratio (n, n): of a join from track a to track b, −∞ where it cannot be. strangers: how often
-    an animal comes or goes. A join less probable than `least` is left out.
+    log_ratio (e,): of a join of each of the pairs; no other is made. strangers: how often an animal
+    comes or goes. A join less probable than `least` is left out.
 
     The probability of a join is its share of the best sets when all scores are disturbed by noise
     (perturb and maximise: Papandreou and Yuille, Perturb-and-MAP random fields, ICCV 2011). Noise
     of a join is the mean of two Gumbel variables, one for each of its tracks.
     """
-    n = len(log_ratio)
-    alone = np.full((2, n), np.log(strangers))
-    before = _set(log_ratio, alone)
-    times = np.zeros(n)
+    sets = _Sets(pairs, tracks)
+    alone = np.full((2, tracks), np.log(strangers))
+    before = sets.best(log_ratio, alone)
+    times = np.zeros(tracks)
     for _ in range(_DRAWS):
-        noise = rng.gumbel(size=(2, n, n)).mean(0)
-        times += before == _set(log_ratio + noise, alone + rng.gumbel(size=(2, n)))
+        noise = rng.gumbel(size=(2, len(log_ratio))).mean(0)
+        times += before == sets.best(log_ratio + noise, alone + rng.gumbel(size=alone.shape))
     probability = np.where(before >= 0, times / _DRAWS, 1.0)
     sure = probability >= least
     return Joins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
 
 
-def _set(score: Floats, alone: Floats) -> NDArray[np.intp]:
-    """The track before each (n,), −1 for none, in the set of joins with the highest score.
+class _Part(NamedTuple):
+    """Tracks (m,) that pairs connect. Column k of its assignment is start k, m + k end k alone.
 
-    alone (2, n): score of an end, and of a start, without a join.
+    edges: of all edges in their order; column, start: of their sparse matrix (m, 2m).
     """
-    n = len(score)
-    weight = np.full((n, 2 * n), _NEVER)
-    weight[:, :n] = np.maximum(score - alone[1], _NEVER)
-    weight[np.arange(n), n + np.arange(n)] = alone[0]
-    ends, starts = scipy.optimize.linear_sum_assignment(weight, maximize=True)
-    before = np.full(n, -1)
-    joined = starts < n
-    before[starts[joined]] = ends[joined]
-    return before
+
+    tracks: Tracks
+    edges: slice
+    column: Tracks
+    start: Tracks
+
+
+class _Sets:
+    """Sets of joins by assignment, part by part: one of all takes more than all parts."""
+
+    def __init__(self, pairs: Pairs, tracks: int) -> None:
+        self._starts, self._tracks = pairs.b, tracks
+        links = coo_array((np.ones(len(pairs.a)), pairs), (tracks, tracks))
+        part = connected_components(links, directed=False)[1]
+        in_order = np.argsort(part, kind="stable")
+        size = np.bincount(part)
+        first = np.cumsum(size) - size
+        place = np.empty(tracks, np.intp)  # of a track in its part
+        place[in_order] = np.arange(tracks) - np.repeat(first, size)
+        end = np.append(pairs.a, np.arange(tracks))
+        column = np.append(place[pairs.b], size[part] + place)
+        self._order = np.lexsort((column, place[end], part[end]))
+        end, column = end[self._order], column[self._order]
+        edge = np.searchsorted(part[end], np.arange(len(size) + 1))
+        self._parts = [
+            _Part(
+                in_order[a : a + m], slice(low, high), column[low:high],
+                np.searchsorted(place[end[low:high]], np.arange(m + 1)),
+            )
+            for a, m, low, high in zip(first, size, edge[:-1], edge[1:], strict=True)
+            if m > 1
+        ]  # fmt: skip
+
+    def best(self, score: Floats, alone: Floats) -> Tracks:
+        """The track before each (n,), −1 for none, in the set of joins with the highest score.
+
+        score (e,): of the pairs; alone (2, n): of an end, and of a start, without a join.
+        """
+        weight = np.append(score - alone[1, self._starts], alone[0])[self._order]
+        # Every end has one edge: a constant changes no assignment, and no edge may cost nothing.
+        cost = weight.max() + 1 - weight
+        before = np.full(self._tracks, -1)
+        for tracks, edges, column, start in self._parts:
+            m = len(tracks)
+            graph = csr_array((cost[edges], column, start), (m, 2 * m))
+            ends, starts = min_weight_full_bipartite_matching(graph)
+            joined = starts < m
+            before[tracks[starts[joined]]] = tracks[ends[joined]]
+        return before

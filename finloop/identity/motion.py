@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Reals
+from finloop.identity.joins import Pairs
 
 _BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
 _LEAST = 30  # made gaps, by which an error is known
@@ -139,16 +140,14 @@ def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
     return same
 
 
-def log_ratios(ends: Ends, drift: Drift) -> Floats:
-    """For every pair (n, n) of tracks the log ratio of a join from the end of a to the start of b.
+def log_ratios(ends: Ends, drift: Drift, pairs: Pairs) -> Floats:
+    """The log ratio (e,) of a join from the end of a to the start of b, which is later.
 
-    −∞ where b does not begin after a has ended. What is foretold is the place half way: a goes on
-    and b came from.
+    What is foretold is the place half way: a goes on and b came from.
     """
-    gap = ends.start[None, :] - ends.stop[:, None]
-    share = drift.shares(gap.astype(float))[..., None]
-    half = 0.5 * share * gap[..., None]
-    ahead = ends.last[:, None] + half * ends.leaving[:, None]
-    back = ends.first[None] - half * ends.arriving[None]
-    apart = np.hypot(*np.moveaxis(back - ahead, -1, 0))
-    return np.where(gap > 0, drift.log_ratio(gap.astype(float), apart), -np.inf)
+    a, b = pairs
+    gap = (ends.start[b] - ends.stop[a]).astype(float)
+    half = (0.5 * drift.shares(gap) * gap)[:, None]
+    ahead = ends.last[a] + half * ends.leaving[a]
+    back = ends.first[b] - half * ends.arriving[b]
+    return drift.log_ratio(gap, np.hypot(*(back - ahead).T))
