@@ -8,6 +8,8 @@ Evidence: the head is the blunt end, and fish swim forwards. Between frames, an 
 it was: exchanging head and tail would mean a jump of a body length, and costs accordingly.
 """
 
+import math
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -18,6 +20,7 @@ _BLUNT = 0.12  # relative difference in width between the halves that makes the 
 _FORWARD = 0.05  # body lengths of travel between frames that make the odds e : 1
 _MOST = 2.0  # most that either cue may say about one frame, in log odds
 _WANDER = 0.15  # body lengths that an end moves between frames, standard deviation
+_MOST_ODDS = 700.0  # log odds whose exponential is still finite
 _CERTAIN = 1e6  # log odds; more than all evidence about a track
 _MEMORY_S = 0.4  # frames nearer than this tell the same thing twice
 
@@ -63,12 +66,11 @@ def head_first(
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _blunt(half_width) + _forward(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
-    same, swapped = _moves(backbone, length)
-    emission = np.stack([evidence, -evidence], 1) / 2  # (frames, 2) log likelihoods
-    said = emission if told is None else emission + _CERTAIN * told[:, None] * np.array([1, -1])
-    first = _viterbi(said, same, swapped) == 0
-    confidence = _posterior(emission, same, swapped)
-    return first, np.where(first, confidence[:, 0], confidence[:, 1])
+    kept = _kept(backbone, length).tolist()
+    said = evidence if told is None else evidence + 2 * _CERTAIN * told
+    first = _viterbi(said.tolist(), kept)
+    probability = _posterior(evidence.tolist(), kept)
+    return first, np.where(first, probability, 1 - probability)
 
 
 def _blunt(half_width: Reals) -> Floats:
@@ -89,47 +91,45 @@ def _forward(backbone: Reals, length: float) -> Floats:
     return np.clip((travel * axis).sum(1) / length / _FORWARD, -_MOST, _MOST)
 
 
-def _moves(backbone: Reals, length: float) -> tuple[Floats, Floats]:
-    """Log probabilities (frames - 1,) of the step to the next frame: ends kept, ends exchanged."""
+def _kept(backbone: Reals, length: float) -> Floats:
+    """Log odds (frames - 1,) that both ends stay in the step to the next frame, not exchanged."""
     ends = backbone[:, [0, -1]]
     kept = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
     exchanged = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
-    scale = 2 * (_WANDER * length) ** 2
-    return -kept / scale, -exchanged / scale
+    return (exchanged - kept) / (2 * (_WANDER * length) ** 2)
 
 
-def _viterbi(emission: Floats, same: Floats, swapped: Floats) -> NDArray[np.intp]:
-    """Most probable state sequence (frames,) of the two-state chain."""
-    frames = len(emission)
-    back = np.zeros((frames, 2), np.intp)
-    score = emission[0].copy()
-    for t in range(1, frames):
-        step = score[:, None] + np.array(
-            [[same[t - 1], swapped[t - 1]], [swapped[t - 1], same[t - 1]]]
-        )
-        back[t] = step.argmax(0)
-        score = step.max(0) + emission[t]
-    states = np.empty(frames, np.intp)
-    states[-1] = score.argmax()
-    for t in range(frames - 1, 0, -1):
-        states[t - 1] = back[t, states[t]]
-    return states
+def _viterbi(evidence: list[float], kept: list[float]) -> Mask:
+    """The most probable states (frames,) of the chain, True for 0; both arguments are log odds.
+
+    Plain numbers: in steps of one frame they are twenty times as quick as arrays of two states.
+    """
+    from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
+    odds = evidence[0]
+    for own, stay in zip(evidence[1:], kept, strict=True):
+        from_first.append((odds + stay >= 0, odds - stay >= 0))
+        odds = own + 0.5 * (abs(odds + stay) - abs(odds - stay))
+    states = [odds >= 0]
+    for to_first, to_last in reversed(from_first):
+        states.append(to_first if states[-1] else to_last)
+    return np.array(states[::-1])
 
 
-def _posterior(emission: Floats, same: Floats, swapped: Floats) -> Floats:
-    """Probability (frames, 2) of each state given the whole track (forward-backward)."""
-    frames = len(emission)
-    ahead, behind = emission.copy(), np.zeros_like(emission)
-    for t in range(1, frames):
-        keep, swap = same[t - 1], swapped[t - 1]
-        ahead[t, 0] += np.logaddexp(ahead[t - 1, 0] + keep, ahead[t - 1, 1] + swap)
-        ahead[t, 1] += np.logaddexp(ahead[t - 1, 1] + keep, ahead[t - 1, 0] + swap)
-        ahead[t] -= ahead[t].max()
-    for t in range(frames - 2, -1, -1):
-        keep, swap = same[t], swapped[t]
-        one, other = behind[t + 1] + emission[t + 1]
-        behind[t] = np.logaddexp(one + keep, other + swap), np.logaddexp(one + swap, other + keep)
-        behind[t] -= behind[t].max()
-    odds = np.clip((ahead + behind) @ np.array([1.0, -1.0]), -700, 700)
-    probability = 1 / (1 + np.exp(-odds))
-    return np.stack([probability, 1 - probability], 1)
+def _posterior(evidence: list[float], kept: list[float]) -> Floats:
+    """Probability (frames,) of state 0 given the whole track (forward-backward)."""
+    ahead, behind = evidence[:1], [0.0]
+    for own, stay in zip(evidence[1:], kept, strict=True):
+        ahead.append(own + _passed(ahead[-1], stay))
+    for own, stay in zip(evidence[:0:-1], reversed(kept), strict=True):
+        behind.append(_passed(behind[-1] + own, stay))
+    odds = np.array(ahead) + behind[::-1]
+    return 1 / (1 + np.exp(np.clip(-odds, -_MOST_ODDS, _MOST_ODDS)))
+
+
+def _passed(odds: float, stay: float) -> float:
+    """Log odds of a frame's state that those of its neighbour and of staying so alone give.
+
+    log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
+    """
+    both, either = abs(odds + stay), abs(odds - stay)
+    return 0.5 * (both - either) + math.log1p(math.exp(-both)) - math.log1p(math.exp(-either))

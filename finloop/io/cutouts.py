@@ -40,7 +40,7 @@ _FILM, _SPRITES = (
     )
     for index in (_INDEX, _INDEX | _KEY)
 )
-_BATCH = 256  # cut-outs per record batch
+BATCH = 256  # cut-outs per record batch
 _CODEC = pa.Codec("zstd", compression_level=1)
 Keys = NDArray[np.integer[Any]]
 
@@ -82,7 +82,7 @@ class CutoutWriter:
 
     def _append(self, row: tuple[Any, ...]) -> None:
         self._rows.append(row)
-        if len(self._rows) >= _BATCH:
+        if len(self._rows) >= BATCH:
             self._flush()
 
     def _flush(self, error: Any = None, *_: Any) -> None:

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutout
 from finloop.base.schema import Schema
-from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.table import table_writer
+from finloop.io.cutouts import BATCH, CutoutWriter
+from finloop.io.table import arrow_schema, arrow_table, parquet_coding
 
 TRACKS_NAME, CUTOUTS_NAME = "tracks.parquet", "cutouts.arrow"
 _LOT = 4096  # rows of the table in memory
@@ -32,37 +32,48 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
 
     The rows of a track come in the order of their frames, those of different tracks in any order.
     """
-    table, pictures = folder / f"unsorted-{TRACKS_NAME}", folder / f"unsorted-{CUTOUTS_NAME}"
+    table, pictures = folder / "unsorted-tracks.arrow", folder / f"unsorted-{CUTOUTS_NAME}"
     tracks: list[NDArray[np.int32]] = []
-    with table_writer(table, schema) as write_rows, CutoutWriter(pictures) as cutouts:
+    with (
+        pa.ipc.new_file(str(table), arrow_schema(schema)) as rows,
+        CutoutWriter(pictures) as cutouts,
+    ):
 
         def write(lot: pd.DataFrame, of_lot: Iterable[Cutout]) -> None:
-            write_rows(lot)
+            rows.write_table(arrow_table(lot, schema, TRACKS_NAME))
             tracks.append(lot["track_id"].to_numpy(np.int32))
             for one in of_lot:
                 cutouts.write(one)
 
         yield write
     order = np.argsort(np.concatenate([np.empty(0, np.int32), *tracks]), kind="stable")
-    _copy_table(table, folder / TRACKS_NAME, order)
-    with open_cutouts(pictures) as store, CutoutWriter(folder / CUTOUTS_NAME) as writer:
-        writer.copy(store, order)
+    with (
+        pa.memory_map(str(table)) as source,
+        pq.ParquetWriter(
+            folder / TRACKS_NAME, arrow_schema(schema), **parquet_coding(schema)
+        ) as to,
+    ):
+        for lot in _in_order(source, order, _LOT):
+            to.write_table(lot)
+    with (
+        pa.memory_map(str(pictures)) as source,
+        pa.ipc.new_file(str(folder / CUTOUTS_NAME), pa.ipc.open_file(source).schema) as to,
+    ):
+        for lot in _in_order(source, order, BATCH):
+            to.write_table(lot.combine_chunks())
     table.unlink()
     pictures.unlink()
 
 
-def _copy_table(source: Path, target: Path, order: Rows) -> None:
-    """Write the rows of a Parquet file in another order."""
-    with pq.ParquetFile(source) as file:
-        sizes = [file.metadata.row_group(k).num_rows for k in range(file.num_row_groups)]
-        start = np.cumsum([0, *sizes])
-        with pq.ParquetWriter(target, file.schema_arrow, compression="zstd") as writer:
-            for rows in np.split(order, range(_LOT, len(order), _LOT)):
-                group = np.searchsorted(start, rows, side="right") - 1
-                parts = [
-                    file.read_row_group(k).take(rows[group == k] - start[k])
-                    for k in np.unique(group)
-                ]
-                back = np.argsort(np.argsort(group, kind="stable"))
-                if parts:
-                    writer.write_table(pa.concat_tables(parts).take(back))
+def _in_order(source: pa.MemoryMappedFile, order: Rows, lot: int) -> Iterator[pa.Table]:
+    """The rows of an Arrow file in another order, `lot` at a time."""
+    file = pa.ipc.open_file(source)
+    batches = [file.get_batch(k) for k in range(file.num_record_batches)]
+    start = np.cumsum([0, *(batch.num_rows for batch in batches)])
+    for rows in np.split(order, range(lot, len(order), lot)) if len(order) else ():
+        of_batch = np.searchsorted(start, rows, side="right") - 1
+        parts = [
+            batches[k].take(pa.array(rows[of_batch == k] - start[k])) for k in np.unique(of_batch)
+        ]
+        back = np.argsort(np.argsort(of_batch, kind="stable"))
+        yield pa.Table.from_batches(parts).take(back)

@@ -7,6 +7,7 @@ opened without this program still says what its numbers mean.
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -25,7 +26,7 @@ def _arrow_type(column: Column) -> pa.DataType:
     return pa.list_(inner, column.length) if column.length else inner  # ANY = -1 is Arrow's, too
 
 
-def _arrow(schema: Schema) -> pa.Schema:
+def arrow_schema(schema: Schema) -> pa.Schema:
     """The schema as Arrow says it, units in the fields' metadata."""
     return pa.schema(
         [
@@ -33,6 +34,18 @@ def _arrow(schema: Schema) -> pa.Schema:
             for column in schema.columns
         ]
     )
+
+
+def parquet_coding(schema: Schema) -> dict[str, Any]:
+    """How Parquet codes the columns, as arguments of pyarrow's writers.
+
+    Measured floats hardly ever repeat. A dictionary of them takes three quarters of the time to
+    write; the bytes of one place in the number side by side take half of the room.
+    """
+    paths = {one: f"{one.name}.list.element" if one.length else one.name for one in schema.columns}
+    floats = [path for one, path in paths.items() if one.dtype.startswith("float")]
+    others = [path for path in paths.values() if path not in floats]
+    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": others}
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
@@ -43,13 +56,13 @@ def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
     of arrays, all of the schema's length. FinloopError lists every missing, unknown, ill-typed or
     wrongly null column at once.
     """
-    table = _to_table(frame, schema, str(path))
+    table = arrow_table(frame, schema, str(path))
     with whole_file(path) as part:
-        pq.write_table(table, part, compression="zstd")
+        pq.write_table(table, part, **parquet_coding(schema))
 
 
-def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
-    """Convert a whole frame, or raise with all that is wrong with it."""
+def arrow_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
+    """Convert a whole frame, or raise with all that is wrong with it; `name` is what it is for."""
     problems = list(_names_off(list(frame.columns), schema))
     arrays = {}
     for column in schema.columns:
@@ -66,12 +79,14 @@ def _to_table(frame: pd.DataFrame, schema: Schema, name: str) -> pa.Table:
     ]
     if problems:
         raise _refused(f"the table for {name}", problems, "mend the stage that makes the table")
-    return pa.Table.from_arrays([arrays[c.name] for c in schema.columns], schema=_arrow(schema))
+    return pa.Table.from_arrays(
+        [arrays[c.name] for c in schema.columns], schema=arrow_schema(schema)
+    )
 
 
 def as_loaded(frame: pd.DataFrame, schema: Schema) -> pd.DataFrame:
     """The table as `load_table` would read it after `save_table`; errors as for `save_table`."""
-    return _to_frame(_to_table(frame, schema, "the next verb"), schema)
+    return _to_frame(arrow_table(frame, schema, "the next verb"), schema)
 
 
 def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None) -> pd.DataFrame:
@@ -212,6 +227,6 @@ def table_writer(path: Path, schema: Schema) -> Iterator[Callable[[pd.DataFrame]
 
     The file appears at `path` when the block ends well. FinloopError as `save_table`.
     """
-    arrow = _arrow(schema)
-    with whole_file(path) as part, pq.ParquetWriter(part, arrow, compression="zstd") as file:
-        yield lambda frame: file.write_table(_to_table(frame, schema, str(path)))
+    coding = parquet_coding(schema)
+    with whole_file(path) as part, pq.ParquetWriter(part, arrow_schema(schema), **coding) as file:
+        yield lambda frame: file.write_table(arrow_table(frame, schema, str(path)))
