@@ -156,7 +156,7 @@ def main() -> None:
     """Measure, print, write."""
     results = []
     cv2.setNumThreads(1)
-    warm_up(WORKERS_NEED)
+    warm_up([*WORKERS_NEED, "benchmarks.speed"])
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])

@@ -29,7 +29,7 @@ from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 LONG = 60  # frames of a long track
-WORKERS_NEED = ["finloop.extract.film", "finloop.io.video"]  # imported once, for all workers
+WORKERS_NEED = ["finloop.extract.ready", "stages.extract"]  # imported once, for all workers
 
 
 def main() -> None:
