@@ -135,13 +135,17 @@ class Reel:
             made[number] = self.frame(row, size, self.lengths_px[row], -heading)
         return made
 
-    def steps(self, size: int, pose: str) -> Floats:
-        """Eq. 5 from every row (n,) to the next frame of its track; NaN where there is none."""
-        step = np.full(len(self), np.nan)
-        for start in range(0, len(self) - 1, _LOT):
-            lot = self.frames(np.arange(start, min(start + _LOT + 1, len(self))), size, pose)
+    def steps(self, size: int, pose: str, rows: Rows | None = None) -> Floats:
+        """Eq. 5 from each of some rising rows (k,), None for all, to the next one.
+
+        NaN where that is not the next frame of its track.
+        """
+        some = np.arange(len(self)) if rows is None else rows
+        step = np.full(len(some), np.nan)
+        for start in range(0, len(some) - 1, _LOT):
+            lot = self.frames(some[start : start + _LOT + 1], size, pose)
             step[start : start + len(lot) - 1] = steps(lot)
-        step[~self.goes_on] = np.nan
+        step[:-1][(np.diff(some) != 1) | ~self.goes_on[some[:-1]]] = np.nan
         return step
 
     # --- sprites

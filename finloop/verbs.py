@@ -47,7 +47,7 @@ from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
-from finloop.distance.map import PAIRS, STEPS
+from finloop.distance.map import PAIRS, STEPS, mapped
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extraction import BACKGROUND_NAME, extract
 from finloop.features.table import FEATURES, delta_of
@@ -229,7 +229,7 @@ def find_gateways(similar: Similar, reel: Reel, rate_hz: float, **changes: Any) 
     `changes`: of `finloop.gateways.settings.Settings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
-    near = nearness(reel, facts.size, facts.pose)
+    near = nearness(reel, mapped(reel.features, similar.steps), facts.size, facts.pose)
     ways = gateways(near, reel.sprites, reel.features, rate_hz, facts.step_median, p)
     return as_loaded(ways, GATEWAYS)
 

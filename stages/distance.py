@@ -55,11 +55,13 @@ def main() -> None:
         save_table(folder / "steps.parquet", steps, STEPS)
         save_record(folder / "facts.json", facts)
 
-    count, done = len(features) * (len(features) - 1) // 2, computed(todo)
+    frames = len(steps)
+    count, done = frames * (frames - 1) // 2, computed(todo)
     save_metrics(
         REPORT / "metrics.json",
         {
-            "frames": len(features),
+            "frames": frames,
+            "film_mapped_pct": 100 * frames / len(features),
             "pairs": count,
             "pairs_computed": done,
             "pairs_skipped_pct": 100 * (1 - done / count),
@@ -70,6 +72,12 @@ def main() -> None:
             "pairs_inexact": pairs_inexact,
         },
     )
+    if frames < len(features):
+        print(
+            f"distance: {frames:,} of the film's {len(features):,} pictures are compared, in "
+            "stretches spread over it (distance.most_pictures); loops and gateways are of these",
+            file=sys.stderr,
+        )
     if not len(pairs):
         print("distance: no two frames are alike enough to be kept", file=sys.stderr)
 

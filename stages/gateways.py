@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import MapFacts
+from finloop.distance.map import STEPS, MapFacts, mapped
 from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
 from finloop.gateways.settings import Settings
@@ -46,14 +46,15 @@ def main() -> None:
     facts = load_record(Path("data/distance/facts.json"), MapFacts, "distance")
     features = load_table(Path("data/features/features.parquet"), FEATURES)
     sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
+    rows = mapped(features, load_table(Path("data/distance/steps.parquet"), STEPS))
     step = facts.step_median
     with (
         open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store,
         open_cutouts(Path("data/extract/cutouts.arrow")) as film,
-        progress("gateways", len(features)) as advance,
+        progress("gateways", len(rows)) as advance,
     ):
         reel = Reel(features, film, sprites, store)
-        near = nearness(reel, facts.size, facts.pose, advance)
+        near = nearness(reel, rows, facts.size, facts.pose, advance)
         ways = gateways(near, sprites, features, rate_hz, step, settings)
         every = nearest(near, sprites, features, rate_hz, settings)
     say(ways, every, step, settings.least_s)

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import PAIRS, MapFacts
+from finloop.distance.map import PAIRS, STEPS, MapFacts, mapped
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.record import load_record
@@ -63,7 +63,8 @@ def main() -> None:
         table.to_csv(part, lineterminator="\n")
     ways = routes(graph, *far_ends(graph), WAYS, jump_frames=settings.least_s * rate_hz)
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts))
+    rows = mapped(features, load_table(DISTANCE / "steps.parquet", STEPS))
+    save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts, rows))
 
 
 if __name__ == "__main__":

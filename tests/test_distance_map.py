@@ -26,6 +26,7 @@ from finloop.distance.map import (
     computed,
     full,
     kinds,
+    mapped,
     order,
     pair_table,
     similar,
@@ -275,6 +276,25 @@ def film(folder, pose, size):
     features = load_table(folder / "data/features/features.parquet", FEATURES)
     with open_cutouts(folder / "data/extract/cutouts.arrow") as store:
         return features, Reel(features, store).frames(np.arange(len(features)), size, pose)
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_the_map_of_a_part_is_that_part_of_the_map(here, pose, capsys):
+    small = f"distance.pose={pose}", "distance.keep=null", "distance.size=24"
+    whole, every, _, _ = made(here, *small)
+    pairs, steps, _, metrics = made(here, *small, "distance.most_pictures=40")
+    features = load_table(here / "data/features/features.parquet", FEATURES)
+    rows = mapped(features, steps)
+    assert len(rows) == len(steps) == metrics["frames"] < len(features)
+    assert metrics["film_mapped_pct"] == pytest.approx(100 * len(rows) / len(features), rel=1e-3)
+    assert "distance.most_pictures" in capsys.readouterr().err
+    inside = whole[np.isin(whole[["i", "j"]], rows).all(axis=1)]
+    np.testing.assert_array_equal(pairs[["i", "j"]], inside[["i", "j"]])
+    np.testing.assert_allclose(pairs["distance"], inside["distance"], atol=EXACT)
+    for name in ("step", "as_filmed"):
+        same = steps[name].notna().to_numpy()
+        assert same.any()
+        np.testing.assert_allclose(steps[name][same], every[name][rows[same]], atol=EXACT)
 
 
 @pytest.mark.usefixtures("no_drawing")

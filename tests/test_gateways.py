@@ -19,7 +19,7 @@ import stages.gateways
 import stages.plots.gateways
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.distance.map import MapFacts
+from finloop.distance.map import STEPS, MapFacts
 from finloop.distance.picture import BODY, FILM, picture, steps
 from finloop.features.table import FEATURES, orientation, wrap_deg
 from finloop.gateways.find import (
@@ -134,7 +134,7 @@ class World:
                 writer.write(one)
         self.folder = folder
         with self.open() as (store, film):
-            self.near = nearness(self.reel(store, film), SIZE, pose)
+            self.near = nearness(self.reel(store, film), np.arange(len(features)), SIZE, pose)
             self.step = float(np.median(steps(self.film(film))[: FRAMES - 1]))
 
     def open(self):
@@ -424,6 +424,26 @@ def test_the_sheet_goes_from_the_best_to_the_worst(world):
     assert len(spread(ways[:2], 5)) == 2 and len(spread(ways[:0], 5)) == 0
 
 
+def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film):
+    """Every way out of a part of the film is one of the whole film, to a row of that part."""
+    features, _ = film
+    rows = np.arange(len(features))[len(features) // 4 : -3]
+    with world.open() as (store, pictures):
+        near = nearness(world.reel(store, pictures), rows, SIZE, world.pose)
+    np.testing.assert_array_equal(near.own, world.near.own[:, rows])
+    settings = replace(SETTINGS, threshold=3.0)
+    whole, some = (
+        gateways(one, world.sprites, features, RATE, world.step, settings)
+        for one in (world.near, near)
+    )
+    out = whole[(whole["direction"] == OUT) & np.isin(whole["row"] + 1, rows)]
+    pd.testing.assert_frame_equal(
+        some[some["direction"] == OUT].reset_index(drop=True), out.reset_index(drop=True)
+    )
+    leads_in = some[some["direction"] == IN]
+    assert len(leads_in) and np.isin(leads_in["row"], rows).all()
+
+
 @pytest.mark.parametrize("name", ["world", "filmed"])
 def test_the_pictures_of_a_pair_are_those_compared(name, request, monkeypatch):
     monkeypatch.setattr(gateways_plots, "TILE", SIZE)
@@ -459,6 +479,8 @@ def work(tmp_path, monkeypatch, world, film):
         )
     facts = MapFacts(BODY, SIZE, 0.1, 1.5, world.step, 2 * world.step)
     save_record(tmp_path / "data/distance/facts.json", facts)
+    steps = features[["track_id", "frame"]].assign(step=world.step, as_filmed=world.step)
+    save_table(tmp_path / "data/distance/steps.parquet", steps, STEPS)
     monkeypatch.chdir(tmp_path)
     return tmp_path
 

@@ -15,6 +15,7 @@ import stages.realism
 from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
+from finloop.base.stretches import stretches
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
@@ -25,7 +26,7 @@ from finloop.io.table import load_table, save_table
 from finloop.io.video import load_facts, load_mask
 from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
-from finloop.realism.compare import Sample, stretches, verdict
+from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
 from finloop.realism.lists import as_filmed
 from finloop.realism.windows import (

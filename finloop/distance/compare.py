@@ -6,6 +6,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 import pandas as pd
 
+from finloop.base.stretches import stretches
 from finloop.distance.map import (
     Block,
     Ints,
@@ -24,6 +25,8 @@ from finloop.distance.map import (
 from finloop.distance.picture import FILM
 from finloop.distance.settings import Settings
 
+_STRETCHES = 20  # at least, of a film that is too long to be mapped as a whole
+
 
 class Film(Protocol):
     """Pictures by row of the feature table, see `finloop.reel.Reel`."""
@@ -31,7 +34,7 @@ class Film(Protocol):
     @property
     def features(self) -> pd.DataFrame: ...
     def frames(self, rows: Ints, size: int, pose: str) -> Picture: ...
-    def steps(self, size: int, pose: str) -> np.ndarray: ...
+    def steps(self, size: int, pose: str, rows: Ints) -> np.ndarray: ...
 
 
 class Similar(NamedTuple):
@@ -42,30 +45,42 @@ class Similar(NamedTuple):
     facts: MapFacts
 
 
+def part(features: pd.DataFrame, most: int) -> Ints:
+    """The rows (k,) that are mapped: all, or of a longer film stretches spread over it."""
+    track = features["track_id"].to_numpy()
+    every = stretches(track, max(2, most // _STRETCHES), most, seed=0)
+    return np.concatenate([np.arange(one.start, one.stop) for one in every])
+
+
 def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
     """The blocks of the map that `compare` computes, rows in `order`."""
+    features = features.iloc[part(features, p.most_pictures)]
     kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
     rows = order(kind, area)
     return list(bands(kind[rows], area[rows], p.area_threshold))
 
 
 def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: None) -> Similar:
-    """Compare every frame with those like it (Eqs. 5-8); `advance()` after each block.
+    """Compare frames with those like them (Eqs. 5-8); `advance()` after each block.
+
+    Of a film of more than `p.most_pictures` frames only stretches, see `part`.
 
     FinloopError if the film does not move.
     """
-    features = film.features
+    mapped = part(film.features, p.most_pictures)
+    features = film.features.iloc[mapped]
     kind, area = kinds(features, p.pose), features["motion_area_rel"].to_numpy()
     # Pictures are made in this order, so that a band is a slice and no second copy is needed.
-    rows = order(kind, area)
+    places = order(kind, area)
+    rows = mapped[places]
     x = about_mean(film.frames(rows, p.size, p.pose))
-    steps = step_table(features, x, np.argsort(rows))
-    steps["as_filmed"] = steps["step"] if p.pose == FILM else film.steps(p.size, FILM)
+    steps = step_table(features, x, np.argsort(places))
+    steps["as_filmed"] = steps["step"] if p.pose == FILM else film.steps(p.size, FILM, mapped)
     median, p95 = usual_steps(steps)
     most = np.inf if p.keep is None else p.keep * median
 
     def counted() -> Iterator[Pairs]:
-        for pairs in similar(x, kind[rows], area[rows], p.area_threshold, most):
+        for pairs in similar(x, kind[places], area[places], p.area_threshold, most):
             yield pairs
             advance()
 

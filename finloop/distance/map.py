@@ -43,7 +43,7 @@ STEPS = Schema(
     Column("step", "float32", "1", nullable=True),
     Column("as_filmed", "float32", "1", nullable=True),
 )
-"""Natural steps: Eq. 5 from every row to its track's next frame, null where there is none.
+"""Natural steps: Eq. 5 from every mapped row to its track's next frame, null where there is none.
 
 step: in the pose of the map; its median over the film is the unit of every seam. as_filmed: without
 turning the fish, as the eye sees it go on.
@@ -239,7 +239,7 @@ def pair_table(pairs: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
     del parts
     i, j = np.minimum(a, b), np.maximum(a, b)
     del a, b
-    first = np.argsort(i * np.int64(len(rows)) + j)
+    first = np.argsort(i * (rows.max() + np.int64(1)) + j)
     return pd.DataFrame({"i": i[first], "j": j[first], "distance": distance[first]})
 
 
@@ -247,13 +247,22 @@ def pair_table(pairs: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
 
 
 def step_table(features: pd.DataFrame, x: Picture, place: Ints) -> pd.DataFrame:
-    """STEPS: Eq. 5 from every row of the feature table, at x[place], to its track's next frame."""
+    """STEPS: Eq. 5 from rows of the feature table, at x[place], to their tracks' next frames."""
     here = features[["track_id", "frame"]]
     follows = here["track_id"].diff().eq(0) & here["frame"].diff().eq(1)
     after = np.flatnonzero(follows)
     step = np.full(len(here), np.nan, np.float32)
     step[after - 1] = between(x, place[after - 1], place[after])
     return here.assign(step=step)
+
+
+def mapped(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
+    """The rows (k,) of a feature table that are mapped: those of STEPS."""
+    here, there = (
+        one["track_id"].to_numpy(np.int64) << 32 | one["frame"].to_numpy(np.int64)
+        for one in (features, steps)
+    )
+    return np.flatnonzero(np.isin(here, there))
 
 
 def usual_steps(steps: pd.DataFrame) -> tuple[float, float]:

@@ -51,14 +51,15 @@ Ints = NDArray[np.intp]
 
 @dataclass(frozen=True)
 class Nearness:
-    """Eq. 5 between s sprites and the pictures of all n rows.
+    """Eq. 5 between s sprites and the pictures of n rows of the feature table.
 
-    ahead (s, n): from the frame of the film after a sprite. own (s, n): from the sprite itself.
-    orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading that was turned to
-    the right, BODY: as measured; FILM: that of the orientation. ahead_deg, own_deg (s,): the same
-    of the other two, with the sprite drawn at 0°.
+    rows (n,): rising. ahead (s, n): from the frame of the film after a sprite. own (s, n): from the
+    sprite itself. orientation (n,): of the row, 0 = any (pose BODY). pose_deg (n,): the heading
+    that was turned to the right, BODY: as measured; FILM: that of the orientation. ahead_deg,
+    own_deg (s,): the same of the other two, with the sprite drawn at 0°.
     """
 
+    rows: Ints
     ahead: Floats
     own: Floats
     ahead_deg: Floats
@@ -68,9 +69,9 @@ class Nearness:
 
 
 def nearness(
-    reel: Reel, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
+    reel: Reel, rows: Ints, size: int, pose: str, advance: Callable[[int], object] = lambda _: None
 ) -> Nearness:
-    """Compare all sprites with all rows, in blocks: no more than `_BLOCK` pictures are held.
+    """Compare all sprites with some rising rows, in blocks: at most `_BLOCK` pictures are held.
 
     Pose BODY: sprites and film with the measured heading to the right. FILM: each row as filmed,
     with the sprites in its orientation as they are drawn. `advance(n)`: n more rows are done.
@@ -78,24 +79,25 @@ def nearness(
     features, sprites = reel.features, reel.sprites
     row, after = _rows_of(reel)
     if pose == BODY:
-        orientation = np.zeros(len(features), np.int8)
-        pose_deg = features["heading_deg"].to_numpy(float)
-        ahead_deg, own_deg = (_heading(sprites, pose_deg[at]) for at in (after, row))
+        orientation = np.zeros(len(rows), np.int8)
+        heading = features["heading_deg"].to_numpy(float)
+        pose_deg = heading[rows]
+        ahead_deg, own_deg = (_heading(sprites, heading[at]) for at in (after, row))
     else:
-        orientation = features["orientation"].to_numpy()
+        orientation = features["orientation"].to_numpy()[rows]
         pose_deg = direction_deg(orientation, orientations_of(features))
         ahead_deg = np.where(after > row, sprites["turn_deg"], 0.0)
         own_deg = np.zeros(len(sprites))
-    ahead, own = np.empty((2, len(sprites), len(features)))
+    ahead, own = np.empty((2, len(sprites), len(rows)))
     for number in np.unique(orientation):
         of_ahead, of_own = sprite_pictures(reel, size, pose, int(number))
-        rows = np.flatnonzero(orientation == number)
-        for block in np.split(rows, range(_BLOCK, len(rows), _BLOCK)):
-            filmed = reel.frames(block, size, pose)
+        mine = np.flatnonzero(orientation == number)
+        for block in np.split(mine, range(_BLOCK, len(mine), _BLOCK)):
+            filmed = reel.frames(rows[block], size, pose)
             ahead[:, block] = distance(of_ahead, filmed).round(_DIGITS)
             own[:, block] = distance(of_own, filmed).round(_DIGITS)
             advance(len(block))
-    return Nearness(ahead, own, ahead_deg, own_deg, pose_deg, orientation)
+    return Nearness(rows, ahead, own, ahead_deg, own_deg, pose_deg, orientation)
 
 
 def sprite_pictures(
@@ -154,7 +156,7 @@ def gateways(
         ignore_index=True,
     )
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
-    compared = table["row"].to_numpy() + ~leads_in
+    compared = np.searchsorted(near.rows, table["row"].to_numpy() + ~leads_in)
     table["orientation"] = near.orientation[compared]
     fits = np.where(leads_in, near.ahead_deg[sprite], near.own_deg[sprite])
     table["turn_deg"] = wrap_deg(fits - near.pose_deg[compared])
@@ -165,8 +167,8 @@ def _ways_in(
     near: Nearness, features: pd.DataFrame, rate_hz: float, most: float, settings: Settings
 ) -> pd.DataFrame:
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
-    track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
-    lasts = _left(features) >= settings.least_s * rate_hz
+    track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
+    lasts = _left(features)[near.rows] >= settings.least_s * rate_hz
     ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(near.orientation):
         rows = np.flatnonzero(lasts & (near.orientation == number))
@@ -179,7 +181,7 @@ def _ways_in(
                 late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart_s * rate_hz
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
             far = near.ahead[sprite, best]
-            ways += zip(repeat(sprite), best, count(1), far, strict=False)
+            ways += zip(repeat(sprite), near.rows[best], count(1), far, strict=False)
     kinds = {"sprite": int, "row": int, "rank": int, "distance": float}
     table = pd.DataFrame(ways, columns=list(kinds)).astype(kinds)
     return table.sort_values("sprite", kind="stable")
@@ -192,11 +194,13 @@ def _ways_out(
 
     Each sequence, because it is the player that decides which one is to come.
     """
-    row = np.flatnonzero(_left(features))
+    # Rows whose next frame was compared, and where that stands among the compared.
+    follows = np.append(False, _left(features) > 0)[near.rows]
+    row, after = near.rows[follows] - 1, np.flatnonzero(follows)
     entered = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     ways = []
     for _, sequence in sprites.iloc[entered].groupby("sequence", sort=False):
-        far = near.own[np.ix_(sequence.index, row + 1)]
+        far = near.own[np.ix_(sequence.index, after)]
         best = np.argsort(far, axis=0, kind="stable")[:top]
         sprite = sequence.index.to_numpy()[best].T.ravel()
         distance = np.take_along_axis(far, best, 0).T.ravel()
@@ -232,7 +236,8 @@ def numbers(
     leads_in, leads_out = (table[table["direction"] == word] for word in (IN, OUT))
     compared = len(near.ahead) * len(np.unique(near.orientation))
     entered = len(leads_in[["sprite", "orientation"]].drop_duplicates())
-    out = np.isin(np.arange(len(features)), leads_out["row"])
+    out = np.isin(near.rows, leads_out["row"])
+    track = features["track_id"].iloc[near.rows]
     return result | {
         "sprites": len(near.ahead),
         "sprites_in_orientations": compared,
@@ -240,7 +245,7 @@ def numbers(
         "film_rows_led_to": leads_in["row"].nunique(),
         "film_tracks_led_to": features["track_id"].iloc[leads_in["row"]].nunique(),
         "film_rows_with_way_out_pct": 100 * out.mean(),
-        "film_longest_without_way_out_s": _longest(~out, features["track_id"]) / rate_hz,
+        "film_longest_without_way_out_s": _longest(~out, track) / rate_hz,
         "sprites_led_to": leads_out["sprite"].nunique(),
     }
 

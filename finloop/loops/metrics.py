@@ -3,18 +3,20 @@
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import MapFacts
+from finloop.distance.map import Ints, MapFacts
 from finloop.loops.graph import LoopGraph, goes_on, in_component
 from finloop.loops.search import Counts
 
 
 def numbers(
-    loops: pd.DataFrame, counts: Counts, graph: LoopGraph, features: pd.DataFrame, facts: MapFacts
-) -> dict[str, float]:
+    loops: pd.DataFrame, counts: Counts, graph: LoopGraph, features: pd.DataFrame,
+    facts: MapFacts, mapped: Ints,
+) -> dict[str, float]:  # fmt: skip
     """Flat numbers. A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film.
 
-    A component counts if one can play on in it for ever. A dead end is an end from which playing
-    on comes to the end of a track with no loop that goes on.
+    Shares of the film are of its `mapped` rows. A component counts if one can play on in it for
+    ever. A dead end is an end from which playing on comes to the end of a track with no loop that
+    goes on.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median
@@ -34,10 +36,10 @@ def numbers(
         "groups": len(sizes),
         "largest_group_pct": float(100 * sizes.max() / len(loops)),
         "components": int(np.unique(graph.component[graph.cyclic]).size),
-        "largest_component_film_pct": float(100 * largest.mean()),
+        "largest_component_film_pct": float(100 * largest[mapped].mean()),
         "largest_component_tracks": int(np.unique(track[largest]).size),
         "dead_ends": int((~graph.endless).sum()),
-        "endless_film_pct": float(100 * goes_on(graph, track).mean()),
+        "endless_film_pct": float(100 * goes_on(graph, track)[mapped].mean()),
         "seam_median_steps": float(np.median(seam)),
         "seam_p95_steps": float(np.quantile(seam, 0.95)),
         "seams_above_p95_of_natural_pct": float(100 * (loops["distance"] > facts.step_p95).mean()),

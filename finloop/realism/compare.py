@@ -1,8 +1,7 @@
 """Who is compared with whom: an animation with its film, one half of the film with the other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
@@ -175,23 +174,3 @@ def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
             **{f"{name}_{channel}_auc": area.value for channel, area in one.alone.items()},
         }
     return flat
-
-
-def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Rows of the film to compare with: whole tracks, at random, until there are `most` rows.
-
-    track_ids (rows,): of every row, in order. A track longer than `longest` is cut into stretches
-    of equal length first, so that all of a long film has a part.
-    """
-    edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
-    every = []
-    for start, stop in pairwise(edges):
-        cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
-        every += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
-    chosen, rows = [], 0
-    for number in np.random.default_rng(seed).permutation(len(every)):
-        if rows >= most:
-            break
-        chosen.append(every[number])
-        rows += every[number].stop - every[number].start
-    return sorted(chosen, key=lambda one: one.start)

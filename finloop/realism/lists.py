@@ -11,7 +11,7 @@ from finloop.animate.planner import Planner
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.animate.swim import random_goals
 from finloop.base.arrays import Floats, Ints
-from finloop.realism.compare import stretches
+from finloop.base.stretches import stretches
 
 Work = tuple[pd.DataFrame, Sequence[int]]
 """An edit list, and its ticks at which another fish begins."""

@@ -1,0 +1,26 @@
+"""Stretches of a film that stand for all of it."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+
+
+def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
+    """Rows of the film to take for all of it: whole tracks, at random, until there are `most` rows.
+
+    track_ids (rows,): of every row, in order. A track longer than `longest` is cut into stretches
+    of equal length first, so that all of a long film has a part.
+    """
+    edges = np.flatnonzero(np.diff(track_ids, prepend=-1, append=-1))
+    every = []
+    for start, stop in pairwise(edges):
+        cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
+        every += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
+    chosen, rows = [], 0
+    for number in np.random.default_rng(seed).permutation(len(every)):
+        if rows >= most:
+            break
+        chosen.append(every[number])
+        rows += every[number].stop - every[number].start
+    return sorted(chosen, key=lambda one: one.start)
