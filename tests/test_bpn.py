@@ -38,6 +38,7 @@ from finloop.bpn.model import (
     input_range,
     motion_model,
     motion_rows,
+    split,
     split_by_blocks,
     split_by_tracks,
     to_scale,
@@ -743,6 +744,17 @@ def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
     put(here, table([200]), "bpn.block_s=1000.0")
     stages.bpn.main()
     assert 0.1 < metrics(here)["held_out_rows"] / 200 < 0.3
+
+
+@pytest.mark.parametrize("by", ["blocks", "tracks"])
+def test_of_a_long_film_so_many_rows_are_learnt_from(by):
+    rows = motion_rows(table([300, 200, 150, 120, 90]), DELTA)
+    every, held = split(rows, by, settings("bpn"), 25.0)
+    most = int(every.sum()) // 2
+    some, same = split(rows, by, settings("bpn", most_rows=most), 25.0)
+    np.testing.assert_array_equal(held, same)
+    assert some.sum() == most and not (some & ~every).any()
+    assert len(np.unique(rows.frame[some] // 20)) > 0.9 * len(np.unique(rows.frame[every] // 20))
 
 
 @pytest.mark.parametrize("name", ["data/clip/facts.json", "data/features/features.parquet"])

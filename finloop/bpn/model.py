@@ -192,13 +192,21 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
 
 
 def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
-    """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks"."""
+    """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks".
+
+    Of a long film `p.most_rows` are learnt from.
+    """
     rng = np.random.default_rng((p.seed, 0))
     if by == "tracks":
-        return split_by_tracks(rows, p.held_out, rng)
-    least = rows.delta_frames + LEAST_HELD_OUT
-    block = block_frames(p.block_s, p.held_out, rate_hz, rows.frame, least)
-    return split_by_blocks(rows, block, p.held_out, rng)
+        train, held_out = split_by_tracks(rows, p.held_out, rng)
+    else:
+        least = rows.delta_frames + LEAST_HELD_OUT
+        block = block_frames(p.block_s, p.held_out, rate_hz, rows.frame, least)
+        train, held_out = split_by_blocks(rows, block, p.held_out, rng)
+    known = np.flatnonzero(train)
+    if len(known) > p.most_rows:
+        train[rng.choice(known, len(known) - p.most_rows, replace=False)] = False
+    return train, held_out
 
 
 def split_or_all(rows: Rows, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
