@@ -6,6 +6,7 @@ A fault is measured in units of what is just acceptable; `settings` are those of
 
 from collections.abc import Iterator
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -133,6 +134,14 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
 # -- turns -----------------------------------------------------------------------------------------
 
 
+class _Bends(NamedTuple):
+    """The bend to one side, 1 = left, −1 = right, of every row (n,), and the strongest."""
+
+    side: int
+    bend: Floats
+    strongest: float
+
+
 def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
     """The strongest whole turns to one side, a row each as in `beats`.
 
@@ -143,12 +152,12 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
     turning = (table["type"] == side).to_numpy() & table["usable"].to_numpy()
     if not turning.any() or bend[turning].max() <= 0:
         return pd.DataFrame()
-    strongest = bend[turning].max()
+    of_side = _Bends(side, bend, float(bend[turning].max()))
     rows = [
         turn
         for span in spans(table)
         for peak in _peaks(bend[span], turning[span])
-        if (turn := _turn(table, span, span.start + peak, side, strongest, settings)) is not None
+        if (turn := _turn(table, of_side, span, span.start + peak, settings)) is not None
     ]
     for share in settings.strong:
         strong = [row for row in rows if row["weaker"] <= (1 - share) / settings.weaker + 1e-9]
@@ -190,10 +199,10 @@ def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
 
 
 def _turn(
-    table: pd.DataFrame, span: slice, peak: int, side: int, strongest: float, settings: Settings
+    table: pd.DataFrame, of_side: _Bends, span: slice, peak: int, settings: Settings
 ) -> dict[str, float] | None:
     """The turn around `peak`, the row of its largest bend; None if it is not whole."""
-    bend = side * table["bend"].to_numpy()
+    side, bend, strongest = of_side
     first = _downhill(bend, peak, span.start, -1, settings)
     last = _downhill(bend, peak, span.stop - 1, 1, settings)
     before = first - 1  # the head has begun to turn by the first frame that is bent at all
