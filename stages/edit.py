@@ -37,11 +37,11 @@ class Drawn(NamedTuple):
 def load_drawn(
     mode: str,
     stage: str,
-    columns: Sequence[str] | None = PLACES,
+    columns: Sequence[str] = PLACES,
     sprites: bool = False,
     bodies: bool = False,
 ) -> Drawn:
-    """The edit list of a mode for a stage, with these `columns` of the tracks, None for all.
+    """The edit list of a mode for a stage, with these `columns` of the tracks.
 
     `sprites`: their table even where the list draws none; `bodies`: the postures even where it
     needs none. FinloopError if a file is missing or damaged.

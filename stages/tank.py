@@ -26,7 +26,7 @@ from finloop.tank.gltf import shapes, tank_glb, upright
 from finloop.tank.scene import Scene
 from finloop.tank.settings import Settings
 from finloop.tank.skin import Skins
-from finloop.tank.swim import film_bodies, heights, poses
+from finloop.tank.swim import USED, film_bodies, heights, poses
 from stages.edit import DATA, load_drawn
 from stages.settings import load
 
@@ -42,7 +42,7 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 @contextmanager
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
-    edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", columns=None)
+    edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", USED)
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))

@@ -1,9 +1,15 @@
-"""Stretches of a film that stand for all of it."""
+"""Rows and stretches that stand for all of a long film."""
 
 from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
+
+
+def spread(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
+    """At most so many of some rows (n,), spread evenly over them."""
+    return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:

@@ -15,6 +15,7 @@ from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 from sklearn.linear_model import LogisticRegression
 
 from finloop.base.arrays import Floats
+from finloop.base.stretches import spread
 from finloop.identity.joins import Pairs, Tracks
 
 _FOLDS = 2  # what tells animals apart is tried on tracks that it was not learnt from
@@ -46,11 +47,6 @@ def described(
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
     shown = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
     return np.hstack([_spread(measures), shown / max(float(shown.std()), 1e-12)])
-
-
-def spread(rows: Tracks, most: int) -> Tracks:
-    """At most so many of some rows, spread evenly over them."""
-    return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def _spread(values: Floats) -> Floats:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
+from finloop.base.stretches import spread
 from finloop.distance.picture import BODY
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
@@ -153,7 +154,7 @@ def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:
     segment = np.array([of_film.segment[rows[0]] for rows in parts])
     pairs = later(ends.start, ends.stop, segment)
     moved = motion.log_ratios(ends, drift, pairs)
-    some = [appearance.spread(rows, p.looked_at) for rows in parts]
+    some = [spread(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
     looks = appearance.described(
         of_film.measures[every],

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from finloop.base.cutout import Cutouts
 from finloop.base.schema import lists_to_points
+from finloop.base.stretches import spread
 from finloop.features.area import closed_spline, control_points
 from finloop.features.head import tail_first
 from finloop.features.metrics import longest_track
@@ -19,6 +20,7 @@ from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, WORDS
 from finloop.features.table import direction_deg, orientations_of
 from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank, write
 
+_WAYS = 200  # tracks whose ways are drawn; more hide one another
 TYPES = {  # Okabe-Ito colours, told apart by colour-blind eyes too
     STRAIGHT: (WORDS[STRAIGHT], "#0072B2"),
     LEFT: (WORDS[LEFT], "#D55E00"),
@@ -47,15 +49,22 @@ def figure7(features: pd.DataFrame) -> Figure:
 
 
 def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
-    """The way of every track over the empty tank, with its beginning and a heading now and then."""
+    """Ways of tracks over the empty tank, with their beginnings and a heading now and then.
+
+    Of more than `_WAYS` tracks so many, spread over the film.
+    """
     figure, axes = over_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))
-    for number, (_, track) in enumerate(features.groupby("track_id")):
+    every = features["track_id"].unique()
+    some = spread(np.arange(len(every)), _WAYS)
+    shown = features[features["track_id"].isin(every[some])]
+    for number, (_, track) in enumerate(shown.groupby("track_id")):
         colour = colours[number % len(colours)]
         axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
         axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)
         arrows(axes, track.iloc[:: max(1, len(track) // 8)], color=colour)
-    axes.set_title("dot: a track begins; arrow: heading")
+    left = "" if len(some) == len(every) else f"; {len(some)} of {len(every)} tracks"
+    axes.set_title(f"dot: a track begins; arrow: heading{left}")
     return figure
 
 

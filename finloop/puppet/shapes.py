@@ -13,8 +13,10 @@ import scipy
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread
 from finloop.puppet.pose import bends, mirrored, steps
 
+_ASKED = 50_000  # postures whose nearest others say how far these are; a quantile needs no more
 _EXACT = 1e-5  # of codes, which files hold as float32
 
 
@@ -74,13 +76,16 @@ class PoseShapes:
         bends(weights)[:] = count**-0.5
         steps(weights)[:] = count**0.5
         mean = both.mean(0)
-        apart = (both - mean) * weights
+        apart = both  # in place: of a film of hours these are the largest arrays
+        apart -= mean
+        apart *= weights
         variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
         variance, shapes = np.maximum(variance[::-1], 0), shapes.T[::-1]
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
-        nearest = scipy.spatial.cKDTree(codes).query(codes, k=2)[0][:, 1]
+        some = codes[spread(np.arange(len(codes)), _ASKED)]
+        nearest = scipy.spatial.cKDTree(codes).query(some, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
 

@@ -26,6 +26,10 @@ Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
 
+USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
+"""The columns of a table of tracks that bodies are made of."""
+
+
 @dataclass(frozen=True)
 class Film:
     """The bodies of the film, a row per cut-out: backbone (n, p, 2), half_width (n, p), px.
@@ -74,7 +78,7 @@ class Poses:
 def film_bodies(tracks: pd.DataFrame, features: pd.DataFrame) -> Film:
     """The film's backbones, head first, relative to the mass centre, y up.
 
-    tracks: as `extract` wrote it; features: head and heading of each of its rows.
+    tracks: columns `USED`; features: head and heading of each of its rows.
     """
     line = lists_to_points(tracks, "backbone").astype(float)
     half_width = lists_to_array(tracks["half_width_px"]).astype(float)
