@@ -66,7 +66,7 @@ from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
 from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
-from finloop.jumps.search import JUMPS
+from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.mended import make_clip
 from finloop.normalise import open_source

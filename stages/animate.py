@@ -31,7 +31,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
-from finloop.jumps.search import JUMPS
+from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES

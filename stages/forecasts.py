@@ -12,7 +12,7 @@ from finloop.forecast.neighbours import NEIGHBOURS, from_table
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.io.record import load_record
 from finloop.io.table import load_table
-from finloop.jumps.film import LOOK
+from finloop.jumps.table import LOOK
 from finloop.pose.film import FilmPoses
 from stages.settings import load
 

@@ -1,6 +1,6 @@
 """Stage `jumps`: where the film can go on as a frame that looks and moves alike, or its mirror."""
 
-from stages.run import run, save_metrics  # isort: skip  (before numpy)
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 from pathlib import Path
 
@@ -11,9 +11,9 @@ from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.jumps.film import LOOK, film_jumps
-from finloop.jumps.search import JUMPS
+from finloop.jumps.film import film_jumps
 from finloop.jumps.settings import Settings
+from finloop.jumps.table import JUMPS, LOOK
 from finloop.reel import Reel
 from stages.poses import load_poses
 from stages.settings import load
@@ -27,7 +27,9 @@ def main() -> None:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
-        made = film_jumps(Reel(features, film), load_poses(features), rate_hz, p)
+        reel = Reel(features, film)
+        with progress("jumps", len(reel), "rows") as advance:
+            made = film_jumps(reel, load_poses(features), rate_hz, p, advance)
     with whole_folder(OUT) as folder:
         save_table(folder / "jumps.parquet", made.jumps, JUMPS)
         look = pd.DataFrame({"look": list(made.look)})

@@ -12,10 +12,11 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.planner import BODY
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
-from finloop.jumps.search import JUMPS, chosen, nearest
+from finloop.jumps.search import Search, chosen
 from finloop.jumps.seen import Seen
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Parts, signatures
+from finloop.jumps.table import JUMPS
 
 COUNT, LEAST = 5, 8
 
@@ -31,10 +32,14 @@ def walk(rng: np.random.Generator, n: int = 160) -> np.ndarray:
     return np.stack([own, own * (1, 1, -1)])
 
 
+def nearest(values, track, mirror=True):
+    return Search.of(values, track, COUNT, LEAST, mirror)(np.arange(len(track)))
+
+
 @pytest.mark.parametrize("mirror", [True, False])
 def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
     values, track = walk(rng), np.repeat([0, 1, 2], [60, 70, 30])
-    n, made = len(track), nearest(values, track, COUNT, LEAST, mirror)
+    n, made = len(track), nearest(values, track, mirror)
     assert list(made) == ["row", "to", "mirrored", "far"]
     targets = np.concatenate(values[: 1 + mirror])
     for row in range(n):
@@ -54,7 +59,7 @@ def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
 
 
 def test_a_film_too_short_to_go_on_has_no_jump(rng):
-    assert nearest(walk(rng, LEAST), np.zeros(LEAST, int), COUNT, LEAST).empty
+    assert nearest(walk(rng, LEAST), np.zeros(LEAST, int)).empty
 
 
 def test_of_what_is_near_the_best_to_the_eye_are_chosen():
@@ -81,6 +86,23 @@ def test_what_is_seen_is_what_no_posture_explains(rng):
     assert seen([0, 1], [1, 0], [False, False]) == pytest.approx(patch, rel=0.1)
     plain = np.linalg.norm((pictures[3] - pictures[1].astype(float)) / 255) / 2
     assert 0 < seen([1], [3], [False])[0] <= plain + 1e-6
+
+
+def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
+    pictures = rng.integers(0, 256, (40, 12, 12, 2)).astype(np.uint8)
+    postures = np.concatenate(
+        [np.tile([0.5, 0.0], (40, 1)), np.zeros((40, 4)), np.full((40, 4), 0.25)], 1
+    )
+    seen = Seen(pictures, postures, 3.0)
+    far = np.sort(rng.uniform(1, 30, (8, 20)), axis=1)
+    near = pd.DataFrame({"row": np.repeat(np.arange(8), 20), "to": rng.integers(0, 40, 160)})
+    near = near.assign(mirrored=rng.random(160) < 0.5, far=far.ravel())
+    every = seen(near["row"], near["to"], near["mirrored"])
+    some = seen.best(near, COUNT)
+    drawn = np.isfinite(some)
+    assert some[drawn] == pytest.approx(every[drawn])
+    assert 8 * COUNT <= drawn.sum() < 160
+    assert chosen(near, some, COUNT).equals(chosen(near, every, COUNT))
 
 
 def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):

@@ -9,6 +9,6 @@ are where it can go on.
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "film": ["film_jumps"], "search": ["JUMPS", "nearest"], "seen": ["Seen"],
-    "sides": ["sides_apart"],
+    "film": ["film_jumps"], "search": ["Search"], "seen": ["Seen"],
+    "sides": ["sides_apart"], "table": ["JUMPS", "LOOK"],
 })  # fmt: skip

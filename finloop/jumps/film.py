@@ -1,13 +1,13 @@
 """The jumps of a film, how its rows look, and numbers about them."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.base.schema import ANY, Column, Schema
-from finloop.jumps.search import chosen, nearest
+from finloop.jumps.search import Search, chosen
 from finloop.jumps.seen import Seen
 from finloop.jumps.settings import Settings
 from finloop.jumps.sides import handedness, sides_apart
@@ -15,9 +15,7 @@ from finloop.jumps.signature import Straight, parts, scaled, signatures
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 
-LOOK = Schema(Column("look", "float32", "1", length=ANY))
-"""Light and skin of the n rows of a film, and then of their n mirror images; without these where
-the fish is not to be mirrored. As in `signature.Parts`, together of the deviation 1."""
+_LOT = 2000  # rows at a time
 
 
 class FilmJumps(NamedTuple):
@@ -32,8 +30,11 @@ class FilmJumps(NamedTuple):
     numbers: dict[str, float]
 
 
-def film_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings) -> FilmJumps:
-    """Where a film can go on; poses: of the reel's rows.
+def film_jumps(
+    reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings,
+    advance: Callable[[int], None] = lambda _: None,
+) -> FilmJumps:  # fmt: skip
+    """Where a film can go on; poses: of the reel's rows; advance: told how many rows are done.
 
     A fish whose sides differ is not mirrored, unless it is asked for.
     """
@@ -44,10 +45,14 @@ def film_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings)
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(made, reel.goes_on, settings)
     least = max(1, round(settings.least_s * rate_hz))
-    near = nearest(values, track, settings.candidates, least, mirror)
-    seen = Seen.of(reel, poses, settings.look_px)
-    apart = seen(near["row"], near["to"], near["mirrored"])
-    jumps = chosen(near, apart, settings.neighbours)
+    search = Search.of(values, track, settings.candidates, least, mirror)
+    seen, tables = Seen.of(reel, poses, settings.look_px), []
+    for start in range(0, len(track), _LOT):
+        lot = np.arange(start, min(start + _LOT, len(track)))
+        near = search(lot)
+        tables.append(chosen(near, seen.best(near, settings.neighbours), settings.neighbours))
+        advance(len(lot))
+    jumps = pd.concat(tables, ignore_index=True)
     step = np.linalg.norm(np.diff(values[0], axis=0), axis=-1)[reel.goes_on[:-1]]
     best = jumps.groupby("row")["seam"].min()
     look = scaled(made.look)[: 1 + mirror].reshape(-1, made.look.shape[-1])
@@ -57,7 +62,7 @@ def film_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings)
         "seam_median_steps": float(jumps["seam"].median()),
         "nearest_seam_median_steps": float(best.median()),
         "nearest_seam_p95_steps": float(best.quantile(0.95)),
-        "seen_median_steps": float(pd.Series(apart).median()),
+        "recall_pct": 100 * search.index.recall,
         "natural_p95_steps": float(np.quantile(step, 0.95)),
         "sides_apart": sides,
         "handedness": hand,

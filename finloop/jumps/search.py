@@ -1,66 +1,87 @@
 """The nearest neighbours of every row, mirror images too: where the film can go on."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numba
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.schema import Column, Schema, columns
+from finloop.base.arrays import Floats, Ints
+from finloop.base.kernel import kernel
+from finloop.jumps.table import JUMPS
+from finloop.nearest import Nearest
 
-JUMPS = Schema(
-    *columns("int32", "row", "row", "to"),
-    Column("mirrored", "bool", "1"),
-    Column("seam", "float32", "natural step"),
-)
-"""In place of `row` the film can show the row `to`, mirrored or not, and go on from there. `seam`
-says how far the two are from each other, in median steps from row to row: the larger of how far
-they are in what they are compared by, and of the square of how far to the eye, drawn in one pose. A
-mirrored `row` can be replaced in the same way: then what is mirrored is not, and the other way
-round."""
-
-_BLOCK = 256  # rows at a time
+_LOOKED_AT = 8  # times as many nearest rows are looked at for `count` passages, and then ...
+_MORE = 4  # ... so many times as many where these are of fewer passages
 
 
-def nearest(
-    values: Floats, track: Ints, count: int, least: int, mirror: bool = True
-) -> pd.DataFrame:
-    """The `count` nearest rows of every row, one a passage of film: row, to, mirrored, and how far.
+@dataclass(frozen=True)
+class Search:
+    """Who looks for the `count` nearest rows of rows, one a passage of film.
 
     Of rows that follow one another only the nearest is kept. A row that less than `least` rows of
     its track follow is not jumped to, nor one within `least` rows of the same track.
 
-    values (2, n, d): of rows [0] and mirror images [1]; track (n,): rising; mirror: whether mirror
-    images are looked at.
+    targets (m, d): of the n rows, and of their mirror images where these are looked at; goals:
+    numbers of those that can be jumped to, which are in `index`. track (n,): rising.
     """
-    n = len(track)
-    targets = values[: 1 + mirror].reshape(-1, values.shape[-1])
-    square = (targets**2).sum(-1)
-    last = np.searchsorted(track, track, "right") - 1
-    short = np.tile(last - np.arange(n) < least, 1 + mirror)
-    tables = []
-    for start in range(0, n, _BLOCK):
-        rows = np.arange(start, min(start + _BLOCK, n))
-        apart = square - 2 * values[0, rows] @ targets.T
-        apart[:, short] = np.inf
-        for row, line in zip(rows, apart, strict=True):
-            near = np.arange(max(int(row) - least + 1, 0), min(int(row) + least, n))
-            line[near[track[near] == track[row]]] = np.inf
-        apart[~_minima(apart)] = np.inf
-        most = min(count, apart.shape[1])
-        chosen = np.sort(np.argpartition(apart, most - 1, axis=1)[:, :most], axis=1)
-        finite = np.isfinite(np.take_along_axis(apart, chosen, 1))
-        source, to = np.repeat(rows, finite.sum(1)), chosen[finite]
-        far = np.linalg.norm(values[0, source] - targets[to], axis=-1)
-        order = np.lexsort((to, far, source))
-        tables.append((source[order], to[order], far[order]))
-    source, to, far = (np.concatenate(column) for column in zip(*tables, strict=True))
-    return pd.DataFrame({"row": source, "to": to % n, "mirrored": to >= n, "far": far})
+
+    targets: Floats
+    goals: Ints
+    index: Nearest
+    track: Ints
+    count: int
+    least: int
+
+    @classmethod
+    def of(
+        cls, values: Floats, track: Ints, count: int, least: int, mirror: bool = True
+    ) -> "Search":
+        """Values (2, n, d): of rows [0] and mirror images [1]."""
+        targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
+        stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
+        goals = np.flatnonzero(np.tile(stays, 1 + mirror))
+        index = Nearest.of(targets[goals].astype(np.float32))
+        return cls(targets, goals, index, np.asarray(track), count, least)
+
+    def __call__(self, rows: Ints) -> pd.DataFrame:
+        """Of rows (k,), rising: row, to, mirrored, and how far, the nearest first."""
+        looked_at, nothing = _LOOKED_AT * self.count, np.empty(0, np.intp)
+        tables = [(nothing, nothing, np.empty(0))]
+        while len(rows) and len(self.goals):
+            most = min(looked_at, len(self.goals))
+            to, far = self._passages(rows, most)
+            done = np.isfinite(far[:, -1]) if most < len(self.goals) else np.ones(len(rows), bool)
+            at, place = np.nonzero(np.isfinite(far) & done[:, None])
+            tables.append((rows[at], to[at, place], far[at, place]))
+            rows, looked_at = rows[~done], _MORE * looked_at
+        row, to, far = (np.concatenate(column) for column in zip(*tables, strict=True))
+        order = np.argsort(row, kind="stable")
+        n = len(self.track)
+        return pd.DataFrame({"row": row, "to": to % n, "mirrored": to >= n, "far": far}).iloc[order]
+
+    def _passages(self, rows: Ints, most: int) -> tuple[Ints, Floats]:
+        """Targets (k, count) of different passages among the `most` nearest; ∞ far: none left."""
+        near = self.index.search(self.targets[rows].astype(np.float32), most)
+        near = np.sort(np.where(near < 0, -1, self.goals[near]), axis=1)
+        threads = numba.get_num_threads()
+        with ThreadPoolExecutor(threads) as pool:
+            made = pool.map(
+                lambda part: _minima(
+                    self.targets, self.track, rows[part], near[part], self.least, self.count
+                ),
+                np.array_split(np.arange(len(rows)), threads),
+            )
+            to, far = zip(*made, strict=True)
+        return np.concatenate(to), np.concatenate(far)
 
 
 def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
     """Jumps, columns of `JUMPS`: of every row the `count` with the least seams.
 
     What is seen counts squared: below a natural step it is hidden in the motion, above it shows the
-    more. near: as `nearest` gives them; seen: (k,) natural steps.
+    more. near: as `Search` gives them; seen: (k,) natural steps.
     """
     table = near.assign(seam=np.maximum(near["far"], np.square(seen)))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
@@ -68,8 +89,37 @@ def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
     return table[JUMPS.names].astype(kinds).reset_index(drop=True)
 
 
-def _minima(apart: Floats) -> Mask:
-    """Where a row of numbers (k, m) has a local minimum; of equal ones the first."""
-    walls = np.full((len(apart), 1), np.inf)
-    before, after = np.hstack([walls, apart[:, :-1]]), np.hstack([apart[:, 1:], walls])
-    return (apart < before) & (apart <= after) & np.isfinite(apart)
+@kernel
+def _minima(
+    targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
+) -> tuple[Ints, Floats]:
+    """For rows (k,) the nearest of their `near` targets (k, l), rising, with no nearer one beside.
+
+    Those of the same passage as the row, nearer than `least`, are left out.
+    """
+    n, d = len(track), targets.shape[1]
+    to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
+    apart = np.empty(near.shape[1])
+    for k in range(len(rows)):
+        row = rows[k]
+        for c in range(near.shape[1]):
+            other = near[k, c]
+            apart[c] = np.inf
+            own = other < n and abs(other - row) < least and track[other % n] == track[row]
+            if other >= 0 and not own:
+                square = 0.0
+                for i in range(d):
+                    square += (targets[row, i] - targets[other, i]) ** 2
+                apart[c] = np.sqrt(square)
+        for c in range(near.shape[1]):
+            if c and near[k, c - 1] == near[k, c] - 1 and apart[c - 1] <= apart[c]:
+                continue
+            after = c + 1 < near.shape[1] and near[k, c + 1] == near[k, c] + 1
+            if (after and apart[c + 1] < apart[c]) or apart[c] >= far[k, -1]:
+                continue
+            place = count - 1
+            while place > 0 and far[k, place - 1] > apart[c]:
+                far[k, place], to[k, place] = far[k, place - 1], to[k, place - 1]
+                place -= 1
+            far[k, place], to[k, place] = apart[c], near[k, c]
+    return to, far

@@ -1,18 +1,22 @@
 """What is seen at a jump: one row drawn in the pose of another, against that row itself (Eq. 5)."""
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numba
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.distance.picture import SPAN, steps
 from finloop.pose.film import FilmPoses
 from finloop.puppet import draw
-from finloop.puppet.pairs import apart_in_pose
+from finloop.puppet.pairs import Posed, apart_in_pose, nearest_in_pose
 from finloop.reel import Reel
+
+_LOT = 1000  # pictures at a time
 
 
 @dataclass(frozen=True)
@@ -31,27 +35,47 @@ class Seen:
     def of(cls, reel: Reel, poses: FilmPoses, size: int) -> "Seen":
         """Draw the rows of a reel, `size` px across; poses: of the same rows."""
         middle, length = (size - 1) / 2, size / SPAN
-        made = []
+        channels = reel.film[0].pixels.shape[2]
+        pictures = np.empty((len(reel), size, size, channels), np.uint8)
         for row in range(len(reel)):
             pose = poses.pose[row]
             here = pose.at(middle, middle, 0.0, length)
-            made.append(np.round(255 * draw(reel.film[row], pose, here, (size, size), sharp=False)))
-        pictures = np.stack(made).clip(0, 255).astype(np.uint8)
-        step = steps(pictures.astype(np.float32) / 255)[reel.goes_on[:-1]]
-        return cls(pictures, poses.pose.posture, max(float(np.median(step)), 1e-12))
+            made = draw(reel.film[row], pose, here, (size, size), sharp=False)
+            pictures[row] = np.round(255 * made).clip(0, 255)
+        lots = range(0, len(reel) - 1, _LOT)
+        step = [steps(pictures[a : a + _LOT + 1].astype(np.float32) / 255) for a in lots]
+        natural = float(np.median(np.concatenate(step)[reel.goes_on[:-1]]))
+        return cls(pictures, poses.pose.posture, max(natural, 1e-12))
 
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
         """Natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in the former's pose."""
-        size_px = self.pictures.shape[1] / SPAN
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
         mirrored = np.asarray(mirrored, bool)
-        threads = numba.get_num_threads()  # the kernel holds no lock; pairs do not know each other
+        film = Posed(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
+        parts = np.array_split(np.arange(len(rows)), numba.get_num_threads())
+        return self._of_all(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
 
-        def of_some(part: Ints) -> Floats:
-            return apart_in_pose(
-                self.pictures, self.postures, size_px, rows[part], to[part], mirrored[part]
-            )
+    def best(self, near: pd.DataFrame, count: int) -> Floats:
+        """As a call of rows `near` (columns row, to, mirrored, far), of those that matter.
 
-        with ThreadPoolExecutor(threads) as pool:
-            parts = np.array_split(np.arange(len(rows)), threads)
+        Infinite where `count` others of a row are better, whatever is seen: a jump is worth the
+        larger of `far`, which rises with each row, and of what is seen, squared.
+        """
+        rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
+        mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
+        film = Posed(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
+
+        def of_some(k: Ints) -> Floats:
+            to_rows = to[k], mirrored[k], far[k]
+            return nearest_in_pose(film, rows[k], to_rows, self.natural, count)
+
+        starts = np.flatnonzero(np.diff(rows, prepend=-1))
+        few = np.array_split(starts, numba.get_num_threads())[1:]
+        parts = np.split(np.arange(len(rows)), [one[0] for one in few if len(one)])
+        seen = self._of_all(of_some, parts)
+        return np.where(seen < 0, np.inf, seen)
+
+    def _of_all(self, of_some: Callable[[Ints], Floats], parts: list[Ints]) -> Floats:
+        """Natural steps of all pairs, by threads: a kernel holds no lock."""
+        with ThreadPoolExecutor(len(parts)) as pool:
             return np.concatenate(list(pool.map(of_some, parts))) / self.natural

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import svds
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.axes import ahead_left
@@ -61,7 +62,8 @@ def _components(straight: Straight, count: int) -> Floats:
     sample = straight(np.unique(np.linspace(0, n - 1, min(n, _FITTED)).astype(np.intp)))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
-    axes = np.linalg.svd(both - mean, full_matrices=False)[2][:count].T
+    count = min(count, min(both.shape) - 1)
+    axes = svds((both - mean).astype(float), count, random_state=0)[2][::-1].T
     lots = []
     for start in range(0, n, _LOT):
         lot = straight(np.arange(start, min(start + _LOT, n)))

@@ -1,6 +1,7 @@
 """How far pictures are apart once the one is drawn in the other's pose (Eq. 5), pair by pair."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,36 +12,84 @@ from finloop.puppet.lay import How, paint, plan
 from finloop.puppet.strip import Line
 
 
+class Posed(NamedTuple):
+    """Pictures (n, s, s, c) premultiplied, each in its own posture (n, d), headed right.
+
+    Its mass centre is in the middle; size_px: typical length of the animals in them.
+    """
+
+    pictures: NDArray[np.uint8]
+    postures: Floats
+    size_px: float
+
+
 @finite_kernel
-def apart_in_pose(
-    pictures: NDArray[np.uint8], postures: Floats, size_px: float, rows: Ints, to: Ints,
-    mirrored: Mask,
-) -> Floats:  # fmt: skip
+def apart_in_pose(film: Posed, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
     """Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
 
     Those are drawn in the postures of these, or stay as they are where they then are nearer.
-
-    pictures: (n, s, s, c) premultiplied, each in its own posture (n, d), headed right, its mass
-    centre in the middle; size_px: typical length of the animals in them.
     """
+    apart = np.empty(len(rows))
+    canvas = np.empty(film.pictures.shape[1:], np.float32)
+    for k in range(len(rows)):
+        pair = rows[k], to[k], mirrored[k]
+        apart[k] = _apart(film, pair, canvas)
+    return apart
+
+
+@finite_kernel
+def nearest_in_pose(
+    film: Posed, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
+) -> Floats:
+    """As `apart_in_pose`, of no more pairs than the `count` best of every row need.
+
+    rows: rising. to: to which pictures (k,), mirrored or not, and (k,) how far each is at least,
+    rising with each row. A pair is worth the larger of that and the square of Eq. 5 in `unit`. −1
+    where others are better, whatever is seen.
+    """
+    other, mirrored, least = to
+    apart = np.full(len(rows), -1.0)
+    canvas = np.empty(film.pictures.shape[1:], np.float32)
+    best = np.empty(count)
+    many = 0
+    for k in range(len(rows)):
+        if k == 0 or rows[k] != rows[k - 1]:
+            many = 0
+        if many == count and least[k] > best[-1]:
+            continue
+        pair = rows[k], other[k], mirrored[k]
+        apart[k] = _apart(film, pair, canvas)
+        worth = max(least[k], (apart[k] / unit) ** 2)
+        if many == count and worth >= best[-1]:
+            continue
+        many = min(many + 1, count)
+        place = many - 1
+        while place > 0 and best[place - 1] > worth:
+            best[place] = best[place - 1]
+            place -= 1
+        best[place] = worth
+    return apart
+
+
+@finite_kernel
+def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
+    """Eq. 5 of a pair: picture, other picture, whether that is mirrored. canvas: (s, s, c)."""
+    pictures, postures, size_px = film
+    row, to, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
-    apart = np.empty(len(rows))
-    canvas = np.empty((side, side, channels), np.float32)
-    for k in range(len(rows)):
-        here = Line(middle, middle, 0.0, size_px, postures[rows[k]])
-        there = Line(middle, middle, 0.0, size_px, postures[to[k]])
-        one, other = pictures[rows[k]], pictures[to[k]].astype(np.float32)
-        how = How(1.0, mirrored[k], False)
-        canvas[:] = 0
-        paint(canvas, other, plan(other, there, here, how), how, (0, 0))
-        posed = plain = 0.0
-        for y in range(side):
-            from_y = side - 1 - y if mirrored[k] else y
-            for x in range(side):
-                for c in range(channels):
-                    wanted = one[y, x, c] * unit
-                    posed += (canvas[y, x, c] - wanted) ** 2
-                    plain += (other[from_y, x, c] * unit - wanted) ** 2
-        apart[k] = math.sqrt(min(posed, plain))
-    return apart
+    here = Line(middle, middle, 0.0, size_px, postures[row])
+    there = Line(middle, middle, 0.0, size_px, postures[to])
+    one, other = pictures[row], pictures[to].astype(np.float32)
+    how = How(1.0, mirrored, False)
+    canvas[:] = 0
+    paint(canvas, other, plan(other, there, here, how), how, (0, 0))
+    posed = plain = 0.0
+    for y in range(side):
+        from_y = side - 1 - y if mirrored else y
+        for x in range(side):
+            for c in range(channels):
+                wanted = one[y, x, c] * unit
+                posed += (canvas[y, x, c] - wanted) ** 2
+                plain += (other[from_y, x, c] * unit - wanted) ** 2
+    return math.sqrt(min(posed, plain))

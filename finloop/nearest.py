@@ -1,0 +1,60 @@
+"""The nearest neighbours of vectors: every one looked at, or, of very many, most of them.
+
+Few vectors are compared with all others. Many are told apart by cells first (inverted file: Jégou
+et al., Product quantization for nearest neighbor search, 2011), and a vector is compared with those
+of the cells about it; of how many cells is measured, so that hardly a neighbour is missed.
+"""
+
+from dataclasses import dataclass
+
+import faiss
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Ints
+
+MOST = 100_000  # vectors; more are put into cells
+RECALL = 0.995  # wanted, of the `_NEAREST` nearest
+_NEAREST, _TRIED = 20, 1000  # of so many vectors the neighbours are found exactly, to compare
+_TAUGHT = 64  # vectors of each cell, that say where it is
+Vectors = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """Vectors (m, d) to be searched. recall: share of the 20 nearest that is found; 1: all are."""
+
+    index: faiss.Index
+    recall: float
+
+    @classmethod
+    def of(cls, vectors: Vectors, most: int = MOST) -> "Nearest":
+        """Vectors, put into cells where there are more than `most`."""
+        vectors = np.ascontiguousarray(vectors, np.float32)
+        m, d = vectors.shape
+        if m <= most:
+            flat = faiss.IndexFlatL2(d)
+            flat.add(vectors)
+            return cls(flat, 1.0)
+        cells = round(4 * m**0.5)
+        index = faiss.IndexIVFFlat(faiss.IndexFlatL2(d), d, cells)
+        index.cp.max_points_per_centroid = _TAUGHT
+        index.train(vectors)
+        index.add(vectors)
+        some = vectors[np.unique(np.linspace(0, m - 1, _TRIED).astype(np.intp))]
+        true = faiss.knn(some, vectors, _NEAREST + 1)[1]
+        recall, index.nprobe = 0.0, 4
+        while recall < RECALL and index.nprobe < cells:
+            index.nprobe = min(2 * index.nprobe, cells)
+            recall = _recall(index.search(some, _NEAREST + 1)[1], true)
+        return cls(index, recall)
+
+    def search(self, queries: Vectors, count: int) -> Ints:
+        """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more found."""
+        return self.index.search(np.ascontiguousarray(queries, np.float32), count)[1]
+
+
+def _recall(found: Ints, true: Ints) -> float:
+    """Share of the true neighbours that are found; each vector's first is itself."""
+    both = [np.isin(one[1:], other).mean() for one, other in zip(true, found, strict=True)]
+    return float(np.mean(both))
