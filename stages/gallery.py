@@ -1,12 +1,15 @@
 """The pictures that an edit list draws from, opened where the stages left them."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.io.cutouts import open_cutouts
 from finloop.render.gallery import Gallery, shelves
-from stages.edit import DATA, Drawn
+from stages.edit import DATA, Drawn, load_drawn
 
 
 @contextmanager
@@ -21,3 +24,36 @@ def open_gallery(drawn: Drawn) -> Iterator[Gallery]:
             store = stack.enter_context(open_cutouts(DATA / "sprites/sprites.arrow"))
             stores[SPRITE] = store
         yield Gallery(shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Opens the pictures of an edit list, also in another process, which loads the tables itself.
+
+    Of a film of hours they are too large to be sent with every piece of work.
+    """
+
+    mode: str
+    stage: str
+    drawn: Drawn  # with sprites and postures
+
+    def __call__(self) -> AbstractContextManager[Gallery]:
+        """The pictures, opened."""
+        return open_gallery(self.drawn)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _sent, (self.mode, self.stage)
+
+
+@cache
+def _sent(mode: str, stage: str) -> Pictures:
+    """What a process makes of that, once."""
+    return pictures_of(mode, stage)
+
+
+def pictures_of(mode: str, stage: str) -> Pictures:
+    """The pictures of a mode's edit list for a stage, with sprites and postures.
+
+    FinloopError if a file is missing or damaged.
+    """
+    return Pictures(mode, stage, load_drawn(mode, stage, sprites=True, bodies=True))

@@ -30,8 +30,8 @@ from finloop.realism.lists import Work, animations, filmed
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
 from stages.animate import bring
-from stages.edit import DATA, Drawn, load_drawn
-from stages.gallery import open_gallery
+from stages.edit import DATA
+from stages.gallery import Pictures, pictures_of
 from stages.settings import load
 
 CLIP, OUT, REPORT = DATA / "clip", DATA / "realism", Path("reports/realism")
@@ -46,10 +46,10 @@ def share_of(followed: Sized, work: list[Work]) -> float:
 
 
 def followed(
-    works: dict[str, list[Work]], drawn: Drawn, instrument: Instrument
+    works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument
 ) -> dict[str, Swimming]:
     """What extraction measures of film and animations, without those that it cannot follow."""
-    work = partial(measured, partial(open_gallery, drawn), instrument)
+    work = partial(measured, pictures, instrument)
     every = [one for part in works.values() for one in part]
     tables = []
     with progress("realism", sum(len(edit) for edit, _ in every), "ticks") as advance:
@@ -90,7 +90,7 @@ def judged(sides: Sides, p: Settings) -> dict[str, Verdict]:
     return verdicts
 
 
-def save_film(folder: Path, drawn: Drawn, slower: int) -> None:
+def save_film(folder: Path, pictures: Pictures, slower: int) -> None:
     """Write the examples as a slow film, each twice; none where there are none."""
     table = load_table(folder / "examples.parquet", examples.EXAMPLES)
     if table.empty:
@@ -100,9 +100,9 @@ def save_film(folder: Path, drawn: Drawn, slower: int) -> None:
         load_picture(DATA / "extract/background.png"),
     )
     shape = PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3
-    length = drawn.scene.typical_length_px
+    length = pictures.drawn.scene.typical_length_px
     with (
-        open_gallery(drawn) as gallery,
+        pictures() as gallery,
         Mp4Writer(folder / "examples.mp4", shape, rate / slower, CRF) as writer,
     ):
         for _, example in table.groupby("example"):
@@ -144,12 +144,13 @@ def main() -> None:
     with bring(q) as planner:
         for mode in planner.players:
             works[mode] = list(animations(planner, mode, amount, q))
-    drawn = load_drawn(mode, "realism", sprites=True, bodies=True)
+    pictures = pictures_of(mode, "realism")
     instrument = Instrument(
-        load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255, drawn.scene,
-        load("extract"), replace(load("features"), delta_s=delta_of(features) / rate), rate,
+        load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
+        pictures.drawn.scene, load("extract"),
+        replace(load("features"), delta_s=delta_of(features) / rate), rate,
     )  # fmt: skip
-    swum = followed(works, drawn, instrument)
+    swum = followed(works, pictures, instrument)
     if FILM not in swum:
         raise FinloopError(
             "extraction could follow no fish of the film drawn again",
@@ -163,7 +164,7 @@ def main() -> None:
         shown, seen = examples.Show(sample, works, swum).tables(sides, verdicts)
         save_table(folder / "examples.parquet", shown, examples.EXAMPLES)
         save_table(folder / "curves.parquet", seen, examples.CURVES)
-        save_film(folder, drawn, p.slower)
+        save_film(folder, pictures, p.slower)
     save_report(verdicts, sample, works, swum)
 
 

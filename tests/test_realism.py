@@ -1,5 +1,6 @@
 """Realism: laws of the area and its interval, of blocks and windows, of the instrument, the stage."""
 
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -39,7 +40,7 @@ from finloop.realism.windows import (
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from stages.edit import load_drawn
-from stages.gallery import open_gallery
+from stages.gallery import open_gallery, pictures_of
 from stages.settings import load
 
 RATE = 25.0
@@ -365,6 +366,15 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     assert turned.abs().median() < 0.3
 
 
+def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
+    here = pictures_of(NETWORK, "realism")
+    sent = pickle.dumps(here)
+    assert len(sent) < 1000
+    with here() as own, pickle.loads(sent)() as other:
+        np.testing.assert_array_equal(own.frame(3).pixels, other.frame(3).pixels)
+        np.testing.assert_array_equal(own.bodies.poses.codes, other.bodies.poses.codes)
+
+
 def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
     save_table(tmp_path / "film.parquet", as_filmed(np.arange(3), np.ones((3, 2))), EDIT)
 
@@ -412,5 +422,6 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
     monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
     monkeypatch.setattr(stages.realism, "THREADS", 1)
-    assert stages.realism.followed(works, load_drawn(NETWORK, "realism"), instrument_of(carp)) == {}
+    pictures = pictures_of(NETWORK, "realism")
+    assert stages.realism.followed(works, pictures, instrument_of(carp)) == {}
     assert "the fish of nn in 0 %" in capsys.readouterr().err
