@@ -7,16 +7,19 @@ in common are two.
 """
 
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from sklearn.decomposition import PCA
-from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
-from sklearn.linear_model import LogisticRegression
 
 from finloop.base.arrays import Floats
 from finloop.base.stretches import spread
 from finloop.identity.joins import Pairs, Tracks
+
+# scikit-learn is imported where it is used: that takes a second, and tables and pictures of what
+# was found need none of it.
+if TYPE_CHECKING:
+    from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
 _FOLDS = 2  # what tells animals apart is tried on tracks that it was not learnt from
 _PARTS = 3  # of a track: the first and the last are compared, the middle lies between them
@@ -42,6 +45,8 @@ def described(
     count = min(components, *(side - 1 for side in some.shape))
     if count < 1:
         return _spread(measures)
+    from sklearn.decomposition import PCA
+
     few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
     del some
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
@@ -73,6 +78,8 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     counts = [len(apart) for apart in told]
     if min(counts) < _LEAST:
         return np.zeros(len(pairs.a))
+    from sklearn.linear_model import LogisticRegression
+
     learnt = LogisticRegression(class_weight="balanced").fit(
         np.concatenate(told)[:, None], np.repeat([1, 0], counts)
     )
@@ -84,18 +91,20 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     return np.clip(slope * _apart(last[pairs.a], first[pairs.b]) + offset, -most, most)
 
 
-def _tells(tracks: Sequence[Floats], learnt: Tracks) -> LinearDiscriminantAnalysis | None:
+def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":
     """The directions that tell these tracks from one another; None of fewer than two tracks."""
     if len(learnt) < 2:
         return None
     learnt = spread(learnt, _TRACKS)
     label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
+    from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
+
     tells = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
     return tells.fit(np.concatenate([tracks[i] for i in learnt]), label)
 
 
 def _ends(
-    tracks: Sequence[Floats], tells: LinearDiscriminantAnalysis | None
+    tracks: Sequence[Floats], tells: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
     """The mean (n, c) of each track's first part, and of its last, in what tells animals apart."""
     part = [max(1, len(one) // _PARTS) for one in tracks]

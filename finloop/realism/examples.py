@@ -176,12 +176,12 @@ def strip(
     """One side of an example at so many moments, of so many px; the camera goes with the fish."""
     count, size = shape
     chosen = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
+    numbered = chosen.assign(tick=np.arange(count))
     tiles: list[Picture] = []
-    for number in range(count):
-        one = chosen.iloc[[number]]
-        x_px, y_px, start = one[["x_px", "y_px", "start_deg"]].to_numpy()[0]
-        view = View(x_px, y_px, start, _AROUND * length_px)
-        tiles += pictures(one, gallery, painter, view, size)
+    for one, start in zip(placed(numbered, gallery), chosen["start_deg"], strict=True):
+        painter.show(one)
+        view = View(one.x_px, one.y_px, start, _AROUND * length_px)
+        tiles.append(view.of(painter.frame, size))
     return np.hstack(tiles)
 
 
