@@ -6,7 +6,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 OUTPUTS = ("data", "reports")
+FRONT = ("plots-clip", "plots-extract", "plots-features")  # and what these wait for
 TINY_CARP = [
     "clip=carp",
     "clip.frames=100",
@@ -186,26 +187,27 @@ def tiny_run(tmp_path_factory: pytest.TempPathFactory) -> "TinyRun":
     return TinyRun((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "tiny")
 
 
-@pytest.fixture(scope="session")
-def first_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> Iterator[Copy]:
-    """The repository, copied, with a run of its pipeline on a drawn carp, all committed.
+def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collection[str]) -> Copy:
+    """The repository, copied, with a run of some of its stages on a drawn carp, all committed.
 
     The stages have run in this process, thirty starts less. DVC takes what they made as made by it:
     that it runs them to the same bytes, tests/test_pipeline.py shows.
     """
-    from tiny_run import STAGES
+    from tiny_run import STAGES, pipeline_of
 
-    root = tmp_path_factory.mktemp("finloop")
+    root = make.mktemp("finloop")
     listed = ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"]
     for name in subprocess.check_output(listed, cwd=ROOT, text=True).split("\0"):
         if name not in ("", "dvc.lock") and (ROOT / name).is_file():
             (root / name).parent.mkdir(parents=True, exist_ok=True)
             shutil.copy2(ROOT / name, root / name)
+    if set(words) != set(STAGES):
+        (root / "dvc.yaml").write_text(pipeline_of(words))
     for package in (path.parent.relative_to(ROOT) for path in ROOT.glob("finloop/**/__init__.py")):
         compiled = ROOT / package / "__pycache__"  # by numba, half a minute: done once for both
         compiled.mkdir(exist_ok=True)
         (root / package / "__pycache__").symlink_to(compiled)
-    apart = tmp_path_factory.mktemp("apart")
+    apart = make.mktemp("apart")
     env = {key: value for key, value in os.environ.items() if not key.startswith(("GIT_", "DVC_"))}
     env |= {
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{env['PATH']}",
@@ -224,21 +226,52 @@ def first_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> 
     copy.compose()
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "before the first run")
-    tiny_run.bring(root, STAGES)
+    tiny_run.bring(root, words)
     copy.dvc("commit", "--force", "--quiet")
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "the first run")
     copy.git("tag", "start")
     for name in OUTPUTS:
         shutil.copytree(root / name, apart / name)
-    yield copy
-    for process in psutil.process_iter(["cwd"]):  # the queue's worker waits for more
+    return copy
+
+
+def end_processes(root: Path) -> None:
+    """DVC's queue has a worker that waits for more."""
+    for process in psutil.process_iter(["cwd"]):
         if process.info["cwd"] == str(root):
             process.kill()
 
 
+@pytest.fixture(scope="session")
+def first_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> Iterator[Copy]:
+    """A copy whose whole pipeline has run."""
+    from tiny_run import STAGES
+
+    yield (copy := run_copy(tmp_path_factory, tiny_run, STAGES))
+    end_processes(copy.root)
+
+
+@pytest.fixture(scope="session")
+def front_run(tmp_path_factory: pytest.TempPathFactory, tiny_run: "TinyRun") -> Iterator[Copy]:
+    """A copy whose pipeline ends with `features`.
+
+    DVC reads and writes the whole of dvc.lock at every step. With all stages that is most of what
+    it does, and how it stops, goes on, refuses and sweeps is the same with a few.
+    """
+    yield (copy := run_copy(tmp_path_factory, tiny_run, FRONT))
+    end_processes(copy.root)
+
+
 @pytest.fixture
 def repo(first_run: Copy) -> Iterator[Copy]:
-    """The run copy, put back in order after the test."""
+    """The copy with all stages, put back in order after the test."""
     yield first_run
     first_run.back()
+
+
+@pytest.fixture
+def front(front_run: Copy) -> Iterator[Copy]:
+    """The copy with the stages up to `features`, put back in order after the test."""
+    yield front_run
+    front_run.back()

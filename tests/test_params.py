@@ -325,6 +325,17 @@ def test_the_stamp_sees_names_and_contents_but_no_line_ends_and_no_experiments(t
 # --- conf/local/: one's own film and settings
 
 
+COMPOSE = """
+import shutil, sys
+from stages.compose import main
+for argument in ([], ["--check"], ["~local"]):
+    sys.argv[1:] = argument
+    main()
+    if not argument:
+        shutil.copyfile("params.yaml", "own.yaml")
+"""
+
+
 @pytest.fixture(scope="module")
 def own_params(tmp_path_factory) -> str:
     """params.yaml of a repository in which the example of conf/local/ is in use."""
@@ -334,11 +345,8 @@ def own_params(tmp_path_factory) -> str:
     shutil.copyfile(ROOT / f"{LOCAL}.example", root / LOCAL)
     # A process of its own: the plugin that is loaded here looks at the repository's own conf/.
     env = os.environ | {"PYTHONPATH": str(ROOT)}
-    command = [sys.executable, "-m", "stages.compose"]
-    subprocess.run(command, cwd=root, env=env, check=True)
-    text = (root / "params.yaml").read_text()
-    subprocess.run([*command, "--check"], cwd=root, env=env, check=True)
-    subprocess.run([*command, "~local"], cwd=root, env=env, check=True)
+    subprocess.run([sys.executable, "-c", COMPOSE], cwd=root, env=env, check=True)
+    text = (root / "own.yaml").read_text()
     assert yaml.safe_load((root / "params.yaml").read_text()) | {STAMP: 0} == yaml.safe_load(
         made()
     ) | {STAMP: 0}

@@ -7,6 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +44,7 @@ def module_files(name: str) -> set[str]:
     return files
 
 
+@cache
 def imported(file: str) -> set[str]:
     """The files of ours that a file imports, at its top or inside a function."""
     names = set()
@@ -220,25 +222,44 @@ def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):
     assert len(shown) and set(shown) <= {frame for frames in names.values() for frame in frames}
 
 
-def test_with_nothing_to_do_no_stage_runs(first_run: Copy):
+QUICK = {
+    "title": "t",
+    "why": "w",
+    "params": {"features.release": "0.4, 0.5, 7.0"},
+    "until": "features",
+    "measures": ["features.straight_pct"],
+}
+
+
+def add_sweep(repo: Copy) -> Path:
+    """Give a repository the sweep `quick`."""
+    experiment = {"defaults": [{"override /hydra/sweeper": "finloop"}], "hydra": {"sweeper": QUICK}}
+    path = repo.root / "conf/experiment/quick.yaml"
+    path.write_text("# @package _global_\n" + yaml.safe_dump(experiment))
+    return path
+
+
+def test_with_nothing_to_do_no_stage_runs_and_a_new_sweep_is_nothing_to_do(first_run: Copy):
+    sweep = add_sweep(first_run)
     text = first_run.dvc("repro")
     assert text.count("didn't change, skipping") == len(STAGES)
+    sweep.unlink()
 
 
-def test_an_edited_conf_stops_a_plain_repro(repo: Copy):
-    with (repo.root / "conf/extract/default.yaml").open("a") as file:
+def test_an_edited_conf_stops_a_plain_repro(front: Copy):
+    with (front.root / "conf/extract/default.yaml").open("a") as file:
         file.write("# edited\n")
-    text = repo.dvc("repro", fails=True)
+    text = front.dvc("repro", fails=True)
     assert "make params" in text
     assert "Running stage 'extract'" not in text
-    repo.compose()
-    text = repo.dvc("repro", "extract")
+    front.compose()
+    text = front.dvc("repro", "extract")
     assert "Stage 'extract' didn't change" in text  # a comment is no new value
 
 
-def test_refused_overrides_leave_everything_as_it_was(first_run: Copy):
+def test_refused_overrides_leave_everything_as_it_was(front_run: Copy):
     """By Hydra, and by our own check; tests/test_params.py has the others, without DVC."""
-    repo = first_run  # nothing to put back
+    repo = front_run  # nothing to put back
     before = repo.text("params.yaml")
     for override, named in {"clip=typo": "clip/typo", "+clip.new=1": "clip.new: unknown"}.items():
         text = repo.dvc("exp", "run", "-S", "clip=carp", "-S", override, fails=True)
@@ -253,9 +274,19 @@ def overrides(*own: str) -> list[str]:
     return [word for value in (*TINY_CARP, *own) for word in ("-S", value)]
 
 
-def test_an_experiment_here_is_compared_and_charted_offline(repo: Copy):
-    text = repo.dvc("exp", "run", "--name", "stricter", *overrides("loops.threshold=0.6"), "loops")
+def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(repo: Copy):
+    """In a temporary copy that has what git tracks; a queued experiment is made in the same way.
+
+    That one runs in the workspace, a sweep's in its clones show.
+    """
+    before = repo.text("params.yaml")
+    changes = overrides("loops.threshold=0.6")
+    text = repo.dvc("exp", "run", "--temp", "--name", "stricter", *changes, "loops")
     assert "Ran experiment(s): stricter" in text
+    assert repo.text("params.yaml") == before
+    assert repo.git("status", "--porcelain") == ""
+    repo.dvc("exp", "apply", "stricter")
+    assert "up to date" in repo.dvc("status", "loops")
     changed = json.loads(repo.dvc("params", "diff", "--json"))
     assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {"loops.threshold"}
     stricter = changed["params.yaml"]["loops.threshold"]
@@ -285,18 +316,6 @@ def drawn_offline(page: Path) -> int | None:
     return done.stdout.count('class="marks"')
 
 
-def test_experiments_run_apart_and_leave_the_workspace_alone(repo: Copy):
-    """In a temporary copy that has what git tracks; a queued experiment is made in the same way."""
-    before = repo.text("params.yaml")
-    changes = overrides("report.picture_quality=80")
-    repo.dvc("exp", "run", "--temp", "--name", "apart", *changes, "report")
-    assert repo.text("params.yaml") == before
-    assert repo.git("status", "--porcelain") == ""
-    repo.dvc("exp", "apply", "apart")
-    assert yaml.safe_load(repo.text("params.yaml"))["report"]["picture_quality"] == 80
-    assert "up to date" in repo.dvc("status")
-
-
 # --- stopping
 
 
@@ -308,8 +327,9 @@ def running(dvc: subprocess.Popen[str], word: str) -> psutil.Process:
             raise AssertionError(f"{word} never ran: {dvc.communicate()[0]}")
         for child in psutil.Process(dvc.pid).children(recursive=True):
             with contextlib.suppress(psutil.NoSuchProcess):
-                loaded = any("_multiarray_umath" in file.path for file in child.memory_maps())
-                if child.cmdline()[-2:] == ["-m", f"stages.{word}"] and loaded:
+                if child.cmdline()[-2:] == ["-m", f"stages.{word}"] and any(
+                    "_multiarray_umath" in file.path for file in child.memory_maps()
+                ):
                     return child
         return None
 
@@ -350,76 +370,66 @@ def stop(repo: Copy, word: str, blow: Any) -> None:
 STOPS = {"clip": blow_kill_dvc, "extract": blow_ctrl_c, "features": blow_kill_stage}
 
 
-def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(repo: Copy):
-    wanted = lock(repo)  # the digest of every artifact of a run without a stop
+def test_a_run_stopped_again_and_again_goes_on_to_the_same_end(front: Copy):
+    wanted = lock(front)  # the digest of every artifact of a run without a stop
     for word in STOPS:
-        shutil.rmtree(repo.root / "data" / word)
-        shutil.rmtree(repo.root / "reports" / word)
-    shutil.rmtree(repo.root / ".dvc/cache/runs")  # or DVC would fetch what it has made before
+        shutil.rmtree(front.root / "data" / word)
+        shutil.rmtree(front.root / "reports" / word)
+    shutil.rmtree(front.root / ".dvc/cache/runs")  # or DVC would fetch what it has made before
     again = {*STOPS, *(f"plots-{word}" for word in STOPS)}
     stages = {word: stage for word, stage in wanted["stages"].items() if word not in again}
-    (repo.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
+    (front.root / "dvc.lock").write_text(yaml.safe_dump(wanted | {"stages": stages}))
     for word, blow in STOPS.items():
-        stop(repo, word, blow)
-    repo.dvc("repro", *(f"plots-{word}" for word in STOPS))
-    assert lock(repo) == wanted
-    wanted_numbers = repo.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv")
+        stop(front, word, blow)
+    front.dvc("repro", *(f"plots-{word}" for word in STOPS))
+    assert lock(front) == wanted
+    wanted_numbers = front.git("status", "--porcelain", "data", "reports/*.json", "reports/*.csv")
     assert wanted_numbers == ""
 
 
 # --- sweeps and pull requests
 
 
-def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(repo: Copy):
-    quick = {
-        "title": "t",
-        "why": "w",
-        "params": {"features.release": "0.4, 0.5, 7.0"},
-        "until": "features",
-        "measures": ["features.straight_pct"],
-    }
-    experiment = {"defaults": [{"override /hydra/sweeper": "finloop"}], "hydra": {"sweeper": quick}}
-    text = "# @package _global_\n" + yaml.safe_dump(experiment)
-    (repo.root / "conf/experiment/quick.yaml").write_text(text)
-    assert "Running" not in repo.dvc("repro")  # a new sweep changes nothing
-    repo.git("add", "--all")
-    repo.git("commit", "--quiet", "--message", "a sweep of my own")
-    before = repo.git("status", "--porcelain"), repo.text("dvc.lock"), repo.text("params.yaml")
-    text = repo.run("python", "-m", "stages.sweep", "quick", fails=True)
+def test_a_sweep_makes_experiments_and_leaves_the_workspace_alone(front: Copy):
+    add_sweep(front)
+    front.git("add", "--all")
+    front.git("commit", "--quiet", "--message", "a sweep of my own")
+    before = front.git("status", "--porcelain"), front.text("dvc.lock"), front.text("params.yaml")
+    text = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "quick-7.0 failed" in text and "features.release: should be" in text
     assert "reports/compare.html compares them" in text
     assert before == (
-        repo.git("status", "--porcelain"),
-        repo.text("dvc.lock"),
-        repo.text("params.yaml"),
+        front.git("status", "--porcelain"),
+        front.text("dvc.lock"),
+        front.text("params.yaml"),
     )
-    listed = repo.git("for-each-ref", "--format=%(refname:lstrip=-1)", "refs/exps").split()
+    listed = front.git("for-each-ref", "--format=%(refname:lstrip=-1)", "refs/exps").split()
     assert {"quick-0.4", "quick-0.5"} <= set(listed) and "quick-7.0" not in listed
-    ref = repo.git("for-each-ref", "--format=%(refname)", "refs/exps/**/quick-0.4").strip()
-    changed = set(repo.git("diff", "--name-only", "HEAD", ref, "--", "*metrics.json").split())
+    ref = front.git("for-each-ref", "--format=%(refname)", "refs/exps/**/quick-0.4").strip()
+    changed = set(front.git("diff", "--name-only", "HEAD", ref, "--", "*metrics.json").split())
     assert changed <= {"reports/features/metrics.json"}
-    values = [yaml.safe_load(repo.git("show", f"{one}:params.yaml")) for one in ("HEAD", ref)]
+    values = [yaml.safe_load(front.git("show", f"{one}:params.yaml")) for one in ("HEAD", ref)]
     assert values[0] != values[1]
     values[0]["features"]["release"] = 0.4
     assert values[0] == values[1]  # nothing else has changed
-    page = repo.text("reports/compare.html")
+    page = front.text("reports/compare.html")
     assert all(name in page for name in ("quick-0.4", "quick-0.5", "straight pct"))
-    assert not list((repo.root / ".dvc/tmp").glob("sweep-*"))
-    again = repo.run("python", "-m", "stages.sweep", "quick", fails=True)
+    assert not list((front.root / ".dvc/tmp").glob("sweep-*"))
+    again = front.run("python", "-m", "stages.sweep", "quick", fails=True)
     assert "sweep: " in text and "sweep: " not in again  # both experiments are there already
     assert "quick-0.4" in again and "quick-7.0 failed" in again
 
 
-def test_a_pull_request_shows_what_the_numbers_were_and_are(repo: Copy, tmp_path: Path):
+def test_a_pull_request_shows_what_the_numbers_were_and_are(front: Copy, tmp_path: Path):
     steps = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())["jobs"]["test"]["steps"]
     (step,) = [one for one in steps if "BASE" in one.get("env", {})]
-    metrics = repo.root / "reports/bpn/metrics.json"
-    metrics.write_text(json.dumps(json.loads(metrics.read_text()) | {"train_rows": 12345}))
-    repo.git("commit", "--quiet", "--all", "--message", "another number")
+    metrics = front.root / "reports/features/metrics.json"
+    metrics.write_text(json.dumps(json.loads(metrics.read_text()) | {"straight_pct": 12345}))
+    front.git("commit", "--quiet", "--all", "--message", "another number")
     given = "BASE=start", f"GITHUB_STEP_SUMMARY={tmp_path / 'summary.md'}"
-    repo.run("env", *given, "sh", "-e", "-c", step["run"])
+    front.run("env", *given, "sh", "-e", "-c", step["run"])
     said = (tmp_path / "summary.md").read_text()
-    assert "| reports/bpn/metrics.json | train_rows |" in said and "12345" in said
+    assert "| reports/features/metrics.json | straight_pct |" in said and "12345" in said
     assert (
         "## params: base against this pull request" in said and "\n|" in said.partition("params")[2]
     )

@@ -3,8 +3,9 @@
 import fcntl
 import importlib
 import shutil
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,8 @@ import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import prepare
 
-STAGES: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+PIPELINE: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())
+STAGES: dict[str, Any] = PIPELINE["stages"]
 GIVEN = ("benchmarks", "data/drawings", "data/gaits")  # what stages read and none makes
 
 
@@ -35,6 +37,18 @@ def with_those_before(words: Iterable[str]) -> list[str]:
     return [one for one in STAGES if one in wanted]
 
 
+def pipeline_of(words: Iterable[str]) -> str:
+    """dvc.yaml of these stages and all that they wait for, alone."""
+    stages = {one: STAGES[one] for one in with_those_before(words)}
+    made = set().union(*map(paths, stages.values()))
+    shown = [
+        plot for plot in PIPELINE["plots"]
+        if set([plot] if isinstance(plot, str) else next(iter(plot.values()))["y"]) <= made
+    ]  # fmt: skip
+    metrics = [one for one in PIPELINE["metrics"] if one in made]
+    return yaml.safe_dump({"stages": stages, "metrics": metrics, "plots": shown}, sort_keys=False)
+
+
 @dataclass(frozen=True)
 class TinyRun:
     """What stages make of TINY_CARP, in a folder that no test writes to.
@@ -46,30 +60,36 @@ class TinyRun:
 
     def bring(self, to: Path, words: Iterable[str]) -> None:
         """Copy what `words` and all stages before them make; run those that have not run yet."""
+        wanted = with_those_before(words)
         self.folder.mkdir(exist_ok=True)
-        with (self.folder / "lock").open("w") as lock:
-            fcntl.flock(lock, fcntl.LOCK_EX)  # the other worker waits, and finds it done
-            wanted = with_those_before(words)
-            self._run(wanted)
-            for out in sorted(set().union(*(paths(STAGES[one]) for one in wanted))):
-                (to / out).parent.mkdir(parents=True, exist_ok=True)
-                made = self.folder / out
-                if made.is_dir():
-                    shutil.copytree(made, to / out, dirs_exist_ok=True)
-                else:
-                    shutil.copy2(made, to / out)
+        self._once("params.yaml", self._prepare)
+        for word in wanted:
+            self._once(word, partial(self._run, word))
+        for out in sorted(set().union(*(paths(STAGES[one]) for one in wanted))):
+            (to / out).parent.mkdir(parents=True, exist_ok=True)
+            made = self.folder / out
+            if made.is_dir():
+                shutil.copytree(made, to / out, dirs_exist_ok=True)
+            else:
+                shutil.copy2(made, to / out)
 
-    def _run(self, words: list[str]) -> None:
-        done = self.folder / "done"
-        if not done.exists():
-            prepare(self.folder, *TINY_CARP)
-            for given in GIVEN:
-                (self.folder / given).parent.mkdir(exist_ok=True)
-                (self.folder / given).symlink_to(ROOT / given)
-            done.mkdir()
+    def _once(self, name: str, make: Callable[[], None]) -> None:
+        """Make something if nobody has; a worker that needs it waits for one that makes it."""
+        (self.folder / "done").mkdir(exist_ok=True)
+        with (self.folder / "done" / name).open("a+") as note:
+            fcntl.flock(note, fcntl.LOCK_EX)
+            note.seek(0)
+            if not note.read():
+                make()
+                note.write("done\n")
+
+    def _prepare(self) -> None:
+        prepare(self.folder, *TINY_CARP)
+        for given in GIVEN:
+            (self.folder / given).parent.mkdir(exist_ok=True)
+            (self.folder / given).symlink_to(ROOT / given)
+
+    def _run(self, word: str) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(self.folder)
-            for word in words:
-                if not (done / word).exists():
-                    importlib.import_module(f"stages.{word.replace('-', '.')}").main()
-                    (done / word).touch()
+            importlib.import_module(f"stages.{word.replace('-', '.')}").main()
