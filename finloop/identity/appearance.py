@@ -95,10 +95,10 @@ def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnaly
     """The directions that tell these tracks from one another; None of fewer than two tracks."""
     if len(learnt) < 2:
         return None
-    learnt = spread(learnt, _TRACKS)
-    label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
+    learnt = spread(learnt, _TRACKS)
+    label = np.repeat(learnt, [len(tracks[i]) for i in learnt])
     tells = LinearDiscriminantAnalysis(solver="eigen", shrinkage=_SHRUNK)
     return tells.fit(np.concatenate([tracks[i] for i in learnt]), label)
 
