@@ -193,6 +193,7 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
     The stages have run in this process, thirty starts less. DVC takes what they made as made by it:
     that it runs them to the same bytes, tests/test_pipeline.py shows.
     """
+    from scratch import composed_once
     from tiny_run import STAGES, pipeline_of
 
     root = make.mktemp("finloop")
@@ -223,7 +224,7 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
     (root / ".git/info/exclude").write_text("__pycache__\n")  # a link is no folder to git
     copy.git("config", "user.name", "test")
     copy.git("config", "user.email", "test@example.org")
-    copy.compose()
+    (root / "params.yaml").write_text(composed_once(TINY_CARP), encoding="utf-8")
     copy.git("add", "--all")
     copy.git("commit", "--quiet", "--message", "before the first run")
     tiny_run.bring(root, words)

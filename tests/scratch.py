@@ -33,6 +33,11 @@ def _composed(overrides: tuple[str, ...]) -> str:
         return composed(["~local", *overrides])
 
 
+def composed_once(overrides: Sequence[str]) -> str:
+    """params.yaml as `python -m stages.compose` writes it in a repository without conf/local/."""
+    return _composed(tuple(overrides))
+
+
 @cache
 def _params(overrides: tuple[str, ...]) -> str:
     """Options and the clip's values go by Hydra; plain values are laid over, and checked, here."""

@@ -129,7 +129,8 @@ def film(
     before = np.concatenate([[0], np.cumsum(allowed)]).astype(np.int32)
     start, to = before[jumps.start], jumps.to[allowed].astype(np.int32)
     rows["end"] = jumps.end
-    rows["endless"] = endless_rows(rows["more"], rows["end"], start, to)
+    # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
+    rows["endless"] = endless_rows(rows["more"].copy(), rows["end"].copy(), start, to)
     return Film(rows, start, to, jumps.seam[allowed], pose == BODY, n)
 
 
