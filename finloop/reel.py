@@ -16,7 +16,7 @@ from finloop.base.arrays import Floats, Mask, Reals
 from finloop.base.cutout import Cutout, Cutouts
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import BODY, Place, picture, places, steps, typical_length
-from finloop.features.table import direction_deg, orientations_of
+from finloop.features.table import direction_deg, orientations_of, step_of
 
 Pictures = NDArray[np.float32]
 Rows = NDArray[np.intp]
@@ -103,6 +103,13 @@ class Reel:
         """Whether the next row (n,) is the next frame of the same track."""
         follows = (np.diff(self.features[_KEY].to_numpy(), axis=0) == (0, 1)).all(axis=1)
         return np.append(follows, False)
+
+    @cached_property
+    def step_ends(self) -> tuple[Rows, Rows]:
+        """Rows, and beside them those a natural step later in the same track."""
+        keys, frames = self.features[_KEY].to_numpy(), step_of(self.features)
+        first = np.flatnonzero((keys[frames:] - keys[:-frames] == (0, frames)).all(axis=1))
+        return first, first + frames
 
     def after(self, row: ArrayLike) -> Rows:
         """The next frame of the same track; where there is none, the row itself."""

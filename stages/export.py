@@ -5,6 +5,7 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 import shutil
 from collections.abc import Iterable
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ from stages.gallery import open_gallery
 from stages.settings import load
 
 OUT, REPORT = DATA / "export", Path("reports/export")
-POINTS = ["head_x_px", "head_y_px", "head_confidence"]
+POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
 def films(
@@ -97,6 +98,7 @@ def main() -> None:
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
     least = round(p.tracks_least_s * facts.frame_rate)
+    mm, length_px = facts.mm_per_px, float(features["body_length_px"].median())
     animals = names(tracks)
     points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
     with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:
@@ -106,14 +108,17 @@ def main() -> None:
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
             shutil.copyfile(DATA / "pose/shapes.json", folder / "shapes.json")
-        listed = readable(edit, tracks, sprites)
+        listed = readable(edit, tracks, sprites, mm, length_px)
         save_csv(folder / f"{p.mode}.csv", flat(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)
         save_csv_in_blocks(folder / "tracks.csv", deeplabcut(points), decimals=3)
+        if mm is not None:
+            in_mm = replace(points, places=points.places * mm)
+            save_csv_in_blocks(folder / "tracks_mm.csv", deeplabcut(in_mm), decimals=4)
         if p.tracks_netcdf:
-            save_netcdf(folder / "tracks.nc", points, facts.frame_rate)
+            save_netcdf(folder / "tracks.nc", points, facts.frame_rate, mm)
         if p.tracks_nwb:
-            save_nwb(folder / "nwb", points, facts.frame_rate)
+            save_nwb(folder / "nwb", points, facts.frame_rate, mm)
     save_metrics(
         REPORT / "metrics.json",
         {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}

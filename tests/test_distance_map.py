@@ -203,6 +203,17 @@ def test_a_step_leads_to_the_tracks_next_frame_and_never_across():
     assert usual_steps(table)[0] == pytest.approx(np.nanmedian(expected), abs=EXACT)
 
 
+def test_a_step_of_two_frames_leads_over_one_and_over_no_gap():
+    features = table_of([0] * 7, [1] * 7, tracks=[3, 3, 3, 3, 8, 8, 8]).assign(
+        frame=[0, 1, 2, 3, 0, 2, 3]
+    )
+    pictures = random_pictures(np.random.default_rng(7), 7)
+    table = step_table(features, about_mean(pictures), np.arange(7), 2)
+    true = brute(pictures)
+    expected = [true[0, 2], true[1, 3], np.nan, np.nan, np.nan, np.nan, np.nan]
+    assert table["step"].to_numpy() == pytest.approx(expected, abs=EXACT, nan_ok=True)
+
+
 @pytest.mark.parametrize("steps", [[0.0, 0.0, 3.0, np.nan], [np.nan]])
 def test_a_film_that_stands_still_is_refused(steps):
     with pytest.raises(FinloopError, match="half change nothing"):

@@ -379,6 +379,11 @@ def test_movements_netcdf_is_read_by_xarray_and_valid_for_movement(tmp_path):
 
     given = some_poses()
     save_netcdf(tmp_path / "tracks.nc", given, RATE)
+    save_netcdf(tmp_path / "scaled.nc", given, RATE, 0.25)
+    scaled = xarray.load_dataset(tmp_path / "scaled.nc")
+    ValidPosesInputs.validate(scaled)
+    assert (scaled.position.units, scaled.position_mm.units) == ("px", "mm")
+    np.testing.assert_allclose(scaled.position_mm, 0.25 * scaled.position, rtol=1e-6)
     for engine in ("h5netcdf", "netcdf4"):
         dataset = xarray.load_dataset(tmp_path / "tracks.nc", engine=engine)
         compared(dataset, given, [0, 1])
@@ -413,6 +418,15 @@ def test_nwb_is_read_by_pynwb_and_by_movement(tmp_path):
         np.testing.assert_allclose(head[given.frame[rows]], given.places[rows, 0])
         dataset = load_dataset(tmp_path / f"nwb/{name}.nwb", source_software="NWB")
         compared(dataset.sel(keypoints=list(given.keypoints)), given, [number])
+    save_nwb(tmp_path / "scaled", given, RATE, 0.25)
+    with NWBHDF5IO(tmp_path / "scaled/track_4.nwb", "r") as file:
+        pose = file.read().processing["behavior"]["PoseEstimation"]
+        head = pose.pose_estimation_series["head"]
+        assert (head.unit, head.conversion) == ("millimeters", 0.25)
+        rows = given.individual == 0
+        np.testing.assert_allclose(
+            head.get_data_in_units()[given.frame[rows]], 0.25 * given.places[rows, 0]
+        )
 
 
 def test_formats_of_the_extra_name_it_where_it_is_missing(tmp_path, monkeypatch):
@@ -472,7 +486,7 @@ def folder(tmp_path, monkeypatch):
     features = pd.DataFrame({column.name: 0.0 for column in FEATURES.columns}, index=frame)
     features = features.assign(
         track_id=5, frame=frame, head_x_px=x + 10, head_y_px=40.0, head_confidence=0.9,
-        orientation=1, orientations=ORIENTATIONS, swimming_type=0,
+        orientation=1, orientations=ORIENTATIONS, swimming_type=0, body_length_px=20.0,
     )  # fmt: skip
     save_table(data / "features/features.parquet", features, FEATURES)
     told = pd.DataFrame(
@@ -494,23 +508,37 @@ def folder(tmp_path, monkeypatch):
     kinds = np.array(["frame", "sprite"])[np.arange(TICKS) // 6]
     ticks, sprite = np.arange(TICKS), kinds == "sprite"
     number = pd.Series(ticks + 1, dtype="Int8").where(sprite)
-    edit = edit_list(TICKS, kind=kinds, source=np.where(sprite, 0, ticks), orientation=number)
+    source = np.where(sprite, 0, ticks)
+    edit = edit_list(TICKS, kind=kinds, source=source, orientation=number, speed=1.5)
     save_table(data / "animate/nn.parquet", edit, EDIT)
     return tmp_path
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_the_stage_names_another_programs_animals_and_writes_its_formats(folder):
+def test_the_stage_names_another_programs_animals_and_writes_its_formats_in_mm_too(folder):
     given = pd.DataFrame({"track_id": 5, "frame": range(FRAMES), "animal": "anna"})
     given[["head_x_px", "head_y_px", "tail_x_px", "tail_y_px"]] = np.nan
     save_table(folder / "data/extract/given.parquet", given, GIVEN)
+    facts = VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),), mm_per_px=0.25)
+    save_facts(folder / "data/clip/facts.json", facts)
     extra = find_spec("movement") is not None
     asked = ["export.tracks_netcdf=true", "export.tracks_nwb=true"] if extra else []
     prepare(folder, *TINY_CARP, "export.mode=nn", "export.webp_seconds=0.2", *asked)
     stages.export.main()
     out = folder / "data/export"
-    header = pd.read_csv(out / "tracks.csv", header=[0, 1, 2, 3], index_col=0, nrows=1).columns
-    assert set(header.get_level_values("individuals")) == {"anna"}
+    px, mm = (
+        pd.read_csv(out / f"{name}.csv", header=[0, 1, 2, 3], index_col=0)["finloop"]["anna"]
+        for name in ("tracks", "tracks_mm")
+    )
+    assert list(px) == list(mm)
+    for name, values in px.items():
+        scale = 1 if name[1] == "likelihood" else 0.25
+        np.testing.assert_allclose(mm[name], scale * values, atol=0.001)
+    listed = pd.read_csv(out / "nn.csv")
+    for name in ("x", "y", "aim_x", "aim_y"):
+        np.testing.assert_allclose(listed[f"{name}_mm"], 0.25 * listed[f"{name}_px"], atol=1e-3)
+    np.testing.assert_allclose(listed["speed_mm_s"], 0.25 * 20 * listed["speed"], atol=1e-3)
+    assert listed["speed"].max() > 0
     assert (out / "tracks.nc").exists() == (out / "nwb/anna.nwb").exists() == extra
 
 
@@ -542,7 +570,9 @@ def test_the_stage_hands_everything_on(folder):
         column.name: column.unit for column in READABLE.columns
     }
     rows, listed = table.to_pandas(), pd.read_csv(out / "nn.csv")
-    assert list(listed) == [one for one in rows if one != "pose"] and len(listed) == TICKS
+    shown = [one for one in rows if one != "pose" and "_mm" not in one]  # no scale is known
+    assert list(listed) == shown and len(listed) == TICKS
+    assert rows[["x_mm", "speed_mm_s"]].isna().all(axis=None)
     assert np.allclose(listed["x_px"], rows["x_px"], atol=1e-4)
     assert listed["frame"].tolist() == [*range(6), *[70] * 6]
 

@@ -110,12 +110,12 @@ def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):
     sides = np.stack([walk(rng, n)[0]] * 2)
     noise = rng.normal(0, 100, (2, n, 4))
     made = Parts(sides, sides, sides, noise)
-    goes_on = np.arange(n) < n - 1
-    values = signatures(made, goes_on, settings("jumps", look=0.0))
+    ends = np.arange(n - 1), np.arange(1, n)
+    values = signatures(made, ends, settings("jumps", look=0.0))
     assert np.median(np.linalg.norm(np.diff(values[0], axis=0), axis=1)) == pytest.approx(1)
-    louder = signatures(made._replace(look=7 * noise), goes_on, settings("jumps", look=0.0))
+    louder = signatures(made._replace(look=7 * noise), ends, settings("jumps", look=0.0))
     assert louder == pytest.approx(values)
-    scaled = signatures(made._replace(pose=9 * sides), goes_on, settings("jumps", look=0.0))
+    scaled = signatures(made._replace(pose=9 * sides), ends, settings("jumps", look=0.0))
     assert scaled == pytest.approx(values)
 
 

@@ -75,6 +75,24 @@ def test_the_next_frame_is_of_the_same_track_without_a_gap():
     assert int(one.after(3)) == 4
 
 
+@pytest.mark.parametrize(("delta", "frames"), [(1, 1), (5, 1), (7, 1), (10, 2), (100, 20)])
+def test_the_ends_of_a_step_are_a_fifth_of_delta_apart(delta, frames):
+    """Whatever the camera's rate; in one track, and over no gap."""
+    count = 3 * delta
+    displacement = np.where(np.arange(count) < count - delta, 0.1, np.nan)
+    tracks = [
+        pd.DataFrame({"track_id": track, "frame": np.arange(count), "displacement": displacement})
+        for track in (2, 5)
+    ]
+    tracks[1].loc[count - 1, "frame"] += 1
+    table = pd.concat(tracks, ignore_index=True).assign(x_px=20.5, y_px=30.5)
+    film = Held(Cutout(one.track_id, one.frame, 15, 25, smear(1)) for one in table.itertuples())
+    first, later = Reel(table, film).step_ends
+    assert set(later - first) == {frames}
+    last = 2 * count - 1 - frames
+    assert first.tolist() == [*range(count - frames), *range(count, last)]
+
+
 @pytest.mark.parametrize("pose", [FILM, BODY])
 @pytest.mark.parametrize("lot", [1, 2, 100])
 def test_a_step_is_eq_5_to_the_next_frame(monkeypatch, pose, lot):

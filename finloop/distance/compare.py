@@ -24,6 +24,7 @@ from finloop.distance.map import (
 )
 from finloop.distance.picture import FILM
 from finloop.distance.settings import Settings
+from finloop.features.table import step_of
 
 _STRETCHES = 20  # at least, of a film that is too long to be mapped as a whole
 
@@ -74,8 +75,8 @@ def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: Non
     places = order(kind, area)
     rows = mapped[places]
     x = about_mean(film.frames(rows, p.size, p.pose))
-    steps = step_table(features, x, np.argsort(places))
-    steps["as_filmed"] = steps["step"] if p.pose == FILM else film.steps(p.size, FILM, mapped)
+    steps = step_table(features, x, np.argsort(places), step_of(film.features))
+    steps["as_filmed"] = film.steps(p.size, FILM, mapped)
     median, p95 = usual_steps(steps)
     most = np.inf if p.keep is None else p.keep * median
 

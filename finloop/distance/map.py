@@ -43,10 +43,11 @@ STEPS = Schema(
     Column("step", "float32", "1", nullable=True),
     Column("as_filmed", "float32", "1", nullable=True),
 )
-"""Natural steps: Eq. 5 from every mapped row to its track's next frame, null where there is none.
+"""Eq. 5 from every mapped row to a later frame of its track, null where there is none.
 
-step: in the pose of the map; its median over the film is the unit of every seam. as_filmed: without
-turning the fish, as the eye sees it go on.
+step: to the frame a natural step later (`features.table.step_of`), in the pose of the map; its
+median over the film is the unit of every seam. as_filmed: to the next frame, without turning the
+fish, as the eye sees it go on.
 """
 
 
@@ -246,13 +247,13 @@ def pair_table(pairs: Iterable[Pairs], rows: Ints) -> pd.DataFrame:
 # --- natural steps
 
 
-def step_table(features: pd.DataFrame, x: Picture, place: Ints) -> pd.DataFrame:
-    """STEPS: Eq. 5 from rows of the feature table, at x[place], to their tracks' next frames."""
+def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1) -> pd.DataFrame:
+    """STEPS: Eq. 5 from every row of the features, at x[place], to the one `frames` later."""
     here = features[["track_id", "frame"]]
-    follows = here["track_id"].diff().eq(0) & here["frame"].diff().eq(1)
+    follows = here["track_id"].diff(frames).eq(0) & here["frame"].diff(frames).eq(frames)
     after = np.flatnonzero(follows)
     step = np.full(len(here), np.nan, np.float32)
-    step[after - 1] = between(x, place[after - 1], place[after])
+    step[after - frames] = between(x, place[after - frames], place[after])
     return here.assign(step=step)
 
 

@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import EDIT, SPRITE
-from finloop.base.schema import Column, Schema
+from finloop.base.schema import Column, Schema, columns
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, Placed
 
@@ -26,13 +26,17 @@ _SHOWN = (
     Column("frame", "int32", "1"),
     Column("atlas", "string", "1", nullable=True),
 )
+_MM = ("x_mm", "y_mm", "aim_x_mm", "aim_y_mm")
 READABLE = Schema(
     *EDIT.columns,
     *_SHOWN,
     *(Column(f"partner_{one.name}", one.dtype, one.unit, nullable=True) for one in _SHOWN),
+    *columns("float64", "mm", *_MM, nullable=True),
+    Column("speed_mm_s", "float64", "mm/s", nullable=True),
 )
 """An edit list that says what it shows: the film's track and frame (a sprite's, too, is one), and
-the name that a sprite has in the atlas."""
+the name that a sprite has in the atlas; places and speed in mm, too, empty where no scale is
+known."""
 
 
 class Alone:
@@ -133,24 +137,38 @@ def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[
     return [Placed(half, half, one, None, 0.0) for one in steps], half
 
 
-def readable(edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame) -> pd.DataFrame:
+def readable(
+    edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
+    mm_per_px: float | None = None, length_px: float = np.nan,
+) -> pd.DataFrame:  # fmt: skip
     """An edit list (schema EDIT) with what every row shows (schema READABLE).
 
-    tracks: track_id and frame of every cut-out; sprites: schema SPRITES.
+    tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None: not
+    known; length_px: at which the animal is drawn.
     """
     shown = _shown(edit, "", "source", tracks, sprites)
     partner = _shown(edit, "partner_", "partner", tracks, sprites)
-    return pd.concat([edit, shown, partner.add_prefix("partner_")], axis=1)
+    scale = np.nan if mm_per_px is None else mm_per_px
+    mm = {name: edit[name.replace("_mm", "_px")] * scale for name in _MM}
+    speed = edit["speed"].astype(float) * length_px * scale
+    return pd.concat(
+        [edit, shown, partner.add_prefix("partner_"), pd.DataFrame(mm | {"speed_mm_s": speed})],
+        axis=1,
+    )
 
 
 def flat(listed: pd.DataFrame) -> pd.DataFrame:
-    """An edit list without lists, for CSV: `pose` becomes pose_1, pose_2 …; empty: no pose."""
+    """An edit list for CSV, without lists: `pose` becomes pose_1, pose_2 …; empty: no pose.
+
+    Without columns in mm where no scale is known.
+    """
     codes = [pose for pose in listed["pose"] if pose is not None]
     wide = np.full((len(listed), len(codes[0]) if codes else 0), np.nan)
     wide[listed["pose"].notna()] = codes if codes else 0
     names = [f"pose_{number}" for number in range(1, wide.shape[1] + 1)]
     spread = pd.DataFrame(wide, listed.index, names)
-    return pd.concat([listed.drop(columns="pose"), spread], axis=1)
+    unknown = [name for name in (*_MM, "speed_mm_s") if listed[name].isna().all()]
+    return pd.concat([listed.drop(columns=["pose", *unknown]), spread], axis=1)
 
 
 def _shown(

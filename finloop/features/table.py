@@ -18,6 +18,7 @@ from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
 
+_STEPS = 5  # natural steps in Δ, as in the paper's film
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
 
 
@@ -53,6 +54,15 @@ def delta_frames(delta_s: float, rate_hz: float) -> int:
 def delta_of(features: pd.DataFrame) -> int:
     """Δ in frames of a feature table: so many displacements are empty at the end of a track."""
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
+
+
+def step_of(features: pd.DataFrame) -> int:
+    """Frames of a natural step, in which pictures are told apart: a fifth of Δ, at least 1.
+
+    That is one frame of the paper's film (25 Hz, Δ of 5 frames). Of a film of many frames in Δ the
+    step from frame to frame would be a unit that shrinks as the camera gets quicker.
+    """
+    return max(1, round(delta_of(features) / _STEPS))
 
 
 def wrap_deg(angle: Reals) -> Floats:

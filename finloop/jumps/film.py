@@ -43,7 +43,7 @@ def film_jumps(
     sides, hand = sides_apart(Straight(reel, poses, settings.look_px), track), handedness(made)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
-    values = signatures(made, reel.goes_on, settings)
+    values = signatures(made, reel.step_ends, settings)
     least = max(1, round(settings.least_s * rate_hz))
     search = Search.of(values, track, settings.candidates, least, mirror)
     seen, tables = Seen.of(reel, poses, settings.look_px), []
@@ -53,7 +53,8 @@ def film_jumps(
         tables.append(chosen(near, seen.best(near, settings.neighbours), settings.neighbours))
         advance(len(lot))
     jumps = pd.concat(tables, ignore_index=True)
-    step = np.linalg.norm(np.diff(values[0], axis=0), axis=-1)[reel.goes_on[:-1]]
+    first, later = reel.step_ends
+    step = np.linalg.norm(values[0, later] - values[0, first], axis=-1)
     best = jumps.groupby("row")["seam"].min()
     look = scaled(made.look)[: 1 + mirror].reshape(-1, made.look.shape[-1])
     return FilmJumps(jumps, look.astype(np.float32), seen, {

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.distance.picture import SPAN, steps
+from finloop.distance.picture import SPAN, apart
 from finloop.pose.film import FilmPoses
 from finloop.puppet import draw
 from finloop.puppet.pairs import Posed, apart_in_pose, nearest_in_pose
@@ -24,7 +24,7 @@ class Seen:
     """How far rows of a film are apart to the eye, where a jump is joined in their pose.
 
     pictures: (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural: the
-    median of Eq. 5 from a row to the next one of its track.
+    median of Eq. 5 from a row to the one a natural step later in its track.
     """
 
     pictures: NDArray[np.uint8]
@@ -42,9 +42,12 @@ class Seen:
             here = pose.at(middle, middle, 0.0, length)
             made = draw(reel.film[row], pose, here, (size, size), sharp=False)
             pictures[row] = np.round(255 * made).clip(0, 255)
-        lots = range(0, len(reel) - 1, _LOT)
-        step = [steps(pictures[a : a + _LOT + 1].astype(np.float32) / 255) for a in lots]
-        natural = float(np.median(np.concatenate(step)[reel.goes_on[:-1]]))
+        ends = np.stack(reel.step_ends)
+        step = [
+            apart(*pictures[some].astype(np.float32) / 255)
+            for some in np.array_split(ends, 1 + ends.shape[1] // _LOT, axis=1)
+        ]
+        natural = float(np.median(np.concatenate(step)))
         return cls(pictures, poses.pose.posture, max(natural, 1e-12))
 
     def __call__(self, rows: Ints, to: Ints, mirrored: Mask) -> Floats:

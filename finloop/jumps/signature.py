@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import svds
 
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings
@@ -81,19 +81,17 @@ def parts(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings) -> P
     return Parts(pose, change, _motion(reel, rate_hz, span), look)
 
 
-def signatures(made: Parts, goes_on: Mask, settings: Settings) -> Floats:
+def signatures(made: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
     """What rows [0] and their mirror images [1] are compared by, (2, n, d), in natural steps.
 
     The parts side by side, each divided by its deviation over the film, times its weight. A natural
-    step is the median distance from a row to the next one of its track. goes_on (n,): whether the
-    next row is the next frame of the same track.
+    step is the median distance between the rows `ends`, each (k,), that are one apart.
     """
     weights = (settings.pose, settings.change, settings.motion, settings.look)
     sides = [scaled(part, name == "motion") * weight for (name, part), weight in
              zip(made._asdict().items(), weights, strict=True)]  # fmt: skip
     values = np.concatenate(sides, axis=-1)
-    rows = np.flatnonzero(goes_on)
-    step = np.median(np.linalg.norm(values[0, rows + 1] - values[0, rows], axis=-1))
+    step = np.median(np.linalg.norm(values[0, ends[1]] - values[0, ends[0]], axis=-1))
     return values / max(float(step), 1e-12)
 
 

@@ -15,9 +15,10 @@ from finloop.io.poses.extra import extra
 SOFTWARE = "finloop"
 
 
-def save_netcdf(path: Path, poses: Poses, rate: Fraction) -> None:
+def save_netcdf(path: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
     """Write poses, whole or not at all; `rate`: frames per second.
 
+    Where the scale is known, the places are there in mm, too, as the variable `position_mm`.
     FinloopError if the extra `tracks` is not installed.
     """
     h5netcdf, words = extra("h5netcdf", path), extra("h5py", path).string_dtype()
@@ -39,6 +40,11 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction) -> None:
         kind = {"dtype": np.float32, "fillvalue": np.float32(np.nan), "compression": "gzip"}
         chunk = (min(BLOCK, max(1, poses.frames)), *list(sizes.values())[1:])
         position = file.create_variable("position", tuple(sizes), chunks=chunk, **kind)
+        position.attrs["units"] = "px"
+        if mm_per_px is not None:
+            file.attrs["mm_per_px"] = mm_per_px
+            in_mm = file.create_variable("position_mm", tuple(sizes), chunks=chunk, **kind)
+            in_mm.attrs["units"] = "mm"
         confidence = file.create_variable(
             "confidence",
             ("time", "keypoints", "individuals"),
@@ -47,5 +53,7 @@ def save_netcdf(path: Path, poses: Poses, rate: Fraction) -> None:
         )
         for start, cells in blocks(poses):
             here = slice(start, start + len(cells))
-            position[here] = cells[..., :2].transpose(0, 3, 2, 1)
+            position[here] = places = cells[..., :2].transpose(0, 3, 2, 1)
+            if mm_per_px is not None:
+                in_mm[here] = places * mm_per_px
             confidence[here] = cells[..., 2].transpose(0, 2, 1)

@@ -20,15 +20,18 @@ _ABOUT = (
 )
 
 
-def save_nwb(folder: Path, poses: Poses, rate: Fraction) -> None:
+def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None = None) -> None:
     """Write <animal>.nwb for every animal into a new folder; `rate`: frames per second.
 
-    What a file's name cannot hold is _ there. FinloopError if the extra `tracks` is not installed.
+    Places are in px; where the scale is known, it is each series' `conversion` to millimetres, as
+    NWB has it. What a file's name cannot hold is _ there. FinloopError if the extra `tracks` is not
+    installed.
     """
     load, save = extra("movement.io.load_poses", folder), extra("movement.io.save_poses", folder)
     config, pynwb = extra("movement.io.nwb", folder).NWBFileSaveConfig, extra("pynwb", folder)
     extra("loguru", folder).logger.disable("movement")
     folder.mkdir(parents=True)
+    series = {} if mm_per_px is None else {"unit": "millimeters", "conversion": mm_per_px}
     for number, name in enumerate(poses.individuals):
         rows = poses.individual == number
         one = replace(
@@ -43,7 +46,9 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction) -> None:
                 cells[..., :2].transpose(0, 3, 2, 1), cells[..., 2].transpose(0, 2, 1),
                 [name], list(poses.keypoints), float(rate), SOFTWARE,
             )  # fmt: skip
-            made = save.to_nwb_file(dataset, config(nwbfile_kwargs=about))
+            made = save.to_nwb_file(dataset, config(
+                nwbfile_kwargs=about, pose_estimation_series_kwargs=series,
+            ))  # fmt: skip
             plain = re.sub(r"[^\w.-]", "_", name)
             path = folder / f"{plain}.nwb"
             if path.exists():
