@@ -98,7 +98,7 @@ def test_a_film_that_shows_too_little_is_refused_in_a_sentence(fault):
     if fault == "still":
         features["displacement"] *= 0
     if fault == "straight":
-        features["included_angle_deg"] *= 0
+        features["swimming_type"] *= 0
     what = {"short": "rows with a past", "still": "moves", "straight": "turns"}[fault]
     with pytest.raises(FinloopError, match=what):
         film_states(features, codes, MIRROR, RATE, HOW)

@@ -48,6 +48,7 @@ def swum(count=3000, seed=0, tracks=1):
             "heading_deg": wrap_deg(np.degrees(heading)), "body_length_px": length,
             "displacement": np.where(ends, np.nan, moved),
             "included_angle_deg": np.where(ends, np.nan, turned),
+            "swimming_type": np.sign(turned).astype(np.int8),
         }
     )  # fmt: skip
     codes = np.stack([bend, 0.2 * bend**2 + 0.05 * rng.normal(size=count)], 1)

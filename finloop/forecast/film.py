@@ -92,7 +92,7 @@ def film_states(
     place = np.arange(n) - np.searchsorted(track, track)
     next_row = np.append((np.diff(track) == 0) & (np.diff(frame) == 1), False)
     usable = (place > lags[-1]) & next_row & np.isfinite(control).all(1)
-    _check(control[usable])
+    _check(control[usable], bool(features["swimming_type"].to_numpy()[usable].any()))
     whole, side = np.eye(c + MOTION), np.ones(2)
     if mirror is not None:
         whole[:c, :c], side[1] = np.asarray(mirror)[:c, :c], -1
@@ -127,14 +127,18 @@ def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     return motion
 
 
-def _check(control: Floats) -> None:
-    """Refuse a film that shows too little to learn from; control: (m, 2) of its usable rows."""
+def _check(control: Floats, turns: bool) -> None:
+    """Refuse a film that shows too little to learn from.
+
+    control: (m, 2) of its usable rows; turns: whether a fish turns in one of them: a film without
+    a turn teaches nothing to steer by.
+    """
     what = ""
     if len(control) < LEAST_ROWS:
         what = f"{len(control)} rows with a past, a next frame and a control"
     elif np.ptp(control[:, 0]) < 1e-6:
         what = "no fish that moves"
-    elif np.ptp(control[:, 1]) < 1e-6:
+    elif not turns:
         what = "no fish that turns"
     if what:
         raise FinloopError(
