@@ -37,6 +37,7 @@ from finloop.animate import measures
 from finloop.animate import search as ahead
 from finloop.animate.arena import inside, tank
 from finloop.animate.crossing import Crossing
+from finloop.animate.decide import Ways, verdicts
 from finloop.animate.edit_list import (
     CONSIDERED,
     EDIT,
@@ -51,11 +52,13 @@ from finloop.animate.edit_list import (
 )
 from finloop.animate.kinematics import Spot, bearing, touches
 from finloop.animate.listing import edit_list, play
-from finloop.animate.loops import FilmSwimmer, counted, verdicts
+from finloop.animate.loops import FilmSwimmer, counted
+from finloop.animate.loops import decision as decision_of
 from finloop.animate.motion import ACCELERATE, STRAIGHT
 from finloop.animate.motion import FILM as IN_FILM
 from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
+from finloop.animate.recent import NEVER, last_on_screen, remembered
 from finloop.animate.search import Candidates, Found, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, after
 from finloop.animate.swim import random_goals, swim
@@ -65,7 +68,7 @@ from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
 
-RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0)
+RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 90.0)
 """Of a fish that does 3 px and 5° a tick."""
 
 
@@ -132,9 +135,11 @@ def test_a_film_ends_with_each_track_and_before_each_barred_row():
     assert (found.dx[~found.more] == 0).all() and (found.dx[found.more] > 0).all()
 
 
-def test_loops_lead_both_ways_but_never_to_a_barred_row():
+def test_loops_lead_both_ways_but_never_to_a_barred_row_or_where_the_film_ends():
     table = table_of(swum([0.0] * 19), swum([0.0] * 19))
-    pairs = loops((3, 25, 0.4), (3, 10, 0.2), (10, 30, 0.8))
+    pairs = loops(
+        (3, 25, 0.4), (3, 10, 0.2), (8, 35, 0.6), (10, 30, 0.8), (15, 28, 0.5)
+    )  # fmt: skip
 
     def ways(reel):
         return {
@@ -145,12 +150,12 @@ def test_loops_lead_both_ways_but_never_to_a_barred_row():
             for row, k in enumerate(reel.end) if k >= 0
         }  # fmt: skip
 
-    assert ways(film_of(table, pairs, step=0.5)) == {
-        3: [(10, 0.4), (25, 0.8)], 10: [(3, 0.4), (30, 1.6)], 25: [(3, 0.8)], 30: [(10, 1.6)],
+    wanted = {
+        3: [(10, 0.4), (25, 0.8)], 8: [], 10: [(3, 0.4), (30, 1.6)], 15: [(28, 1.0)],
+        25: [(3, 0.8)], 28: [], 30: [(10, 1.6)], 35: [(8, 1.2)],
     }  # fmt: skip
-    assert ways(film_of(table, pairs, step=0.5, barred=[10])) == {
-        3: [(25, 0.8)], 10: [(3, 0.4), (30, 1.6)], 25: [(3, 0.8)], 30: [],
-    }  # fmt: skip
+    assert ways(film_of(table, pairs, step=0.5)) == wanted
+    assert ways(film_of(table, pairs, step=0.5, barred=[25])) == wanted | {3: [(10, 0.4)]}
 
 
 def random_film(rng, most_rows=24):
@@ -255,7 +260,7 @@ def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
             for e in range(reel.start[reel.end[row]], reel.start[reel.end[row] + 1]):
                 other = reel.to[e]
                 if reel.more[other] and reel.endless[other + 1]:
-                    ago = here.tick + t - here.last[other]
+                    ago = here.tick + t - last_on_screen(here.recent, other, other)
                     price = 6 * reel.seam[e] + 7 * abs(reel.speed[other] - reel.speed[row])
                     price += 20 * max(0, 1 - ago / 300)
                     turned = heading - reel.heading[other] if reel.body else rot
@@ -280,7 +285,9 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         rows, rots = np.flatnonzero(reel.more), rng.uniform(-180, 180, reel.more.sum())
         x, y, now = rng.uniform(20, 40), rng.uniform(20, 40), 500
         costs, sinces = rng.uniform(0, 9, len(rows)), rng.integers(0, 9, len(rows))
-        here = Here(x, y, now, rng.integers(-500, now, n))
+        every = np.arange(n)
+        recent = np.stack([every, every, rng.integers(-500, now, n)], 1)
+        here = Here(x, y, now, SPEED, 0, recent)
         aim = spot(*rng.uniform(-40, 130, 2))
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
         rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
@@ -301,7 +308,7 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
     for _ in range(20):
         rows = rng.choice(np.flatnonzero(rich_film().endless & rich_film().more), 12)
         candidates = Candidates(rows, rng.uniform(-180, 180, 12), np.zeros(12), np.zeros(12, int))
-        here = Here(400.0, 300.0, 0, np.full(len(rich_table()), ahead.NEVER))
+        here = Here(400.0, 300.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
         aim = spot(*rng.uniform(100, 500, 2))
         found = [
             ahead.look(
@@ -551,7 +558,7 @@ def test_a_way_that_leaves_the_tank_fails_that_test():
     assert list(options.rows) == [20, 170, 320]
     assert VERDICTS[options.verdict[0]] == "tank" and "tank" not in told(options)[1:]
     assert np.isinf(options.value[0]) and options.ticks[0] < 31
-    decision = swimmer_of(player).decision(replace(options, taken=1), "jump")
+    decision = decision_of(replace(options, taken=1), "jump", 1)
     assert (decision.ways, decision.ways_tank) == (3, 1)
 
 
@@ -591,7 +598,7 @@ def test_the_tests_of_fig_19_one_after_the_other():
         over=none | (np.arange(6) == 4),
     )
     wanted = ["", "tank", "quadrant", "heading", "passed over", "quadrant"]
-    assert [VERDICTS[number] for number in verdicts(found, 10.0, 90.0)] == wanted
+    assert [VERDICTS[number] for number in verdicts(found, 10.0, 90.0, False)] == wanted
 
 
 def weighed(verdict, value=None):
@@ -627,9 +634,8 @@ def test_a_way_must_begin_inside_the_tank():
         assert inside(open_tank().legal, x, 300.0) == legal
         assert inside(open_tank().legal, x - STEP, 300.0)
         begins = replace(fish, x=x - STEP)
-        options = swimmer_of(player).weigh(
-            begins, spot(300, 300), np.array([20]), back, np.array([0.0])
-        )
+        ways = Ways(np.array([20]), back, np.zeros(1), np.ones(1, bool))
+        options = swimmer_of(player).weigh(begins, spot(300, 300), ways)
         assert (told(options)[0] != "tank") == legal
 
 
@@ -656,16 +662,41 @@ def test_frames_that_were_just_seen_are_avoided():
 def test_what_was_on_screen_is_remembered_as_long_as_it_counts():
     player = loops_player()
     state, rng = player.begin(np.random.default_rng(3)), np.random.default_rng(4)
-    last = np.full(len(rich_table()), ahead.NEVER)
+    last = np.full(len(rich_table()), NEVER)
     for _ in range(300):
         tick, (stretch, state) = state.fish.tick, player.step(state, None, rng)
         last[stretch.number] = tick + np.arange(len(stretch.number))
         memory = swimmer_of(player).rules.memory
-        mine = ahead.last_on_screen(state.fish.recent, len(last))
+        recent = state.fish.recent
+        mine = np.array([last_on_screen(recent, row, row) for row in range(len(last))])
         counts = last > state.fish.tick - memory
         assert (mine[counts] == last[counts]).all()
         assert (mine[~counts] <= state.fish.tick - memory).all()
     assert len(state.fish.recent) < memory  # not as many as rows of the film
+
+
+def test_a_memory_is_what_an_array_of_all_rows_would_remember():
+    rng = np.random.default_rng(0)
+    recent, last, cut = np.zeros((0, 3), np.int64), np.full(40, NEVER), 0
+    for tick in range(0, 1200, 6):
+        first, ticks, before = int(rng.integers(35)), int(rng.integers(1, 6)), len(recent)
+        recent = remembered(recent, first, first + ticks - 1, tick, float(tick - 90))
+        last[first : first + ticks] = tick + np.arange(ticks)
+        assert (np.diff(recent[:, :2].ravel()) >= np.tile([0, 1], len(recent))[:-1]).all()
+        mine = np.array([last_on_screen(recent, row, row) for row in range(40)])
+        assert (mine == last)[last > tick - 90].all() and (
+            mine[last <= tick - 90] < tick - 89
+        ).all()
+        a, b = sorted(rng.integers(0, 40, 2))
+        assert last_on_screen(recent, a, b) == mine[a : b + 1].max()
+        cut += len(recent) > before + 1
+    assert cut  # a stretch of which the middle is shown again becomes two
+
+
+def test_film_that_plays_on_is_remembered_as_one_stretch():
+    recent = remembered(np.zeros((0, 3), np.int64), 10, 14, 100, 0.0)
+    assert remembered(recent, 15, 19, 105, 0.0).tolist() == [[10, 19, 100]]
+    assert remembered(recent, 15, 19, 106, 0.0).tolist() == [[10, 14, 100], [15, 19, 106]]
 
 
 def test_the_best_is_chosen_and_equals_now_and_then():

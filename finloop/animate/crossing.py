@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import kinematics as step
+from finloop.animate.decide import Ways
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer, counted
@@ -64,7 +65,8 @@ class Crossing:
         if gates is None:
             return None
         rows, seams, turns = gates
-        return self.film.weigh(fish, aim, rows, wrap_deg(fish.heading + turns), seams)
+        ways = Ways(rows, wrap_deg(fish.heading + turns), seams, np.ones(len(rows), bool))
+        return self.film.weigh(fish, aim, ways)
 
     def leave(self, fish: Fish, goal: Spot, exit_code: str, rng: np.random.Generator) -> Stretch:
         """Out of the film, here and now; by a gateway if there is one to the first sprite.

@@ -35,9 +35,10 @@ whether playing on from the row need never stop."""
 class Film(NamedTuple):
     """The rows of the feature table (n,), of dtype `ROW`, and the loops; kernels take it whole.
 
-    start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, and their
-    distances in median steps of the film. body: whether jumps keep the heading, else the rotation.
-    filmed: how many rows are the film's own; row filmed + i is the mirror image of row i.
+    start, to, seam: what may be shown instead of end k, rows `to[start[k]:start[k + 1]]`, after
+    which the film need never stop, and their distances in median steps of the film. body: whether
+    jumps keep the heading, else the rotation. filmed: how many rows are the film's own; row
+    filmed + i is the mirror image of row i.
     """
 
     rows: NDArray[np.void]
@@ -58,6 +59,11 @@ class Film(NamedTuple):
         goes_on: Mask = self.more[rows].copy()
         goes_on[goes_on] = self.endless[rows[goes_on] + 1]
         return goes_on
+
+    def only(self, allowed: Mask) -> "Film":
+        """The film with those of its jumps (e,) that are allowed."""
+        before = np.concatenate([[0], np.cumsum(allowed)]).astype(np.int32)
+        return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
 
 
 class Jumps(NamedTuple):
@@ -125,13 +131,13 @@ def film(
     if len(jumps.end) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
-    allowed = ~barred[jumps.to]
-    before = np.concatenate([[0], np.cumsum(allowed)]).astype(np.int32)
-    start, to = before[jumps.start], jumps.to[allowed].astype(np.int32)
     rows["end"] = jumps.end
+    every = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
+    made = every.only(~barred[jumps.to])
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
-    rows["endless"] = endless_rows(rows["more"].copy(), rows["end"].copy(), start, to)
-    return Film(rows, start, to, jumps.seam[allowed], pose == BODY, n)
+    more, end = rows["more"].copy(), rows["end"].copy()
+    rows["endless"] = endless_rows(more, end, made.start, made.to)
+    return made.only(made.plays(made.to))
 
 
 def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:

@@ -16,7 +16,7 @@ from finloop.animate.arena import inside
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
 from finloop.animate.motion import FORECAST
-from finloop.animate.search import again_cost, last_on_screen
+from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
@@ -41,6 +41,20 @@ class Pace(NamedTuple):
     speed: float
     turning: float
     wall: float
+
+
+class Recall(NamedTuple):
+    """What a fish remembers, and what it costs to show it again.
+
+    tick: now; recent (m, 3): of `Fish`; soon: so many ticks of what follows are looked up; again:
+    ticks that a row just seen costs; memory: ticks until a row is forgotten.
+    """
+
+    tick: int
+    recent: Ints
+    soon: int
+    again: int
+    memory: int
 
 
 class ForecastSwimmer:
@@ -80,30 +94,23 @@ class ForecastSwimmer:
         row = int(self._near[row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
-    def _again(self, fish: Fish, rows: Ints) -> Floats:
-        """Ticks (k,) that following rows costs, where what is shown then was on screen just now."""
-        p, waters = self.waters.settings, self.waters
-        last = last_on_screen(fish.recent, len(self.sampler.usable))
-        soon = rows[:, None] + 1 + np.arange(max(1, round(self.sampler.follow)))
-        ago = fish.tick - last[np.minimum(soon, len(last) - 1)].max(1)
-        return np.asarray(again_cost(ago, waters.ticks(p.again_s), waters.ticks(p.memory_s)))
-
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, past = self._with_past(fish)
         swum, p = self.sampler, self.waters.settings
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
         start = np.array([fish.x, fish.y, fish.heading])
-        towards = goal, aim, self._pace
+        towards, soon = (goal, aim, self._pace), max(1, round(swum.follow))
+        again, memory = (self.waters.ticks(seconds) for seconds in (p.again_s, p.memory_s))
+        recall = Recall(fish.tick, fish.recent, soon, again, memory)
         rows, chance = ways(swum, fish.row)
         most = max(1, self.waters.ticks(p.follow_most_s))
         if fish.since + 1 >= most and len(rows) > 1:
             chance[-1] = 0.0
-        costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
+        costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
         if not free.any():  # a wall is ahead: look farther round
             rows, chance = farther(swum, rows)
-            costs, free = look(swum, self.waters.tank.legal, rows, start, towards)
-        costs = costs + self._again(fish, rows)
+            costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
         with np.errstate(divide="ignore"):
             liked = np.log(chance) - costs / self.waters.ticks(p.chance_s)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
@@ -176,10 +183,11 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
+def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
-    Of a fish that only wanders, of leaving the tank alone. And whether (k,) a row stays in it.
+    Of a fish that only wanders, of leaving the tank alone. More where what is shown then was on
+    screen just now (`Recall`). And whether (k,) a row stays in the tank.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
     goal, aim, pace = towards
@@ -200,6 +208,8 @@ def look(sampler, legal, rows, start, towards):  # type: ignore[no-untyped-def]
                 off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
                 far = np.hypot(aim.x - place[0], aim.y - place[1])
                 costs[k] += far / pace.speed + off / pace.turning
+        last = last_on_screen(recall.recent, rows[k] + 1, rows[k] + recall.soon)
+        costs[k] += again_cost(recall.tick - last, recall.again, recall.memory)
     return costs, free
 
 

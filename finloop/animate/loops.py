@@ -8,36 +8,17 @@ loop, some seconds ahead. `verdicts` are the tests of Fig. 19.
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.animate import decide
 from finloop.animate import kinematics as step
-from finloop.animate import search
+from finloop.animate.decide import Ways
 from finloop.animate.edit_list import ENTER, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FILM
-from finloop.animate.search import Candidates, Found, Here, Rules
+from finloop.animate.search import Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
-from finloop.base.arrays import Floats, Ints, Mask
-from finloop.features.table import wrap_deg
-from finloop.loops.positions import displacement, next_end, quadrant
-
-
-def verdicts(
-    found: Found, before: float, most_error_deg: float, free: bool = False
-) -> NDArray[np.int8]:
-    """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
-
-    A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
-    `before` px away when it begins; and must head at most `most_error_deg` off the goal when done.
-    free: whether the fish only wanders, and need only stay in the tank.
-    """
-    verdict = np.zeros(len(found.value), np.int8)
-    if not free:  # The last first: a test that comes earlier has the last word.
-        verdict[found.error > most_error_deg] = VERDICTS.index("heading")
-        verdict[found.far >= before] = VERDICTS.index("quadrant")
-    verdict[np.isinf(found.value)] = VERDICTS.index("tank")
-    verdict[found.over] = VERDICTS.index("passed over")
-    return verdict
+from finloop.base.arrays import Mask
+from finloop.loops.positions import quadrant
 
 
 class FilmSwimmer:
@@ -58,6 +39,7 @@ class FilmSwimmer:
             jerk=settings.jerk_s * rate,
             again=settings.again_s * rate,
             memory=settings.memory_s * rate,
+            error=settings.most_error_deg,
         )
 
     def begin(self, rng: np.random.Generator) -> Fish:
@@ -86,55 +68,29 @@ class FilmSwimmer:
 
     def options(self, fish: Fish, aim: Spot) -> Options:
         """The ways on from a fish that is in the film."""
-        film = self.waters.film
-        rows, seams = self._ways_on(fish, fish.since + 1 >= self.rules.stay)
-        jumps = rows != fish.row + 1
-        rots = np.full(len(rows), fish.rot)
-        if film.body:
-            rots = wrap_deg(film.heading[fish.row + 1] + fish.rot - film.heading[rows])
-        return self.weigh(fish, aim, rows, rots, np.where(jumps, seams, np.nan))
+        return self.weigh(fish, aim, self._ways_on(fish, fish.since + 1 >= self.rules.stay))
 
-    def _ways_on(self, fish: Fish, jumps: bool) -> tuple[Ints, Floats]:
-        """Rows that can be shown next and need never stop, playing on first, and their seams."""
-        film, row = self.waters.film, fish.row + 1
-        rows, seams = np.array([row]), np.zeros(1)
-        if jumps and film.end[row] >= 0:
-            here = slice(film.start[film.end[row]], film.start[film.end[row] + 1])
-            rows, seams = np.append(rows, film.to[here]), np.append(seams, film.seam[here])
-        plays = film.plays(rows)
-        return rows[plays].astype(np.int64), seams[plays]
+    def _ways_on(self, fish: Fish, jumps: bool) -> Ways:
+        """Ways on that need never stop, playing on first; jumps: whether the fish may jump."""
+        return decide.ways_on(self.waters.film, fish.row + 1, fish.rot, jumps)
 
-    def weigh(self, fish: Fish, aim: Spot, rows: Ints, rots: Floats, seams: Floats) -> Options:
-        """Look ahead from rows (k,) that could be shown next; seam NaN: not a jump, the film's own.
-
-        Showing a row costs its seam, its change of speed, and more where it, or what follows within
-        the shortest stay, was on screen just now; playing on costs this last part alone.
-        """
-        film, waters, rate = self.waters.film, self.waters, self.waters.motion.rate_hz
-        last = search.last_on_screen(fish.recent, len(film.more))
-        soon = np.minimum(rows[:, None] + np.arange(self.rules.stay), len(last) - 1)
-        faster = film.speed[rows] - fish.speed
-        ago = (fish.tick - last[soon].max(1)).astype(float)
-        jumps = ~np.isnan(seams)
-        terms = np.array(search.jump_cost(seams, faster, ago, self.rules)).T
-        terms[~jumps, :2] = 0.0
-        x, y = self.arrival(fish)
-        costs, since = terms[:, 0] + terms[:, 1] + terms[:, 2], np.where(jumps, 0, fish.since + 1)
-        candidates, here = Candidates(rows, rots, costs, since), Here(x, y, fish.tick, last)
-        found = search.look(film, waters.tank.legal, candidates, here, aim, self.rules)
-        before = float(np.hypot(aim.x - x, aim.y - y))
-        verdict = verdicts(found, before, waters.settings.most_error_deg, aim.free)
-        seams, value = np.where(jumps, seams, 0.0), found.value / rate
-        return Options(rows, rots, seams, terms / rate, value, found.ticks, verdict)
+    def weigh(self, fish: Fish, aim: Spot, ways: Ways) -> Options:
+        """Look ahead from ways (k,) that could be shown next."""
+        waters, rate = self.waters, self.waters.motion.rate_hz
+        here = Here(*self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent)
+        terms, found, verdict = decide.weigh(
+            waters.film, waters.tank.legal, ways, here, aim, self.rules
+        )
+        terms, value = terms / rate, found.value / rate
+        return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 
     def arrival(self, fish: Fish) -> tuple[float, float]:
         """Where the fish is at the next tick: by the film, or at its speed if it shows sprites."""
-        film, motion = self.waters.film, self.waters.motion
         if fish.row < 0:
+            motion = self.waters.motion
             forward = fish.speed * motion.body_length_px / motion.rate_hz
             return step.ahead(fish.x, fish.y, fish.heading, forward, 0.0)
-        dx, dy = search.moved(film.dx[fish.row], film.dy[fish.row], fish.rot)
-        return fish.x + dx, fish.y + dy
+        return decide.arrival(self.waters.film, fish.x, fish.y, fish.row, fish.rot)
 
     def choose(self, options: Options, allowed: Mask, rng: np.random.Generator) -> Options | None:
         """The options, one of the best of the allowed taken; None if there is none."""
@@ -147,36 +103,21 @@ class FilmSwimmer:
     def play(self, fish: Fish, options: Options, goal: Spot, aim: Spot) -> Stretch:
         """Show the row that is taken, and those after it up to the next loop end or the goal."""
         row, rot = int(options.rows[options.taken]), float(options.rots[options.taken])
-        way = np.zeros(1, search.WAY)
-        way["x"], way["y"] = self.arrival(fish)
-        way["row"], way["rot"] = row, rot
-        path, touched = search.swim(self.waters.film, way, goal, aim, self.rules)
+        path, touched, (dx, dy) = decide.play(
+            self.waters.film, (*self.arrival(fish), rot), row, (goal, aim), self.rules
+        )
         plays = row == fish.row + 1 and fish.row >= 0
+        reason = ENTER if fish.row < 0 else PLAY if plays else JUMP
         return Stretch(
             FILM, path, np.arange(row, row + len(path)), not plays, aim, touched,
-            self.decision(options, ENTER if fish.row < 0 else PLAY if plays else JUMP), FRAME,
-            np.full(len(path), rot), options=options,
+            decision(options, reason, int(quadrant(dx, -dy))), FRAME, np.full(len(path), rot),
+            options=options,
         )  # fmt: skip
-
-    def decision(self, options: Options, reason: str) -> Decision:
-        """Why the way is taken that is."""
-        film, taken = self.waters.film, options.taken
-        row = int(options.rows[taken])
-        end = next_end(film.more, film.end, row, self.rules.stride)
-        dx, up = displacement(film.x, film.y, row, end)
-        dx, down = search.moved(float(dx), -float(up), float(options.rots[taken]))
-        decision = Decision(
-            reason,
-            seam=np.nan if reason == PLAY else float(options.seams[taken]),
-            value_s=float(options.value[taken]),
-            quadrant=int(quadrant(dx, -down)),
-        )
-        return counted(decision, options)
 
     def _on_the_spot(self, fish: Fish, aim: Spot) -> Stretch:
         """No way within the tank: turn towards the aim where it is, while the film goes on."""
         film, spot_deg = self.waters.film, self.waters.settings.spot_deg
-        ways, _ = self._ways_on(fish, jumps=True)
+        ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1
         rot = fish.rot
         if film.body:
@@ -193,6 +134,13 @@ class FilmSwimmer:
         return Stretch(
             FILM, way, rows, begin != fish.row + 1, aim, False, Decision(SPOT), FRAME, rots
         )  # fmt: skip
+
+
+def decision(options: Options, reason: str, leads: int) -> Decision:
+    """Why the way is taken that is; leads: the quadrant to which (Fig. 11)."""
+    seam = np.nan if reason == PLAY else float(options.seams[options.taken])
+    value_s = float(options.value[options.taken])
+    return counted(Decision(reason, seam=seam, value_s=value_s, quadrant=leads), options)
 
 
 def counted(decision: Decision, options: Options) -> Decision:

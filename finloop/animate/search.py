@@ -8,21 +8,19 @@ from numpy.typing import NDArray
 from finloop.animate.arena import inside
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
+from finloop.animate.recent import again_cost, last_on_screen
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import for_kernels, kernel
 
-NEVER = -(10**9)
-"""The tick at which a row was last on screen that never was."""
-
 WAY = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("total", "f8"),
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
     ]
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, row, rot), what its jumps cost, and with
-time swum and left (total, both in ticks), the candidate that it began with (first), ticks that it
-took and that have passed since its last jump."""
+"""A way that is followed: where it has come to (x, y px, row, rot), what its jumps cost in ticks,
+the candidate that it began with (first), ticks that it took and that have passed since its last
+jump."""
 
 
 class Candidates(NamedTuple):
@@ -39,12 +37,18 @@ class Candidates(NamedTuple):
 
 
 class Here(NamedTuple):
-    """Where and when a candidate would be shown; last (n,): tick at which each row last was."""
+    """Where and when a candidate would be shown, and what of the fish that shows it matters.
+
+    speed: in body lengths/s; since: ticks since its last jump; recent (m, 3): what was on screen,
+    as `Fish` keeps it.
+    """
 
     x: float
     y: float
     tick: int
-    last: Ints
+    speed: float
+    since: int
+    recent: Ints
 
 
 class Rules(NamedTuple):
@@ -53,7 +57,8 @@ class Rules(NamedTuple):
     pace [px/tick], turning [°/tick]: of a brisk fish; horizon: ways are followed so far; stride:
     loop ends sooner than this are passed by; stay: least time between two jumps; beam: ways
     followed at once; seam, jerk, again: ticks that a jump costs for a seam of one median step, for
-    a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten.
+    a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten;
+    error: degrees off the goal at which a way may end heading, third test of Fig. 19.
     """
 
     pace: float
@@ -66,6 +71,7 @@ class Rules(NamedTuple):
     jerk: float
     again: float
     memory: float
+    error: float
 
 
 @kernel
@@ -96,8 +102,8 @@ def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
         if not inside(legal, x, y):
             return x, y, -1, t, False
         # A fish that has reached its goal must be able to swim on.
-        goes_on = at.more and rows[row + 1].endless
-        if goes_on and not aim.free and touches(x, y, at.heading + way.rot, aim):
+        touched = not aim.free and touches(x, y, at.heading + way.rot, aim)
+        if touched and at.more and rows[row + 1].endless:
             return x, y, row, t, True
         if t >= stride and at.end >= 0:
             return x, y, row, t, False
@@ -112,15 +118,6 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
     far = np.hypot(aim.x - x, aim.y - y)
     error = abs(wrap(bearing(x, y, aim.x, aim.y) - heading))
     return far / rules.pace + error / rules.turning
-
-
-@for_kernels
-def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
-    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
-
-    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
-    """
-    return again * np.maximum(0.0, 1.0 - ago / memory)
 
 
 @for_kernels
@@ -164,14 +161,15 @@ def look(
         np.full(count, np.inf), np.full(count, np.inf), np.full(count, 180.0), np.zeros(count),
         np.zeros(count, np.bool_),
     )  # fmt: skip
-    room = rules.beam * 16 + count
-    ways, branches = np.empty(room, WAY), np.empty(room, WAY)
-    order = np.empty(rules.beam, np.int64)
+    ways = np.empty(max(rules.beam, count), WAY)
+    beam = Beam(
+        np.empty(rules.beam), np.empty(rules.beam, np.int64), np.empty(rules.beam, WAY), found.over
+    )
     n = 0
     for c in range(count):
         if film.rows[candidates.rows[c]].endless and inside(legal, here.x, here.y):
             way = ways[n]
-            way.x, way.y, way.first, way.ticks, way.total = here.x, here.y, c, 0, 0.0
+            way.x, way.y, way.first, way.ticks = here.x, here.y, c, 0
             way.row, way.rot = candidates.rows[c], candidates.rots[c]
             way.cost, way.since = candidates.costs[c], candidates.since[c]
             n += 1
@@ -192,10 +190,10 @@ def look(
             if touched or way.ticks >= rules.horizon:
                 _finish(film, way, touched, found, aim, rules)
             else:
-                m = _branch(film, way, branches, m, here, (aim, rules))
-        n = _best(branches[:m], order, found.over)
+                m = _branch(film, way, beam, m, here, (aim, rules))
+        n = int(m)
         for s in range(n):
-            ways[s] = branches[order[s]]
+            ways[s] = beam.ways[beam.order[s]]
     for c in range(count):
         found.over[c] = found.over[c] and found.value[c] == np.inf
     return found
@@ -216,93 +214,78 @@ def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-d
             found.error[first] = abs(wrap(off))
 
 
+class Beam(NamedTuple):
+    """The best branches of a leg, (beam,) each: their totals, rising, and where in `ways` they are.
+
+    A total counts ticks swum and left, and what the jumps cost.
+    over (candidates,): whether a branch of a candidate was given up for better ones.
+    """
+
+    totals: Floats
+    order: Ints
+    ways: NDArray[np.void]
+    over: Mask
+
+
 @kernel
-def _branch(film, way, branches, m, here, towards):  # type: ignore[no-untyped-def]
-    """At a loop end: append playing on, and every jump, to the m branches; how many there are."""
+def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
+    """At a loop end: playing on, and every jump, where they are among the best; how many these are.
+
+    n: how many there were.
+    """
     aim, rules = towards
     at = film.rows[way.row]
     heading = at.heading + way.rot
     total = way.ticks + remaining(way.x, way.y, heading, aim, rules)
-    if at.more and film.rows[way.row + 1].endless and m < branches.size:
-        branches[m] = way
-        branches[m].total = total + way.cost
-        m += 1
-    k = at.end
-    if way.since < rules.stay or k < 0:
-        return m
-    for e in range(film.start[k], film.start[k + 1]):
-        other = film.to[e]
-        if m == branches.size:
-            break
-        if not (film.rows[other].more and film.rows[other + 1].endless):
+    plays = at.more and film.rows[way.row + 1].endless
+    first, last = np.int64(0), np.int64(0)
+    if way.since >= rules.stay and at.end >= 0:
+        first, last = np.int64(film.start[at.end]), np.int64(film.start[at.end + 1])
+    if n == len(beam.order) and total + way.cost >= beam.totals[n - 1]:
+        beam.over[way.first] |= plays or first < last
+        return n
+    if plays:
+        slot, n = _slot(beam, n, total + way.cost, way.first)
+        beam.ways[slot] = way
+    for e in range(first, last):
+        worst = beam.totals[n - 1] if n == len(beam.order) else np.inf
+        # Most jumps are too dear for their seam, or their change of speed, alone.
+        seam, _, _ = jump_cost(film.seam[e], 0.0, np.inf, rules)
+        if total + (way.cost + seam) >= worst:
+            beam.over[way.first] = True
             continue
-        faster = film.rows[other].speed - at.speed
-        ago = here.tick + way.ticks - here.last[other]
+        other = film.to[e]
+        there = film.rows[other]
+        faster = there.speed - at.speed
+        seam, jerk, _ = jump_cost(film.seam[e], faster, np.inf, rules)
+        if total + (way.cost + (seam + jerk)) >= worst:
+            beam.over[way.first] = True
+            continue
+        ago = float(here.tick + way.ticks - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
-        branch = branches[m]
-        branch.x, branch.y, branch.row, branch.first = way.x, way.y, other, way.first
-        branch.rot = wrap(heading - film.rows[other].heading) if film.body else way.rot
-        branch.cost = way.cost + (seam + jerk + again)
-        branch.total = total + branch.cost
-        branch.ticks, branch.since = way.ticks, 0
-        m += 1
-    return m
-
-
-@kernel
-def _best(branches, order, over):  # type: ignore[no-untyped-def]
-    """The numbers of the best branches, best first, into `order`; how many. The rest are over."""
-    n = 0
-    for m in range(len(branches)):
-        total = branches[m].total
-        if n < len(order):
-            n += 1
-        else:
-            worse = m if total >= branches[order[n - 1]].total else order[n - 1]
-            over[branches[worse].first] = True
-            if worse == m:
-                continue
-        k = n - 1
-        while k > 0 and total < branches[order[k - 1]].total:
-            order[k] = order[k - 1]
-            k -= 1
-        order[k] = m
+        cost = way.cost + (seam + jerk + again)
+        slot, n = _slot(beam, n, total + cost, way.first)
+        if slot >= 0:
+            branch = beam.ways[slot]
+            branch.x, branch.y, branch.row, branch.first = way.x, way.y, other, way.first
+            branch.rot = wrap(heading - there.heading) if film.body else way.rot
+            branch.cost, branch.ticks, branch.since = cost, way.ticks, 0
     return n
 
 
 @kernel
-def last_on_screen(recent: Ints, n: int) -> Ints:
-    """The tick at which each row (n,) was last on screen; `recent` as `Fish` keeps it."""
-    last = np.full(n, NEVER)
-    for k in range(len(recent)):
-        first, end, tick = recent[k]
-        for row in range(first, end + 1):
-            last[row] = tick + row - first
-    return last
-
-
-@kernel
-def swim(film: Film, way: NDArray[np.void], goal: Spot, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
-    """Play from `way` (one row of dtype WAY) to the next loop end after a stride, or to a touch.
-
-    Returns
-    -------
-    way (n, 3) : x, y, heading of each row that is shown; whether the last one touches the goal.
-    """
-    x, y, row, rot = way[0].x, way[0].y, way[0].row, way[0].rot
-    out = np.empty((rules.horizon, 3))
-    n = 0
-    while True:
-        at, next_row = film.rows[row], film.rows[row + 1]
-        heading = at.heading + rot
-        out[n, 0], out[n, 1], out[n, 2] = x, y, heading
-        n += 1
-        goes_on = at.more and next_row.endless and not goal.free
-        touched = goes_on and touches(x, y, heading, goal)
-        # The way was looked at no farther than the aim, and the horizon.
-        stop = touched or (goes_on and touches(x, y, heading, aim)) or n >= rules.horizon
-        stop = stop or (n >= rules.stride and next_row.end >= 0) or not next_row.more
-        if stop:
-            return out[:n], touched
-        dx, dy = moved(at.dx, at.dy, rot)
-        x, y, row = x + dx, y + dy, row + 1
+def _slot(beam, n, total, first):  # type: ignore[no-untyped-def]
+    """Where among the n best a further branch of this total is kept, −1 if it is not; the new n."""
+    slot, k = n, n
+    if n == len(beam.order):
+        k = n - 1
+        if total >= beam.totals[k]:
+            beam.over[first] = True
+            return np.int64(-1), n
+        slot = beam.order[k]
+        beam.over[beam.ways[slot].first] = True
+    while k > 0 and total < beam.totals[k - 1]:
+        beam.totals[k], beam.order[k] = beam.totals[k - 1], beam.order[k - 1]
+        k -= 1
+    beam.totals[k], beam.order[k] = total, slot
+    return slot, max(n, slot + 1)

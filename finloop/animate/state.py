@@ -15,6 +15,7 @@ from finloop.animate.edit_list import FRAME, SPOT, SPRITE
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
+from finloop.animate.recent import remembered
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
 from finloop.base.arrays import Floats, Ints, Mask
@@ -59,9 +60,9 @@ class Fish:
     one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
     tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
     it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
-    a legal way on; recent (m, 3): stretches of film that were on screen, oldest first, each its
-    first row, its last row, and the tick of the first. As is foretold: past (L + 1, d), its last
-    states, the present one first (`finloop.forecast.sampling`).
+    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.recent`).
+    As is foretold: past (L + 1, d), its last states, the present one first
+    (`finloop.forecast.sampling`).
     """
 
     x: float
@@ -220,11 +221,6 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
 
 def _remembered(fish: Fish, stretch: Stretch, waters: Waters) -> Ints:
     """The film that was on screen within the memory, with that of a stretch."""
-    recent, (first, last) = fish.recent, stretch.number[[0, -1]]
-    tick = fish.tick
-    if len(recent) and recent[-1, 1] + 1 == first and recent[-1, 2] + first - recent[-1, 0] == tick:
-        first, tick = recent[-1, 0], recent[-1, 2]
-        recent = recent[:-1]
     since = fish.tick - waters.settings.memory_s * waters.motion.rate_hz
-    recalled = recent[recent[:, 2] + recent[:, 1] - recent[:, 0] > since]
-    return np.vstack([recalled, [[first, last, tick]]])
+    first, last = stretch.number[[0, -1]].tolist()
+    return remembered(fish.recent, first, last, fish.tick, since)

@@ -1,0 +1,142 @@
+"""A decision in the film, compiled: which ways there are, what each costs, whether it is legal."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import VERDICTS
+from finloop.animate.film import Film
+from finloop.animate.kinematics import Spot, touches, wrap
+from finloop.animate.recent import last_on_screen
+from finloop.animate.search import Candidates, Found, Here, Rules, jump_cost, look, moved
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel
+from finloop.loops.positions import next_end
+
+_TANK, _QUADRANT, _HEADING, _OVER = map(
+    VERDICTS.index, ("tank", "quadrant", "heading", "passed over")
+)
+
+
+class Ways(NamedTuple):
+    """Rows (k,) that could be shown now, by how much each would be turned, and its seam.
+
+    seams: in median steps; jumps: whether it is one, and not the film's own next row.
+    """
+
+    rows: Ints
+    rots: Floats
+    seams: Floats
+    jumps: Mask
+
+
+@kernel
+def ways_on(film: Film, row: int, rot: float, jumps: bool) -> Ways:
+    """Rows that can be shown next and need never stop: the next one, and what it jumps to.
+
+    row: the next one, which would be turned by `rot`; jumps: whether the fish may jump.
+    """
+    at = film.rows[row]
+    own = np.int64(at.more and film.rows[row + 1].endless)
+    first, last = np.int64(0), np.int64(0)
+    if jumps and at.end >= 0:
+        first, last = np.int64(film.start[at.end]), np.int64(film.start[at.end + 1])
+    n = own + last - first
+    ways = Ways(np.empty(n, np.int64), np.empty(n), np.zeros(n), np.empty(n, np.bool_))
+    for k in range(n):
+        e = first + k - own
+        ways.rows[k], ways.jumps[k] = row, k >= own
+        if ways.jumps[k]:
+            ways.rows[k], ways.seams[k] = film.to[e], film.seam[e]
+        turned = at.heading + rot - film.rows[ways.rows[k]].heading
+        ways.rots[k] = wrap(turned) if film.body else rot
+    return ways
+
+
+@kernel
+def weigh(film: Film, legal: Mask, ways: Ways, here: Here, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
+    """Look ahead from ways (k,).
+
+    Returns
+    -------
+    terms (k, 3) : ticks that showing each costs at once, for its seam, for its change of speed, and
+    as it, or what follows within the shortest stay, was on screen just now; playing on costs this
+    last part alone; what becomes of each; its verdict.
+    """
+    n = ways.rows.size
+    terms, costs, since = np.zeros((n, 3)), np.empty(n), np.empty(n, np.int64)
+    for k in range(n):
+        row, jumps = ways.rows[k], ways.jumps[k]
+        ago = float(here.tick - last_on_screen(here.recent, row, row + rules.stay - 1))
+        faster = film.rows[row].speed - here.speed
+        seam, jerk, again = jump_cost(ways.seams[k], faster, ago, rules)
+        if jumps:
+            terms[k, 0], terms[k, 1] = seam, jerk
+        terms[k, 2] = again
+        costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
+        since[k] = 0 if jumps else here.since + 1
+    candidates = Candidates(ways.rows, ways.rots, costs, since)
+    found = look(film, legal, candidates, here, aim, rules)
+    before = np.hypot(aim.x - here.x, aim.y - here.y)
+    return terms, found, verdicts(found, before, rules.error, aim.free)
+
+
+@kernel
+def verdicts(found: Found, before: float, error: float, free: bool) -> NDArray[np.int8]:
+    """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
+
+    A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
+    `before` px away when it begins; and must head at most `error` degrees off the goal when done.
+    free: whether the fish only wanders, and need only stay in the tank.
+    """
+    verdict = np.zeros(found.value.size, np.int8)
+    for k in range(found.value.size):
+        if found.over[k]:
+            verdict[k] = _OVER
+        elif np.isinf(found.value[k]):
+            verdict[k] = _TANK
+        elif not free and found.far[k] >= before:
+            verdict[k] = _QUADRANT
+        elif not free and found.error[k] > error:
+            verdict[k] = _HEADING
+    return verdict
+
+
+@kernel
+def arrival(film: Film, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
+    """Where a fish at x, y that shows a row is at the next tick."""
+    dx, dy = moved(film.rows[row].dx, film.rows[row].dy, rot)
+    return x + dx, y + dy
+
+
+@kernel
+def play(film: Film, start: tuple[float, float, float], row: int, towards, rules: Rules):  # type: ignore[no-untyped-def]
+    """Play from a row to the next loop end after a stride, or to a touch.
+
+    start: x, y, and by how much the row is turned; towards: the goal, and the aim on the way there.
+
+    Returns
+    -------
+    way (n, 3) : x, y, heading of each row that is shown; whether the last one touches the goal; px
+    on the screen (dx, dy) that the film leads to by its next loop end (Fig. 11).
+    """
+    (x, y, rot), (goal, aim) = start, towards
+    stop = next_end(film.rows["more"], film.rows["end"], row, rules.stride)
+    leads = moved(film.rows[stop].x - film.rows[row].x, film.rows[stop].y - film.rows[row].y, rot)
+    out = np.empty((rules.horizon, 3))
+    n = 0
+    while True:
+        at, next_row = film.rows[row], film.rows[row + 1]
+        heading = at.heading + rot
+        out[n, 0], out[n, 1], out[n, 2] = x, y, heading
+        n += 1
+        goes_on = at.more and next_row.endless and not goal.free
+        touched = goes_on and touches(x, y, heading, goal)
+        # The way was looked at no farther than the aim, and the horizon.
+        stops = touched or (goes_on and touches(x, y, heading, aim)) or n >= rules.horizon
+        stops = stops or (n >= rules.stride and next_row.end >= 0) or not next_row.more
+        if stops:
+            return out[:n], touched, leads
+        dx, dy = moved(at.dx, at.dy, rot)
+        x, y, row = x + dx, y + dy, row + 1

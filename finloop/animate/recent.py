@@ -1,0 +1,73 @@
+"""What of the film was on screen just now, and what it costs to show it again, compiled.
+
+A fish remembers stretches of film (m, 3), in the order of their rows, none overlapping another: the
+first row, the last row, and the tick at which the first was last on screen. So a memory grows with
+the jumps of the last seconds, not with the film, and a row is looked up by halving.
+"""
+
+import numpy as np
+
+from finloop.base.arrays import Ints
+from finloop.base.kernel import for_kernels, kernel
+
+NEVER = -(10**9)
+"""The tick at which a row was last on screen that never was."""
+
+
+@for_kernels
+def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
+    """Ticks that it costs to show what was on screen `ago` ticks before, numbers or an array.
+
+    again: ticks that it costs at once; it costs less and less till `memory` ticks are over.
+    """
+    return again * np.maximum(0.0, 1.0 - ago / memory)
+
+
+@kernel
+def last_on_screen(recent: Ints, first: int, last: int) -> int:
+    """The tick at which any of the rows first … last was last on screen."""
+    low, high = 0, len(recent)
+    while low < high:  # the first stretch that ends at `first` or later
+        middle = (low + high) // 2
+        if recent[middle, 1] < first:
+            low = middle + 1
+        else:
+            high = middle
+    tick = NEVER
+    while low < len(recent) and recent[low, 0] <= last:
+        tick = max(tick, recent[low, 2] + min(recent[low, 1], last) - recent[low, 0])
+        low += 1
+    return tick
+
+
+@kernel
+def remembered(recent: Ints, first: int, last: int, tick: int, since: float) -> Ints:
+    """A memory to which the rows first … last are added, shown one after the other from `tick` on.
+
+    What was shown at `since` or before is forgotten.
+    """
+    kept = np.empty((len(recent) + 2, 3), np.int64)  # one stretch may be cut in two
+    n, added = 0, False
+    for k in range(len(recent) + 1):
+        a, b, begun = last + 1, last, tick
+        if k < len(recent):
+            a, b, begun = recent[k, 0], recent[k, 1], recent[k, 2]
+        if a < first and begun + min(b, first - 1) - a > since:
+            kept[n, 0], kept[n, 1], kept[n, 2] = a, min(b, first - 1), begun
+            n += 1
+        if not added and b >= first:
+            added = True
+            if (
+                n
+                and kept[n - 1, 1] + 1 == first
+                and kept[n - 1, 2] + first - kept[n - 1, 0] == tick
+            ):
+                kept[n - 1, 1] = last
+            else:
+                kept[n, 0], kept[n, 1], kept[n, 2] = first, last, tick
+                n += 1
+        after = max(a, last + 1)
+        if after <= b and begun + b - a > since:
+            kept[n, 0], kept[n, 1], kept[n, 2] = after, b, begun + after - a
+            n += 1
+    return kept[:n].copy()
