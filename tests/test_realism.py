@@ -17,7 +17,7 @@ import stages.realism
 from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.base.stretches import stretches
+from finloop.base.stretches import spread, stretches
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
@@ -283,6 +283,13 @@ def test_tracks_stay_whole_and_long_ones_are_cut_evenly():
     some = stretches(ids, 100, 120, 0)
     assert {(one.start, one.stop) for one in some} < {(one.start, one.stop) for one in every}
     assert 120 <= sum(one.stop - one.start for one in some) < 120 + 100
+
+
+def test_rows_are_spread_evenly_over_the_film():
+    rows = np.arange(7, 1007)
+    some = spread(rows, 50)
+    assert (len(some), some[0], some[-1]) == (50, 7, 1006) and set(np.diff(some)) <= {20, 21}
+    np.testing.assert_array_equal(spread(rows, 1001), rows)
 
 
 # --- examples

@@ -102,11 +102,16 @@ class PoseShapes:
 
     def encode(self, postures: Floats) -> Floats:
         """The codes (…, c) of postures (…, d)."""
-        return (postures - self.mean) * self.weights @ self.shapes.T
+        away = postures - self.mean
+        away *= self.weights  # in place, as below: a film of hours has a million postures
+        return away @ self.shapes.T
 
     def decode(self, codes: Floats) -> Floats:
         """The postures (…, d) of codes (…, c)."""
-        return self.mean + codes @ self.shapes / self.weights
+        postures = codes @ self.shapes
+        postures /= self.weights
+        postures += self.mean
+        return postures
 
     @cached_property
     def _tree(self) -> scipy.spatial.cKDTree:
