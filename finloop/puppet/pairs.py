@@ -83,7 +83,8 @@ def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
     one, other = pictures[row], pictures[to].astype(np.float32)
     how = How(1.0, mirrored, False)
     canvas[:] = 0
-    paint(canvas, other, plan(other, there, here, how), how, (0, 0))
+    # No literals: for those numba would compile all that `paint` calls once more.
+    paint(canvas, other, plan(other, there, here, how), how, (np.int64(0), np.int64(0)))
     posed = plain = 0.0
     for y in range(side):
         from_y = side - 1 - y if mirrored else y
