@@ -13,9 +13,10 @@ from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
+from finloop.forecast.graph import NEIGHBOURS, table
 from finloop.forecast.learning import learn
 from finloop.forecast.model import Forecast
-from finloop.forecast.neighbours import NEIGHBOURS, similar_rows, table
+from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
@@ -32,6 +33,7 @@ from stages.poses import load_poses
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/forecast"), Path("reports/forecast")
+FREE_TICKS = 20_000  # of the fish that swims freely, at most
 CURVE = ["epoch", "train_error", "held_out_error"]
 
 
@@ -61,7 +63,7 @@ def measured(
 ) -> dict[str, float]:
     """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
     told = assess.ensembles(film, swim, parts, rng)
-    states, rows = free_run(swim, film.count, rng)
+    states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(told), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
     return {

@@ -7,8 +7,8 @@ import pandas as pd
 from finloop.base.arrays import Floats
 from finloop.base.schema import lists_to_array
 from finloop.forecast.film import FilmStates, film_states, shown_mirror
+from finloop.forecast.graph import NEIGHBOURS, from_table
 from finloop.forecast.model import forecast_model
-from finloop.forecast.neighbours import NEIGHBOURS, from_table
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.io.record import load_record
 from finloop.io.table import load_table

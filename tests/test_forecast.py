@@ -21,9 +21,10 @@ from finloop.forecast.assess import (
     of_free_run,
 )
 from finloop.forecast.film import MOTION, film_states
+from finloop.forecast.graph import from_table, table
 from finloop.forecast.learning import learn
 from finloop.forecast.model import forecast_model
-from finloop.forecast.neighbours import from_table, similar_rows, table
+from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
 from finloop.forecast.sampling import (
     begin,
@@ -195,6 +196,14 @@ def test_rows_that_look_different_are_no_neighbours(film):
     assert mixed == 0
 
 
+def test_of_a_long_film_so_many_rows_are_learnt_from_and_held_out(film):
+    whole, some = split(film, HOW), split(film, replace(HOW, most_rows=40))
+    for every, few in ((whole.train, some.train), (whole.held_out, some.held_out)):
+        assert len(few) == min(40, len(every)) and (np.diff(few) > 0).all()
+        assert np.isin(few, every).all()
+    assert len(whole.train) > 40
+
+
 def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
     asked = []
 
@@ -207,7 +216,7 @@ def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
     assert len(one) and ((one % film.count % 2 == 0) | (to % film.count % 2 == 0)).all()
     with pytest.raises(FinloopError, match="look alike"):
         similar_rows(film, plain(film), lambda rows, *_: np.full(len(rows), 9.0), HOW)
-    ((rows, other, mirrored),) = asked
+    rows, other, mirrored = (np.concatenate(part) for part in zip(*asked, strict=True))
     assert max(rows.max(), other.max()) < film.count and mirrored.any() and not mirrored.all()
 
 

@@ -12,20 +12,20 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 from collections.abc import Callable
 
 import numpy as np
-import pandas as pd
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.errors import FinloopError
-from finloop.base.schema import Schema, columns
+from finloop.base.kernel import kernel
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import Settings
-
-NEIGHBOURS = Schema(*columns("int32", "1", "row", "neighbour"))
-"""The graph of similar rows, sorted; each of its edges is there in both directions."""
+from finloop.nearest import Nearest
 
 _LOT = 512  # rows at a time
 _DRAWN = 2  # times `count` rows of different passages are drawn for `count` that look alike
-_NEAR = 8  # times as many nearest rows are looked at for these
+_NEAR = 8  # times as many nearest rows that look alike are looked at for these ...
+_MORE = 4  # ... among so many times as many again and again, ...
+_MOST = 16_384  # ... till there are as many, or these are all that look alike among so many
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
@@ -53,29 +53,17 @@ def similar_rows(film: FilmStates, look: Reals, seen: ToTheEye, p: Settings) -> 
     which a fish shows next, are at most `p.look` apart in it, and `p.seen` natural steps to the
     eye. FinloopError if no two rows are.
     """
-    rows, n, m, count = film.rows, film.count, len(film.states), p.neighbours
-    space, looks = (
-        (one - one.mean(0)).astype(np.float32)
-        for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
-    )
-    square, looks_square = ((one**2).sum(1) for one in (space, looks))
-    ours = rows[rows < n]
-    near, passage = min(_NEAR * _DRAWN * count, len(rows) - 1), max(film.delta, round(film.memory))
-    pairs: list[tuple[int, int]] = []
-    for first in range(0, len(ours), _LOT):
-        lot = slice(first, min(first + _LOT, len(ours)))
-        apart = square - 2 * space[lot] @ space.T  # + what all of a row share
-        unlike = looks_square[lot, None] + looks_square - 2 * looks[lot] @ looks.T > p.look**2
-        apart[unlike] = np.inf
-        best = np.argpartition(apart, near, axis=1)[:, :near]
-        order = np.take_along_axis(best, np.take_along_axis(apart, best, 1).argsort(1), 1)
-        alike = np.isfinite(np.take_along_axis(apart, order, 1)).sum(1)
-        for row, others, most in zip(ours[lot].tolist(), rows[order], alike, strict=True):
-            passages = _passages(row, others[:most].tolist(), _DRAWN * count, passage)
-            pairs += ((row, other) for other in passages)
-    there = np.array(pairs, np.int64).reshape(-1, 2)
-    shown = there + 1
-    there = there[seen(shown[:, 0], shown[:, 1] % n, shown[:, 1] >= n) <= p.seen]
+    n, m, count = film.count, len(film.states), p.neighbours
+    there = _similar(film, look, p)
+    place = np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0])
+    few = np.flatnonzero(place < count)
+    near = np.zeros(len(there), bool)
+    near[few] = _seen(there[few], n, seen) <= p.seen
+    # The others are drawn where one of these is too far to the eye.
+    lacks = np.bincount(there[few, 0], near[few], minlength=m) < count
+    rest = np.flatnonzero((place >= count) & lacks[there[:, 0]])
+    near[rest] = _seen(there[rest], n, seen) <= p.seen
+    there = there[near]
     there = there[np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0]) < count]
     if not len(there):
         raise FinloopError(
@@ -91,27 +79,73 @@ def similar_rows(film: FilmStates, look: Reals, seen: ToTheEye, p: Settings) -> 
     return np.searchsorted(one, np.arange(m + 1)), other
 
 
-def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
-    """The table of `NEIGHBOURS`."""
-    start, to = graph
-    rows = np.repeat(np.arange(len(start) - 1), np.diff(start))
-    return pd.DataFrame({"row": rows, "neighbour": to})
+def _similar(film: FilmStates, look: Reals, p: Settings) -> Ints:
+    """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
+
+    These look alike a frame later, and are of `_DRAWN` times so many passages as are wanted.
+    """
+    rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
+    passage, near = max(film.delta, round(film.memory)), _NEAR * _DRAWN * count
+    space, looks = (
+        (one - one.mean(0)).astype(np.float32)
+        for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
+    )
+    index = Nearest.of(space)
+    pairs = [np.empty((0, 2), np.int64)]
+    for first in range(0, n, _LOT):
+        lot = np.arange(first, min(first + _LOT, n))
+        looked_at = near
+        while len(lot):
+            most = min(looked_at, len(rows))
+            others = index.search(space[lot], most)
+            chosen, done = _passages(
+                rows, lot, others, (looks, p.look), (near, passage, _DRAWN * count)
+            )
+            done |= most in (len(rows), _MOST)
+            at, place = np.nonzero((chosen >= 0) & done[:, None])
+            pairs.append(np.column_stack([rows[lot[at]], chosen[at, place]]))
+            lot, looked_at = lot[~done], min(_MORE * looked_at, _MOST)
+    every = np.concatenate(pairs)
+    return every[np.argsort(every[:, 0], kind="stable")]
 
 
-def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:
-    """The graph that `table` gave, of so many rows; ValueError if it is of others."""
-    one, other = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
-    if len(edges) and max(one.max(), other.max()) >= rows:
-        raise ValueError(f"row {max(one.max(), other.max())} of {rows}")
-    return np.searchsorted(one, np.arange(rows + 1)), other
+def _seen(pairs: Ints, count: int, seen: ToTheEye) -> Floats:
+    """How far to the eye the rows after these are, (k,); `count`: the film's own rows."""
+    one, other = (pairs + 1).T
+    return seen(one, other % count, other >= count)
 
 
-def _passages(row: int, others: list[int], count: int, apart: int) -> list[int]:
-    """The first `count` of other rows that are of different passages of the film."""
-    chosen: list[int] = [row]
-    for other in others:
-        if all(abs(other - one) >= apart for one in chosen):
-            chosen.append(other)
-            if len(chosen) > count:
+@kernel
+def _passages(
+    rows: Ints, lot: Ints, near: Ints, alike: tuple[NDArray[np.float32], float],
+    limits: tuple[int, int, int],
+) -> tuple[Ints, Mask]:  # fmt: skip
+    """Of rows[lot] (k,) the nearest rows (k, count) that are alike, of different passages; or −1.
+
+    near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and how far apart they
+    are at most. limits: how many that are alike are looked at, how far passages are apart, count.
+    Whether (k,) so many, or so many passages, are among them.
+    """
+    looks, most_apart = alike
+    looked_at, apart, count = limits
+    chosen, done = np.full((len(lot), count), -1), np.zeros(len(lot), np.bool_)
+    for k in range(len(lot)):
+        one, many, seen = lot[k], 0, 0
+        for c in range(near.shape[1]):
+            other = near[k, c]
+            if other < 0 or many == count or seen == looked_at:
                 break
-    return chosen[1:]
+            square = 0.0
+            for i in range(looks.shape[1]):
+                square += (looks[one, i] - looks[other, i]) ** 2
+            if square > most_apart**2:
+                continue
+            seen += 1
+            new = abs(rows[other] - rows[one]) >= apart
+            for i in range(many):
+                new = new and abs(rows[other] - chosen[k, i]) >= apart
+            if new:
+                chosen[k, many] = rows[other]
+                many += 1
+        done[k] = many == count or seen == looked_at
+    return chosen, done

@@ -22,6 +22,8 @@ class Partition:
 def split(film: FilmStates, p: Settings) -> Partition:
     """By stretches of time across all fish: a held-out row has no part of its past in the others.
 
+    Of a long film `p.most_rows` of both.
+
     Raises
     ------
     FinloopError
@@ -42,4 +44,8 @@ def split(film: FilmStates, p: Settings) -> Partition:
             "some of both",
             "a smaller forecast.block_s, or a longer film",
         )
-    return parts
+    rng = np.random.default_rng((p.seed, 2))
+    return Partition(*(
+        np.sort(rng.choice(one, p.most_rows, replace=False)) if len(one) > p.most_rows else one
+        for one in (parts.train, parts.held_out)
+    ))  # fmt: skip

@@ -21,6 +21,9 @@ from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.model import Forecast, Net, next_mean
 from finloop.forecast.settings import Settings
 
+_LOT = 50_000  # rows at a time
+_EDGES = 1_000_000  # of the graph, by which it is known how much controls of similar rows differ
+
 
 class Sampler(NamedTuple):
     """All that is needed to swim on; kernels take it whole. Rows are as in `FilmStates`.
@@ -58,9 +61,12 @@ def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Sett
     """Bring together what a fish swims by. graph: of `neighbours.similar_rows`."""
     rows, d = film.rows, len(film.scale)
     mean = np.zeros_like(film.states)
-    mean[rows] = model.mean(film.past(rows), film.control[rows])
-    source = np.repeat(np.arange(len(film.states)), np.diff(graph[0]))
-    differ = film.control[source] - film.control[graph[1]]
+    for start in range(0, len(rows), _LOT):
+        lot = rows[start : start + _LOT]
+        mean[lot] = model.mean(film.past(lot), film.control[lot])
+    some = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
+    source = np.searchsorted(graph[0], some, "right") - 1
+    differ = film.control[source] - film.control[graph[1][some]]
     half_s = np.repeat([p.settle_pose_s, p.settle_motion_s], [d - MOTION, MOTION])
     return Sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,

@@ -24,6 +24,8 @@ class Settings:
     batch_size: Count  # rows a step
     epochs: Count  # at most; learning stops sooner where the error held out no longer falls ...
     patience: Count  # ... for so many epochs
+    # rows learnt from, and held out; of more so many at random
+    most_rows: Annotated[int, Field(ge=20)]
     # standard deviations by which the past is disturbed while the network learns: it then leads a
     # fish whose state the film does not show back to those that it does
     noise: NotNegative

@@ -1,0 +1,25 @@
+"""The graph of similar rows as a table."""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Ints
+from finloop.base.schema import Schema, columns
+
+NEIGHBOURS = Schema(*columns("int32", "1", "row", "neighbour"))
+"""The graph of similar rows, sorted; each of its edges is there in both directions."""
+
+
+def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
+    """The table of `NEIGHBOURS`."""
+    start, to = graph
+    rows = np.repeat(np.arange(len(start) - 1), np.diff(start))
+    return pd.DataFrame({"row": rows, "neighbour": to})
+
+
+def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:
+    """The graph that `table` gave, of so many rows; ValueError if it is of others."""
+    one, other = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
+    if len(edges) and max(one.max(), other.max()) >= rows:
+        raise ValueError(f"row {max(one.max(), other.max())} of {rows}")
+    return np.searchsorted(one, np.arange(rows + 1)), other
