@@ -2,6 +2,9 @@
 
 import errno
 import json
+import subprocess
+import sys
+import textwrap
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -204,6 +207,29 @@ def test_a_full_disk_is_said_and_nothing_is_left(tmp_path, monkeypatch, count):
     assert not list(tmp_path.iterdir())
 
 
+def test_what_a_killed_process_left_is_removed_and_what_a_running_one_writes_is_not(tmp_path):
+    leaves = """
+        import sys, os
+        from pathlib import Path
+        from finloop.io.atomic import whole_file, whole_folder
+        with whole_folder(Path(sys.argv[1]) / "render") as one, whole_file(Path(sys.argv[1]) / "a.b") as two:
+            (one / "film.mp4").touch(), two.touch()
+            print(flush=True), sys.stdin.readline()
+            os.kill(os.getpid(), 9)
+    """
+    command = [sys.executable, "-c", textwrap.dedent(leaves), str(tmp_path)]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=Path(__file__).parents[1]
+    ) as process:
+        assert process.stdout.readline()
+        atomic.save_bytes(tmp_path / "c", b"")
+        assert len(list(tmp_path.iterdir())) == 3
+        process.communicate(b"\n")
+    assert len(list(tmp_path.iterdir())) == 3
+    atomic.save_bytes(tmp_path / "c", b"")
+    assert [path.name for path in tmp_path.iterdir()] == ["c"]
+
+
 def test_whole_folder_replaces_or_leaves(tmp_path):
     folder = tmp_path / "clip"
     for text in ("old", "new"):
@@ -215,15 +241,6 @@ def test_whole_folder_replaces_or_leaves(tmp_path):
         raise OSError(errno.ENOSPC, "No space left on device")
     assert [path.name for path in tmp_path.iterdir()] == ["clip"]
     assert (folder / "inner/a.txt").read_text() == "new"
-
-
-def test_leftovers_of_a_killed_run_do_not_matter(tmp_path):
-    (tmp_path / ".clip.part").mkdir()
-    (tmp_path / ".clip.part/rest").write_text("half")
-    with atomic.whole_folder(tmp_path / "clip") as part:
-        (part / "a.txt").write_text("whole")
-    assert [path.name for path in (tmp_path / "clip").iterdir()] == ["a.txt"]
-    assert [path.name for path in tmp_path.iterdir()] == ["clip"]
 
 
 # --- a clip that is not as it was written

@@ -1,15 +1,17 @@
 """Whole or not at all: an output appears under its name only when it is complete.
 
-The unfinished work lies beside the output under the hidden name `.<name>.part…`, so that the
-last step is a rename within one file system. What a killed process left under that name is
-overwritten by the next run.
+The unfinished work lies beside the output under the hidden name `.<name>.<process>.part…`, so that
+the last step is a rename within one file system. What a killed process left there is removed by the
+next one that writes into the same folder.
 """
 
 import errno
+import glob
 import os
 import shutil
+import socket
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from finloop.base.errors import FinloopError
@@ -24,9 +26,10 @@ def whole_file(path: Path) -> Iterator[Path]:
     On any exception the temporary file is removed and `path` is left as it was. FinloopError if the
     disk is full.
     """
-    part = path.with_name(f".{path.stem}.part{path.suffix}")
+    part = path.with_name(f".{path.stem}.{_own()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_left(path.parent)
         yield part
         _to_disk(part)
         part.replace(path)
@@ -44,10 +47,12 @@ def whole_folder(path: Path) -> Iterator[Path]:
     On any exception the temporary folder is removed and `path` is left as it was. FinloopError if
     the disk is full.
     """
-    part = path.with_name(f".{path.name}.part")
+    part = path.with_name(f".{path.name}.{_own()}.part")
     try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        _remove_left(path.parent)
         shutil.rmtree(part, ignore_errors=True)
-        part.mkdir(parents=True)
+        part.mkdir()
         yield part
         for inner in part.rglob("*"):
             _to_disk(inner)
@@ -59,6 +64,32 @@ def whole_folder(path: Path) -> Iterator[Path]:
         _raise_when_full(error, path)
         raise
     _to_disk(path.parent)
+
+
+def _own() -> str:
+    """This process: its machine, as others may write into the same folder, and its number."""
+    return f"{socket.gethostname().partition('.')[0]}-{os.getpid()}"
+
+
+def _remove_left(folder: Path) -> None:
+    """Remove what processes of this machine that have ended left unfinished in a folder."""
+    host = _own().rpartition("-")[0]
+    for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):
+        number = path.name.rpartition(".part")[0].rpartition("-")[2]
+        if number.isdecimal() and not _runs(int(number)):
+            shutil.rmtree(path, ignore_errors=True)
+            with suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except (PermissionError, OverflowError):
+        return True
+    return True
 
 
 def _to_disk(path: Path) -> None:
