@@ -25,7 +25,7 @@ from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.picture import load_picture, save_picture
 from finloop.io.record import load_json, load_record, made_by
-from finloop.io.table import load_table, table_writer
+from finloop.io.table import load_lists, load_table, table_writer
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, save_facts
 from finloop.pose.film import POSES, FilmPoses, restored
 from finloop.puppet.drawing import Laid, line
@@ -55,10 +55,10 @@ class Base:
             width[::-1] if turn else width
             for width, turn in zip(tracks["half_width_px"], back, strict=True)
         ]
-        table = load_table(home / "pose/poses.parquet", POSES)
+        (codes,) = load_lists(home / "pose/poses.parquet", POSES, "codes")
         poses = load_json(
             home / "pose/shapes.json",
-            lambda facts: restored(features, table, facts),
+            lambda facts: restored(features, codes, facts),
             *made_by("pose"),
         )
         facts = load_facts(home / "clip" / FACTS_NAME)

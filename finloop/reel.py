@@ -93,10 +93,14 @@ class Reel:
         """The typical length (n,) of each row's track."""
         return typical_length(self.features).to_numpy()
 
+    def place(self, row: int) -> Place:
+        """The mass centre of a row."""
+        return Place(*self._places[row].tolist())
+
     @cached_property
-    def places(self) -> list[Place]:
-        """The mass centre of every row."""
-        return places(self.features)
+    def _places(self) -> Reals:
+        """x, y (n, 2) of every row."""
+        return self.features[["x_px", "y_px"]].to_numpy(float)
 
     @cached_property
     def goes_on(self) -> Mask:
@@ -123,7 +127,7 @@ class Reel:
 
         The fish, `length_px` long as filmed, comes out as long as all others.
         """
-        return picture(self.film[int(row)], self.places[row], length_px, size, turn_deg)
+        return picture(self.film[int(row)], self.place(row), length_px, size, turn_deg)
 
     def frames(self, rows: Rows, size: int, pose: str) -> Pictures:
         """Pictures (k, size, size, c) of some rows, at least one.

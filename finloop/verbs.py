@@ -42,6 +42,7 @@ from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
+from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
@@ -288,8 +289,8 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     """
     film = tracks.film
     made = Material(
-        film.rate_hz, film.arena, reel, tracks.table, model, similar.facts, loops, jumps.jumps,
-        gateways, poses, forecast,
+        film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
+        similar.facts, loops, jumps.jumps, gateways, poses, forecast,
     )  # fmt: skip
     plans = planner(made, settings("animate", **changes))
     if mode not in plans.players:

@@ -3,7 +3,7 @@
 from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
@@ -19,7 +19,7 @@ from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import random_goals
+from finloop.animate.swim import Player, random_goals
 from finloop.base.parallel import ordered_map, warm_up
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
@@ -29,7 +29,7 @@ from finloop.gateways.find import GATEWAYS
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_records
-from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.table import load_lists, load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
@@ -43,13 +43,11 @@ DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
 OUTLINE = ("outline_x_px", "outline_y_px")
 
 WORKERS_NEED = ["finloop.animate.planner", "finloop.animate.measures", "stages.forecasts"]
-TRIALS_AT_A_TIME = 10
-
 Swum = tuple[np.ndarray, np.ndarray]
 """Speed and turn rate of everything that swam."""
 
-Lot = tuple[str, Sequence[int]]
-"""A mode, and seeds of animations."""
+Measures = dict[str, dict[str, float]]
+"""Of every mode, by name."""
 
 
 @contextmanager
@@ -59,7 +57,7 @@ def bring(p: Settings) -> Iterator[Planner]:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
     poses = load_poses(features)
-    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
+    schema = tracks_schema(load_record(DATA / "extract/scene.json", SceneFacts, "extract").points)
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
@@ -68,7 +66,7 @@ def bring(p: Settings) -> Iterator[Planner]:
             facts.frame_rate_hz,
             load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
             Reel(features, frames, sprites, store),
-            load_table(DATA / "extract/tracks.parquet", tracks_schema(points), OUTLINE),
+            np.stack(load_lists(DATA / "extract/tracks.parquet", schema, *OUTLINE), -1),
             load_record(DATA / "bpn/model.json", motion_model, "bpn"),
             load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
             load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
@@ -80,35 +78,38 @@ def bring(p: Settings) -> Iterator[Planner]:
         yield planner(made, p)
 
 
-def trials_of(p: Settings, lot: Lot) -> list[dict[str, float]]:
-    """The measures of animations to random goals; none looks at a picture. For its own process."""
-    mode, seeds = lot
-    numbers = []
+def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, float]]]:
+    """The measures of animations to random goals, by mode; none looks at a picture.
+
+    For its own process, which brings together what plans once: of a film of hours that takes long.
+    """
     with bring(p) as plans:
-        player, waters = plans.players[mode], plans.waters
-        player = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
+        waters = plans.waters
         film_motion = measures.motion_of_film(plans.pictures.reel.features, waters.motion)
         ticks = waters.ticks(p.seconds)
-        for seed in seeds:
+
+        def measured(player: Player, seed: int) -> dict[str, float]:
             rng = np.random.default_rng([p.seed, seed])
             goals = random_goals(waters, p.trial_goals, rng)
-            edit = play(player, goals, ticks, rng)
-            numbers.append(measures.of_plan(edit, goals, player, film_motion))
-    return numbers
+            return measures.of_plan(play(player, goals, ticks, rng), goals, player, film_motion)
+
+        plain = {
+            mode: replace(player, joins=replace(player.joins, kind=CUT, fade=0))
+            for mode, player in plans.players.items()
+        }
+        return {mode: [measured(one, seed) for seed in seeds] for mode, one in plain.items()}
 
 
-def trials(p: Settings, modes: Iterable[str]) -> dict[str, dict[str, float]]:
+def trials(p: Settings) -> Measures:
     """The measures of further animations of every mode, on average."""
-    lots: list[Lot] = [
-        (mode, range(first, min(first + TRIALS_AT_A_TIME, p.trials)))
-        for mode in modes
-        for first in range(0, p.trials, TRIALS_AT_A_TIME)
-    ]
-    numbers: dict[str, list[dict[str, float]]] = {mode: [] for mode, _ in lots}
-    with progress("animate", sum(len(seeds) for _, seeds in lots), "trials") as advance:
+    most = -(-p.trials // THREADS)
+    lots = [range(p.trials)[first : first + most] for first in range(0, p.trials, max(most, 1))]
+    numbers: dict[str, list[dict[str, float]]] = {}
+    with progress("animate", p.trials, "trials") as advance:
         results = ordered_map(partial(trials_of, p), lots, THREADS)
-        for (mode, seeds), measured in zip(lots, results, strict=True):
-            numbers[mode] += measured
+        for seeds, measured in zip(lots, results, strict=True):
+            for mode, some in measured.items():
+                numbers[mode] = numbers.get(mode, []) + some
             advance(len(seeds))
     return {
         mode: pd.DataFrame(every).mean().add_prefix("trials_").to_dict()
@@ -147,12 +148,9 @@ def animation(
     }, edit
 
 
-def main() -> None:
-    """Make data/animate/, reports/animate/."""
-    p: Settings = load("animate")
-    if THREADS > 1:
-        warm_up(WORKERS_NEED)
-    numbers: dict[str, dict[str, float]] = {}
+def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
+    """Make data/animate/: the measures of every mode, and of the film."""
+    numbers: Measures = {}
     moved = {}
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with bring(p) as plans, whole_folder(OUT) as folder:
@@ -173,10 +171,19 @@ def main() -> None:
         film_numbers = measures.of_film(
             features, swum, steps["as_filmed"].to_numpy(float), waters.motion
         )
-        for mode, averages in trials(p, plans.players).items():
-            numbers[mode] |= averages
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
+    return numbers, film_numbers
+
+
+def main() -> None:
+    """Make data/animate/, reports/animate/."""
+    p: Settings = load("animate")
+    if THREADS > 1:
+        warm_up(WORKERS_NEED)
+    numbers, film_numbers = animations(p)
+    for mode, averages in trials(p).items():
+        numbers[mode] |= averages
     if LOOPS not in numbers:
         print(
             "animate: the film has no loops to go on by: no mode `loops`, and `hybrid` is the "

@@ -5,13 +5,12 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.base.arrays import Floats
-from finloop.base.schema import lists_to_array
 from finloop.forecast.film import FilmStates, film_states, shown_mirror
 from finloop.forecast.graph import NEIGHBOURS, from_table
 from finloop.forecast.model import forecast_model
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.io.record import load_record
-from finloop.io.table import load_table
+from finloop.io.table import load_lists, load_table
 from finloop.jumps.table import LOOK
 from finloop.pose.film import FilmPoses
 from stages.settings import load
@@ -21,7 +20,7 @@ FOLDER = Path("data/forecast")
 
 def load_look() -> Floats:
     """How rows look, (n, k), or (2 n, k) with their mirror images, as the stage `jumps` left it."""
-    return lists_to_array(load_table(Path("data/jumps/look.parquet"), LOOK)["look"])
+    return load_lists(Path("data/jumps/look.parquet"), LOOK, "look")[0]
 
 
 def states_of(features: pd.DataFrame, poses: FilmPoses, look: Floats, rate_hz: float) -> FilmStates:

@@ -5,7 +5,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.io.record import load_json, made_by
-from finloop.io.table import load_table
+from finloop.io.table import load_lists
 from finloop.pose.film import POSES, FilmPoses, restored
 
 DATA = Path("data")
@@ -17,7 +17,7 @@ def load_poses(features: pd.DataFrame) -> FilmPoses:
     FinloopError if a file is missing, damaged, or of another film.
     """
     folder = DATA / "pose"
-    table = load_table(folder / "poses.parquet", POSES)
+    (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
     return load_json(
-        folder / "shapes.json", lambda facts: restored(features, table, facts), *made_by("pose")
+        folder / "shapes.json", lambda facts: restored(features, codes, facts), *made_by("pose")
     )

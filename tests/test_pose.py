@@ -8,7 +8,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.features.memory import memory_frames
 from finloop.io.record import load_json, made_by, save_record
-from finloop.io.table import load_table, save_table
+from finloop.io.table import load_lists, save_table
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, restored
 from finloop.puppet.pose import mirrored
@@ -49,9 +49,9 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
     poses = film_poses(tracks, features, settings("pose"))
     save_table(tmp_path / "poses.parquet", poses.table(features), POSES)
     save_record(tmp_path / "shapes.json", poses.facts)
-    table = load_table(tmp_path / "poses.parquet", POSES)
+    (codes,) = load_lists(tmp_path / "poses.parquet", POSES, "codes")
     again = load_json(
-        tmp_path / "shapes.json", lambda facts: restored(features, table, facts), *made_by("pose")
+        tmp_path / "shapes.json", lambda facts: restored(features, codes, facts), *made_by("pose")
     )
     assert np.array_equal(again.codes, poses.codes)
     assert np.array_equal(again.pose.posture, poses.pose.posture)
@@ -59,7 +59,7 @@ def test_postures_come_back_from_files_as_they_were(tmp_path):
     assert not again.shapes.nearest_codes(again.codes).clamped.any()
     with pytest.raises(FinloopError, match="rows"):
         load_json(
-            tmp_path / "shapes.json", lambda facts: restored(features[:9], table, facts),
+            tmp_path / "shapes.json", lambda facts: restored(features[:9], codes, facts),
             *made_by("pose"),
         )  # fmt: skip
 

@@ -87,7 +87,7 @@ def loop_jumps(graph: LoopGraph, rows: int, step: float) -> Jumps:
 
 
 def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
-    """The jumps of a table with the columns of `JUMPS`.
+    """The jumps of a table with the columns of `JUMPS`, sorted by row.
 
     If some lead to mirror images, then those of mirror images, rows n … 2 n, too.
     """
@@ -99,10 +99,10 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
         source = np.concatenate([source, source + rows])
         to = np.concatenate([to + rows * across, to + rows * ~across])
         seam = np.tile(seam, 2)
-    ends, number = np.unique(source, return_inverse=True)
+    first = np.flatnonzero(np.diff(source, prepend=-1))
     end = np.full(sides * rows, -1, np.int32)
-    end[ends] = np.arange(len(ends))
-    start = np.searchsorted(number, np.arange(len(ends) + 1)).astype(np.int32)
+    end[source[first]] = np.arange(len(first))
+    start = np.append(first, len(source)).astype(np.int32)
     return Jumps(end, start, to.astype(np.int32), seam.astype(float))
 
 

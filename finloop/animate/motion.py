@@ -8,8 +8,10 @@ swimming type, left or right; both sides are kept as turns to the left, as a fis
 Speeds are body lengths per second, distances body lengths, angles degrees, + = left.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,11 +22,15 @@ from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
+from finloop.base.stretches import spread
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
 STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
 """What a fish does: by sprites, as a stretch of film, or as is foretold."""
+
+_LEARNT = 100_000  # rows; they show thousands of phases and turns, of which few are ever alike
+_MOTION = ("x_px", "y_px", "heading_deg", "bend")
 
 
 @dataclass(frozen=True)
@@ -90,17 +96,21 @@ class Course:
     kind: NDArray[np.int8]
 
 
-def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) -> Course:
-    """What one track of the feature table, frame by frame, does."""
-    frames = np.arange(len(track))
+Track = dict[str, NDArray[Any]]
+"""Columns of a feature table, the rows of one track."""
+
+
+def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course:
+    """What one track, frame by frame, does."""
+    frames = np.arange(len(track["x_px"]))
     before = np.maximum(frames - delta // 2, 0)
-    after = np.minimum(frames - delta // 2 + delta, len(track) - 1)
+    after = np.minimum(frames - delta // 2 + delta, frames[-1])
     span = np.maximum(after - before, 1)
-    place = track[["x_px", "y_px"]].to_numpy(float) / length_px
+    place = np.column_stack([track["x_px"], track["y_px"]]) / length_px
     moved = (place[after] - place[before]) / span[:, None]
-    heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
+    heading = np.unwrap(track["heading_deg"], period=360)
     step = ahead_left(np.gradient(place, axis=0), np.radians(heading))
-    bend = track["bend"].to_numpy(float)
+    bend = track["bend"]
     mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
     speed = np.hypot(*moved.T) * rate_hz
@@ -112,22 +122,19 @@ def course(track: pd.DataFrame, delta: int, length_px: float, rate_hz: float) ->
         sideways=step[:, 1],
         growth=faster / np.maximum(speed, 1e-9),
         sway=np.sqrt(np.maximum(spread, 0.0)),
-        kind=track["swimming_type"].to_numpy(),
+        kind=track["swimming_type"],
     )
 
 
 def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings) -> Motion:
     """Phases and turns of a feature table.
 
-    Where the film shows no straight swimming, all of it counts as straight; where no turn, each
-    track is one. FinloopError if nothing moves, or no heading changes.
+    A film of hours is learnt from tracks that are spread over it. Where the film shows no straight
+    swimming, all of it counts as straight; where no turn, each track is one. FinloopError if
+    nothing moves, or no heading changes.
     """
     length = float(features["body_length_px"].median())
-    courses = [
-        course(track, delta, length, rate_hz)
-        for _, track in features.groupby("track_id")
-        if len(track) > 2 * delta
-    ]
+    courses = [course(track, delta, length, rate_hz) for track in _tracks(features, 2 * delta)]
     if not courses or max(c.speed.max() for c in courses) <= 0:
         raise _too_little("swimming")
     if not any((c.kind == TYPE_STRAIGHT).any() for c in courses):
@@ -144,6 +151,20 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
         raise _too_little("turning")
     between = np.array([last - first for _, _, first, last in straight], np.int32)
     return Motion(phases, turns, between, float(low), float(high), rate_hz, delta, length)
+
+
+def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
+    """The tracks that are longer than `least`; of a long film as many as have `_LEARNT` rows."""
+    edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
+    columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
+    columns["swimming_type"] = features["swimming_type"].to_numpy()
+    long = np.flatnonzero(np.diff(edges) > least)
+    rows = int(np.diff(edges)[long].sum())
+    if rows > _LEARNT:
+        long = spread(long, max(1, len(long) * _LEARNT // rows))
+    for number in long.tolist():
+        here = slice(edges[number], edges[number + 1])
+        yield {name: column[here] for name, column in columns.items()}
 
 
 def _too_little(what: str) -> FinloopError:

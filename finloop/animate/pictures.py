@@ -36,7 +36,7 @@ class Pictures:
         """A sprite in an orientation, or a frame (its orientation does not count), turned."""
         reel, turn = self.reel, float(rotation_deg)
         if kind == FRAME:
-            one, cutout = reel.places[source], reel.film[source]
+            one, cutout = reel.place(source), reel.film[source]
         else:
             one, cutout = reel.sprite_places[source], reel.sprite(source, orientation)
         if kind == FRAME and mirrored:

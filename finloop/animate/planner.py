@@ -27,7 +27,6 @@ from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, swim
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
-from finloop.base.schema import lists_to_points
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts
 from finloop.distance.picture import BODY, distance
@@ -38,12 +37,14 @@ from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.sprites.pictures import outlines
 
+_LOT = 10_000  # outlines at a time
+
 
 class Material(NamedTuple):
     """What has been made of a film.
 
-    arena (h, w): where the fish can be; reel: its pictures and sprites; outline: a row for each row
-    of the reel, lists outline_x_px, outline_y_px; loops, jumps, gateways: columns of `LOOPS`,
+    arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
+    as filmed of its n rows; loops, jumps, gateways: columns of `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
     little for one.
     """
@@ -51,7 +52,7 @@ class Material(NamedTuple):
     rate_hz: float
     arena: Mask
     reel: Reel
-    outline: pd.DataFrame
+    outline_px: Reals
     model: MotionModel
     map_facts: MapFacts
     loops: pd.DataFrame
@@ -100,8 +101,7 @@ def planner(made: Material, p: Settings) -> Planner:
     bodies = Bodies(made.poses, reel.goes_on, sprites)
     pictures = Pictures(reel, facts.size, bodies)
     scale = (reel.length_px / reel.lengths_px).astype(float)
-    outline = lists_to_points(made.outline, "outline")
-    hulls = frame_hulls(outline, features, scale)
+    hulls = frame_hulls(made.outline_px, features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
     if p.jumps == "loops":
@@ -115,7 +115,7 @@ def planner(made: Material, p: Settings) -> Planner:
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
-    water = room(made.arena, outline, reach_px, p.tank)
+    water = room(made.arena, made.outline_px, reach_px, p.tank)
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
@@ -136,9 +136,13 @@ def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArr
     drawn size / filmed size.
     """
     centre = places[["x_px", "y_px"]].to_numpy(float)
-    offset = (outline_px - centre[:, None]) * scale[:, None, None]
     angle = np.radians(places["heading_deg"].to_numpy(float))[:, None]
-    return ahead_left(offset, angle).astype(np.float32)
+    made = np.empty(np.shape(outline_px), np.float32)
+    for first in range(0, len(made), _LOT):
+        lot = slice(first, first + _LOT)
+        offset = (outline_px[lot] - centre[lot, None]) * scale[lot, None, None]
+        made[lot] = ahead_left(offset, angle[lot])
+    return made
 
 
 def reach(
@@ -148,7 +152,10 @@ def reach(
 
     quantile: of the frames' reach; wider ones are mostly faults.
     """
-    frames = np.hypot(hulls[..., 0], hulls[..., 1]).max(axis=1)
+    frames = np.concatenate([
+        np.hypot(*np.moveaxis(hulls[first : first + _LOT], -1, 0)).max(axis=1)
+        for first in range(0, len(hulls), _LOT)
+    ])  # fmt: skip
     sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
     most = max(sprites, float(np.quantile(frames, quantile)))
     return most, frames > most

@@ -12,12 +12,16 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
+from numpy.typing import NDArray
 
 from finloop.base.digits import significant
 from finloop.base.errors import FinloopError
 from finloop.base.schema import ANY, Column, Schema
 from finloop.io.atomic import whole_file
+
+_AGAIN = "run the stage that makes it again: `dvc repro`"
 
 
 def _arrow_type(column: Column) -> pa.DataType:
@@ -96,15 +100,37 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
     columns as rows of arrays. FinloopError if the file is missing or unreadable; or it lists every
     missing, unknown, ill-typed, wrongly null column and every other unit at once.
     """
-    do = "run the stage that makes it again: `dvc repro`"
+    return _to_frame(*_checked(path, schema, columns))
+
+
+def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
+    """List columns of a table as arrays (rows, length), without an object for every row.
+
+    FinloopError as `load_table`, and where the lists of a column have several lengths.
+    """
+    table, schema = _checked(path, schema, names)
+    made, ragged = [], []
+    for name in names:
+        column = table.column(name).combine_chunks()
+        length = pc.min_max(pc.list_value_length(column)).as_py()
+        if length["min"] != length["max"]:
+            ragged.append(f"{name}: lists of {length['min']} to {length['max']} numbers")
+        flat = column.flatten().to_numpy(zero_copy_only=False)
+        made.append(flat if ragged else flat.reshape(len(column), length["max"] or 0))
+    if ragged:
+        raise _refused(str(path), ragged, _AGAIN)
+    return made
+
+
+def _checked(path: Path, schema: Schema, columns: Sequence[str] | None) -> tuple[pa.Table, Schema]:
+    """A table's columns, or some of them, after every check, and their schema."""
     if columns is not None:
         schema = Schema(*(column for column in schema.columns if column.name in columns))
     try:
         table = pq.read_table(path, columns=None if columns is None else list(columns))
     except (OSError, pa.ArrowException) as error:
-        raise FinloopError(
-            came=f"{path} cannot be read as a table ({error})", wanted="a Parquet file", do=do
-        ) from error
+        came = f"{path} cannot be read as a table ({error})"
+        raise FinloopError(came=came, wanted="a Parquet file", do=_AGAIN) from error
     problems = list(_names_off(table.column_names, schema))
     for column in schema.columns:
         if column.name not in table.column_names:
@@ -118,8 +144,8 @@ def load_table(path: Path, schema: Schema, columns: Sequence[str] | None = None)
             problems.append(f"{column.name}: in {unit or 'no unit'!r}, wanted {column.unit!r}")
         problems += _holes(table.column(column.name).combine_chunks(), column)
     if problems:
-        raise _refused(str(path), problems, do)
-    return _to_frame(table, schema)
+        raise _refused(str(path), problems, _AGAIN)
+    return table, schema
 
 
 def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False) -> None:

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats
-from finloop.base.schema import ANY, Column, Schema, lists_to_array, lists_to_points
+from finloop.base.arrays import Floats, Reals
+from finloop.base.schema import ANY, Column, Schema, lists_to_points
 from finloop.distance.picture import typical_length
 from finloop.features.head import tail_first
 from finloop.features.memory import memory_frames
@@ -107,21 +107,21 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> Fil
     return _poses(features, codes, shapes, (apart, spread, memory))
 
 
-def restored(features: pd.DataFrame, table: pd.DataFrame, facts: dict[str, Any]) -> FilmPoses:
+def restored(features: pd.DataFrame, codes: Reals, facts: dict[str, Any]) -> FilmPoses:
     """The postures as the stage `pose` stored them.
 
-    features: x_px, y_px, heading_deg, body_length_px, track_id; table: columns of `POSES`; facts:
+    features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): of `POSES`; facts:
     the fields of `ShapeFacts`. ValueError where they do not belong together.
     """
-    codes, one = lists_to_array(table["codes"]).astype(float), ShapeFacts(**facts)
+    given, one = codes.astype(float), ShapeFacts(**facts)
     mean, shapes = np.array(one.mean), np.array(one.shapes)
-    if len(codes) != len(features) or codes.shape[1:] != shapes.shape[:1]:
-        raise ValueError(f"{codes.shape} codes, {len(features)} rows, {len(shapes)} shapes")
+    if len(given) != len(features) or given.shape[1:] != shapes.shape[:1]:
+        raise ValueError(f"{given.shape} codes, {len(features)} rows, {len(shapes)} shapes")
     bare = PoseShapes(
         mean, shapes, np.array(one.weights), np.array(one.variance), one.total_variance,
         np.zeros((0, len(shapes))), one.gap,
     )  # fmt: skip
-    return _poses(features, codes, bare, (one.trunk, one.tail_spread, one.memory_frames))
+    return _poses(features, given, bare, (one.trunk, one.tail_spread, one.memory_frames))
 
 
 def _poses(
