@@ -24,7 +24,10 @@ from stages.animate import bring
 from stages.settings import load
 
 TICKS, COPIES = 20_000, 500
-STAGES = ("clip", "extract", "features", "pose", "bpn", "sprites", "distance", "loops", "gateways")
+STAGES = (
+    "clip", "extract", "features", "pose", "jumps", "bpn", "forecast", "sprites", "distance",
+    "loops", "gateways",
+)  # fmt: skip
 
 
 def main() -> None:
@@ -50,7 +53,7 @@ def main() -> None:
 
     rows = []
     for name, fish in players.items():
-        goals = random_goals(fish.waters.tank, fish.waters.touch_px, 20, np.random.default_rng(0))
+        goals = random_goals(fish.waters, 20, np.random.default_rng(0))
 
         def swim(fish: Player = fish, goals: list[Goal] = goals) -> None:
             play(fish, goals, TICKS, np.random.default_rng(1))
