@@ -6,6 +6,9 @@ Toy fish are soft ellipses, so that their area, centre, outline and colour are k
 import gc
 import json
 import shutil
+import socket
+import subprocess
+import sys
 import tracemalloc
 import weakref
 from collections import Counter
@@ -1038,7 +1041,9 @@ def test_whatever_stops_the_stage_leaves_what_was_there(here, walked, monkeypatc
 
 def test_another_run_is_not_disturbed_by_what_a_killed_one_left(here):
     put_clip(here, walk(24))
-    left = here / "data/.extract.part"
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    left = here / f"data/.extract.{socket.gethostname().partition('.')[0]}-{ended.pid}.part"
     left.mkdir()
     (left / "cutouts.arrow").write_bytes(b"half")
     (left / "other").write_bytes(b"half")
