@@ -7,6 +7,8 @@ basis. Round trips, off-diagonal energies and the error of every method are figu
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
+from functools import partial
+
 import numpy as np
 import pandas as pd
 import pywt
@@ -52,13 +54,11 @@ def transforms() -> list[tuple[str, float, float, float]]:
         wavelet = pywt.Wavelet(name)
         theirs = loop(points, wavelet)
         ours = forward(points, name, LEVELS)
-        there = paired(lambda n=name: forward(points, n, LEVELS), lambda w=wavelet: loop(points, w))
-        again = paired(
-            lambda c=ours, n=name: back(c, n, LEVELS), lambda c=theirs, w=wavelet: loop_back(c, w)
-        )
+        there = paired(partial(forward, points, name, LEVELS), partial(loop, points, wavelet))
+        again = paired(partial(back, ours, name, LEVELS), partial(loop_back, theirs, wavelet))
         at_once = paired(
-            lambda n=name: forward(points, n, LEVELS),
-            lambda w=wavelet: pywt.wavedec(points, w, "periodization", LEVELS, axis=1),
+            partial(forward, points, name, LEVELS),
+            partial(pywt.wavedec, points, wavelet, "periodization", LEVELS, axis=1),
         )
         rows.append((f"{name} forward / PyWavelets, curve by curve", *there[:3]))
         rows.append((f"{name} back / PyWavelets, curve by curve", *again[:3]))
@@ -111,7 +111,7 @@ def main() -> None:
     rows.append((f"exact solution, {POINTS} points / solve_ivp at {TIGHT:g}", mine, theirs, ratio))
     print(f"exact solution against solve_ivp: {off:.1e} apart, {1 / ratio:.0f} times as fast")
     for levels in (1, 4, 8):
-        seconds = min(timed(lambda at=levels: stiffness("coif2", LARGE, at))[0] for _ in range(5))
+        seconds = min(timed(partial(stiffness, "coif2", LARGE, levels))[0] for _ in range(5))
         rows.append(
             (
                 f"K, {LARGE} × {LARGE}, {levels} levels / the limit",
@@ -152,7 +152,7 @@ def main() -> None:
         ("explicit-euler", MASSLESS, Options(inverse="schulz")),
         ("decoupled", MASSLESS, Options()),
     ):
-        seconds, motion = timed(lambda m=material, w=method, h=options: solve(few[m], w, h))
+        seconds, motion = timed(partial(solve, few[material], method, options))
         way = options.integrator if method == "runge-kutta" else ""
         way = options.inverse if method.endswith("euler") else way
         print(

@@ -15,6 +15,7 @@ from scipy.spatial.distance import cdist
 
 from benchmarks.pipeline import ROOT, peak_mib
 from benchmarks.speed import paired, timed
+from finloop.base.arrays import Floats, Ints
 from finloop.distance.map import (
     about_mean,
     bands,
@@ -44,7 +45,7 @@ def shares() -> NDArray[np.float64]:
     return share
 
 
-def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], ...]:
+def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], Ints, Floats]:
     """Pictures (n, SIZE, SIZE, CHANNELS), kinds, areas; `mixed` False: only the three types."""
     rng = np.random.default_rng(frames)
     pictures = rng.random((frames, SIZE, SIZE, CHANNELS), np.float32)
@@ -54,7 +55,7 @@ def film(frames: int, mixed: bool = True) -> tuple[NDArray[np.float32], ...]:
     return pictures, kind[rows], area[rows]
 
 
-def grouped(pictures: NDArray[np.float32], kind: NDArray, area: NDArray) -> pd.DataFrame:
+def grouped(pictures: NDArray[np.float32], kind: Ints, area: Floats) -> pd.DataFrame:
     """Eq. 6 from pictures to the table of pairs."""
     found = similar(about_mean(pictures), kind, area, THRESHOLD)
     return pair_table(found, np.arange(len(kind)))

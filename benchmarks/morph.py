@@ -6,6 +6,8 @@ time a pair on one core; how far the vertices go, in the linear morph's way. The
 tools were measured beforehand on 276 such pairs and stand beside for comparison.
 """
 
+from functools import partial
+
 import os  # isort: skip
 
 os.environ["FINLOOP_THREADS"] = "1"  # one core, also for matrix products
@@ -62,13 +64,12 @@ def main() -> None:
     for a, b in pairs[:40:8]:  # compiles
         simple_morph(a, b, FRAMES, POINTS)
         physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)
-    straight = [timed(lambda a=a, b=b: linear(a, b, FRAMES, POINTS)) for a, b in pairs]
+    straight = [timed(partial(linear, a, b, FRAMES, POINTS)) for a, b in pairs]
     way = [path_length(frames) for _, frames in straight]
     swung = [
-        timed(lambda a=a, b=b: physical(a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS))
-        for a, b in pairs
+        timed(partial(physical, a, b, FRAMES, POINTS, ELASTIC, DAMPING, MASS)) for a, b in pairs
     ]
-    found = [timed(lambda a=a, b=b: simple_morph(a, b, FRAMES, POINTS)) for a, b in pairs]
+    found = [timed(partial(simple_morph, a, b, FRAMES, POINTS)) for a, b in pairs]
     rows = [
         row(
             name,

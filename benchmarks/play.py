@@ -20,6 +20,7 @@ import numpy as np
 import pandas as pd
 import psutil
 from websockets.sync.client import ClientConnection, connect
+from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
@@ -44,7 +45,7 @@ def serving(view: View) -> Iterator[ClientConnection]:
         runs.start()
         up.wait()
         try:
-            where, origin = f"ws://{address}/tank", f"http://{address}"
+            where, origin = f"ws://{address}/tank", Origin(f"http://{address}")
             with connect(where, origin=origin, compression=None) as page:
                 yield page
         finally:
@@ -69,7 +70,7 @@ def frames(view: View) -> np.ndarray:
 
 def state_of(page: ClientConnection) -> dict:
     """The next state, acknowledged."""
-    frame = page.recv(timeout=10)
+    frame = page.recv(timeout=10, decode=False)
     state = json.loads(frame[4 : 4 + int.from_bytes(frame[:4], "little")])
     page.send(json.dumps({"do": "seen", "frame": state["frame"]}))
     return state

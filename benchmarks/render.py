@@ -10,6 +10,7 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 import tempfile
 from collections.abc import Callable
 from fractions import Fraction
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,7 +39,7 @@ TICKS, LEAST_HZ, RATE = 300, 300, Fraction(25)
 
 
 def swim(
-    gallery: Gallery, count: int, fades: bool = False, seed: int = 0, bends: bool = False
+    gallery: Gallery, bodies: Bodies, fades: bool = False, seed: int = 0, bends: bool = False
 ) -> list[Placed]:
     """A fish on a wide circle, in the film's own order of pictures, turned as it goes.
 
@@ -48,7 +49,8 @@ def swim(
     at, turn = rng.uniform(0, 2 * np.pi, 2)
     angle = at + 0.01 * np.arange(TICKS)
     row, other = (np.arange(TICKS) + n for n in (0, 9))
-    codes = gallery.bodies.poses.codes[other % count]
+    count = len(bodies.poses.codes)
+    codes = bodies.poses.codes[other % count]
     edit = pd.DataFrame({
         "x_px": 640 + 300 * np.cos(angle), "y_px": 360 - 200 * np.sin(angle), "kind": FRAME,
         "source": row % count, "orientation": 0, "rotation_deg": np.degrees(turn + angle),
@@ -76,12 +78,12 @@ def journey(way: list[Placed]) -> pd.DataFrame:
 
 
 def ways_to_draw(
-    background: np.ndarray, gallery: Gallery, count: int
+    background: np.ndarray, gallery: Gallery, bodies: Bodies
 ) -> dict[str, Callable[[], None]]:
     """Name → draw all ticks."""
-    school = [swim(gallery, count, seed=seed) for seed in range(8)]
-    joined = [swim(gallery, count, True, seed, True) for seed in range(8)]
-    fading, bent = swim(gallery, count, True), swim(gallery, count, bends=True)
+    school = [swim(gallery, bodies, seed=seed) for seed in range(8)]
+    joined = [swim(gallery, bodies, True, seed, True) for seed in range(8)]
+    fading, bent = swim(gallery, bodies, True), swim(gallery, bodies, bends=True)
     painter = Painter(background)
 
     def draw(fish: list[list[Placed]]) -> None:
@@ -126,7 +128,7 @@ def coders(background: np.ndarray, way: list[Placed], folder: Path) -> None:
         ("mp4", Mp4Writer(folder / "a.mp4", shape, RATE, 20)),
         ("webp, 480 px wide", WebpWriter(folder / "a.webp", shape, RATE, 480, 75)),
     ):
-        print(f"{name}: {len(frames) / timed(lambda w=writer: write(w))[0]:.0f} frames/s")
+        print(f"{name}: {len(frames) / timed(partial(write, writer))[0]:.0f} frames/s")
 
 
 def main() -> None:
@@ -153,10 +155,10 @@ def main() -> None:
                 for _ in range(TICKS):
                     np.copyto(copy, frame)
 
-            for what, work in ways_to_draw(background, gallery, len(store)).items():
+            for what, work in ways_to_draw(background, gallery, bodies).items():
                 ours, limit, ratio, _ = paired(work, copies)
                 rows.append((what, TICKS / ours, TICKS / limit, ratio))
-            coders(background, swim(gallery, len(store)), folder)
+            coders(background, swim(gallery, bodies), folder)
     columns = ["drawn", "frames_per_s", "copies_per_s", "time_ratio"]
     table = pd.DataFrame(rows, columns=columns).round(
         {"frames_per_s": 0, "copies_per_s": 0, "time_ratio": 2}

@@ -165,7 +165,7 @@ def main() -> None:
         clip, source = scratch / "data/clip", zebrafish_clips("A", cache_folder())[0]
         for name, path in (("normalised clip", clip / "clip.mp4"), ("source file", source)):
             mine, theirs, ratio, fish = paired(
-                lambda: extract_and_features(clip, scratch, how, then), lambda p=path: decode(p)
+                lambda: extract_and_features(clip, scratch, how, then), partial(decode, path)
             )
             print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
             results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))

@@ -81,8 +81,9 @@ class Variation:
         if not number:
             return cls(0.0, 1.0, 1.0, 1.0, False)
         rng = np.random.default_rng(number)
-        factors = (float(rng.uniform(1 - one, 1 + one)) for one in (0.2, 0.1, 0.15))
-        return cls(float(rng.uniform(0, 2 * np.pi)), *factors, bool(rng.integers(2)))
+        turn_rad = float(rng.uniform(0, 2 * np.pi))
+        bend, size, light = (float(rng.uniform(1 - by, 1 + by)) for by in (0.2, 0.1, 0.15))
+        return cls(turn_rad, bend, size, light, bool(rng.integers(2)))
 
     def placed(self, points: Floats, base: Base) -> Floats:
         """Points (…, 2) of the film in the picture of the copy."""
@@ -102,8 +103,8 @@ def varied(home: Path, folder: Path, pictures: int) -> None:
     """
     base = Base.of(home)
     clip, extract = folder / "clip", folder / "extract"
-    for one in (clip, extract):
-        one.mkdir(parents=True)
+    clip.mkdir(parents=True)
+    extract.mkdir()
     copies = -(-pictures // len(base.tracks))
     _clip(base, clip, copies)
     shutil.copyfile(home / "extract/scene.json", extract / "scene.json")
@@ -117,8 +118,8 @@ def varied(home: Path, folder: Path, pictures: int) -> None:
         left = pictures
         for table, made in pool.map(partial(_copy, home), range(copies)):
             write(table[:left])
-            for one in made[:left]:
-                cutouts.write(one)
+            for cutout in made[:left]:
+                cutouts.write(cutout)
             left -= len(made[:left])
 
 

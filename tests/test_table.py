@@ -7,8 +7,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from finloop.base.errors import FinloopError
-from finloop.base.schema import Column, Schema, lists_to_array
-from finloop.io.table import load_table, save_csv, save_table
+from finloop.base.schema import ANY, Column, Schema, columns, lists_to_array
+from finloop.io.table import load_lists, load_table, save_csv, save_table
 
 SCHEMA = Schema(
     Column("frame", "int32", "1"),
@@ -151,3 +151,14 @@ def test_a_small_table_does_not_tell_one_processor_from_another(tmp_path, dtype)
 def test_an_exact_table_keeps_its_decimals(tmp_path):
     save_csv(tmp_path / "a.csv", pd.DataFrame({"x": [1234.56789]}), decimals=3, exact=True)
     assert (tmp_path / "a.csv").read_text() == "x\n1234.568\n"
+
+
+def test_lists_are_loaded_as_one_array_and_refused_where_their_lengths_differ(tmp_path):
+    schema = Schema(*columns("float32", "1", "even", "odd", length=ANY))
+    even = np.arange(6, dtype=np.float32).reshape(2, 3)
+    table = pd.DataFrame({"even": list(even), "odd": [even[0], even[1, :2]]})
+    save_table(tmp_path / "lists.parquet", table, schema)
+    (back,) = load_lists(tmp_path / "lists.parquet", schema, "even")
+    np.testing.assert_array_equal(back, even)
+    with pytest.raises(FinloopError, match="odd: lists of 2 to 3"):
+        load_lists(tmp_path / "lists.parquet", schema, "even", "odd")

@@ -112,7 +112,8 @@ def film(
     """Arrange a feature table (n rows) and where it can go on.
 
     barred (n,): rows that must not be shown. Where `jumps` has mirror images, row n + i is that of
-    row i: the film upside down.
+    row i: the film upside down. Jumps to barred rows are left out, and those after which the film
+    would have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from finloop.base.arrays import Ints
+from finloop.base.stretches import spread
 from finloop.distance.picture import apart
 from finloop.jumps.signature import Parts, Straight
 
@@ -18,7 +19,7 @@ def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
     """
     n = len(track)
     rng = np.random.default_rng(seed)
-    rows = np.unique(np.linspace(0, n - 1, min(n, _ROWS)).astype(np.intp))
+    rows = spread(np.arange(n), _ROWS)
     first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
     one, other = straight(rows), straight(rng.integers(first, last))
     mirror, usual = (float(np.median(apart(one, two))) for two in (one[:, ::-1], other))

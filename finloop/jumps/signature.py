@@ -9,6 +9,7 @@ from scipy.sparse.linalg import svds
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
+from finloop.base.stretches import spread
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings
 from finloop.pose.film import FilmPoses
@@ -59,7 +60,7 @@ class Straight:
 def _components(straight: Straight, count: int) -> Floats:
     """Principal components (2, n, count) of straight pictures and of their mirror images."""
     n = len(straight.reel)
-    sample = straight(np.unique(np.linspace(0, n - 1, min(n, _FITTED)).astype(np.intp)))
+    sample = straight(spread(np.arange(n), _FITTED))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     count = min(count, min(both.shape) - 1)
