@@ -7,9 +7,9 @@
     reel = make_sprites(tracks, features)           film and sprites (§3.3)
     similar = compare(reel)                         how alike the frames are (§4.1)
     loops = find_loops(similar, features, film.rate_hz)
-    gateways = find_gateways(similar, reel, film.rate_hz)          (§4.2)
+    gateways = find_gateways(similar, reel)          (§4.2)
     poses = find_poses(tracks, features)            how every fish is bent
-    jumps = find_jumps(reel, poses, film.rate_hz)   which frames look and move alike
+    jumps = find_jumps(reel, poses)   which frames look and move alike
     forecast = foretell(features, poses, jumps, film.rate_hz)   the next pose and motion
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
@@ -176,7 +176,7 @@ def learn(features: pd.DataFrame, rate_hz: float, **changes: Any) -> MotionModel
     """
     p = settings("bpn", **changes)
     rows = motion_rows(features, delta_of(features))
-    model, _ = fit(rows, split_or_all(rows, p, rate_hz), p, rate_hz)
+    model, _ = fit(rows, split_or_all(rows, p), p, rate_hz)
     return model
 
 
@@ -190,7 +190,7 @@ def make_sprites(
     p, film = settings("sprites", **changes), tracks.cutouts
     table = swimmers(features, tracks.table, p)
     look = partial(Reel(features, film).headed, size=p.picture_px)
-    sprites = sprite_table(table, choose(table, look, tracks.film.rate_hz, p), p)
+    sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
     home = _folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for one in drawn(sprites, film):
@@ -224,14 +224,14 @@ def find_loops(
     return as_loaded(loops, LOOPS)
 
 
-def find_gateways(similar: Similar, reel: Reel, rate_hz: float, **changes: Any) -> pd.DataFrame:
+def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
     """Where the film can go on as a sprite, and sprites as the film: columns of `GATEWAYS`.
 
     `changes`: of `finloop.gateways.settings.Settings`.
     """
     p, facts = settings("gateways", **changes), similar.facts
     near = nearness(reel, mapped(reel.features, similar.steps), facts.size, facts.pose)
-    ways = gateways(near, reel.sprites, reel.features, rate_hz, facts.step_median, p)
+    ways = gateways(near, reel.sprites, reel.features, facts.step_median, p)
     return as_loaded(ways, GATEWAYS)
 
 
@@ -243,12 +243,12 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
     return film_poses(tracks.table, features, settings("pose", **changes))
 
 
-def find_jumps(reel: Reel, poses: FilmPoses, rate_hz: float, **changes: Any) -> FilmJumps:
+def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
     """Where the film can go on as a frame that looks and moves alike, and how its rows look.
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """
-    made = film_jumps(reel, poses, rate_hz, settings("jumps", **changes))
+    made = film_jumps(reel, poses, settings("jumps", **changes))
     return made._replace(jumps=as_loaded(made.jumps, JUMPS))
 
 

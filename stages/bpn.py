@@ -29,13 +29,13 @@ def main() -> None:
     rate_hz = load_facts(FACTS).frame_rate_hz
     table = load_table(TABLE, FEATURES)
     rows = motion_rows(table, delta_of(table))
-    sides = [split_or_all(rows, p, rate_hz)]
+    sides = [split_or_all(rows, p)]
     if not sides[0][1].any():
         print(f"bpn: so short a film is learnt from whole, all {len(rows.inputs)} rows; no row is "
               "held out, so the error on other film is not known", file=sys.stderr)  # fmt: skip
     # The other way to split says how far the skill reaches: to other times, to other fish.
     with suppress(FinloopError):  # one track, or too short
-        sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p, rate_hz))
+        sides.append(split(rows, "tracks" if p.split == "blocks" else "blocks", p))
 
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
         learnt = [learn(rows, side, p, rate_hz, advance) for side in sides]

@@ -25,14 +25,14 @@ SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
-def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least_s: float) -> None:
+def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> None:
     """Tell on stderr where there is no way, and what would give one."""
     for direction, word in WORDS.items():
         if (ways["direction"] == direction).any():
             continue
         near = every.loc[every["direction"] == direction, "distance"]
         if near.empty:
-            why = f"no track lasts gateways.least_s={least_s:g} s and a frame more"
+            why = f"no track lasts gateways.least={least:g} Δ and a frame more"
         else:
             most = np.ceil(10 * near.min() / step + 1e-6) / 10
             why = f"gateways.threshold={most:.1f} would give some"
@@ -55,9 +55,9 @@ def main() -> None:
     ):
         reel = Reel(features, film, sprites, store)
         near = nearness(reel, rows, facts.size, facts.pose, advance)
-        ways = gateways(near, sprites, features, rate_hz, step, settings)
-        every = nearest(near, sprites, features, rate_hz, settings)
-    say(ways, every, step, settings.least_s)
+        ways = gateways(near, sprites, features, step, settings)
+        every = nearest(near, sprites, features, settings)
+    say(ways, every, step, settings.least)
     with whole_folder(Path("data/gateways")) as folder:
         save_table(folder / "gateways.parquet", ways, GATEWAYS)
         save_table(folder / "nearest.parquet", every, GATEWAYS)

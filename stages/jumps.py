@@ -10,7 +10,6 @@ from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.table import load_table, save_table
-from finloop.io.video import FACTS_NAME, load_facts
 from finloop.jumps.film import film_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.table import JUMPS, LOOK
@@ -25,11 +24,10 @@ def main() -> None:
     """Make data/jumps/, reports/jumps/."""
     p: Settings = load("jumps")
     features = load_table(DATA / "features/features.parquet", FEATURES)
-    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         reel = Reel(features, film)
         with progress("jumps", len(reel), "rows") as advance:
-            made = film_jumps(reel, load_poses(features), rate_hz, p, advance)
+            made = film_jumps(reel, load_poses(features), p, advance)
     with whole_folder(OUT) as folder:
         save_table(folder / "jumps.parquet", made.jumps, JUMPS)
         look = pd.DataFrame({"look": list(made.look)})

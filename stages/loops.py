@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.distance.map import PAIRS, STEPS, MapFacts, mapped
-from finloop.features.table import FEATURES
+from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import whole_file, whole_folder
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
@@ -17,7 +17,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.positions import far_ends, position_table, routes_table, shown_ends
-from finloop.loops.search import LOOPS, NoLoops, as_map, find
+from finloop.loops.search import LOOPS, NoLoops, as_map, find, least_frames
 from finloop.loops.settings import Settings
 from stages.settings import load
 
@@ -61,7 +61,9 @@ def main() -> None:
     table = position_table(shown_ends(graph.ends, track), features)
     with whole_file(REPORT / "position_table.csv") as part:
         table.to_csv(part, lineterminator="\n")
-    ways = routes(graph, *far_ends(graph), WAYS, jump_frames=settings.least_s * rate_hz)
+    ways = routes(
+        graph, *far_ends(graph), WAYS, jump_frames=least_frames(delta_of(features), settings)
+    )
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
     rows = mapped(features, load_table(DISTANCE / "steps.parquet", STEPS))
     save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts, rows))

@@ -10,7 +10,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.table import FEATURES, orientations_of
+from finloop.features.table import FEATURES, delta_of, orientations_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.io.record import load_record
@@ -68,11 +68,11 @@ def main() -> None:
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
     features = load_table(FEATURES_TABLE, FEATURES)
-    table = swimmers(features, tracks, settings)
+    table, delta = swimmers(features, tracks, settings), delta_of(features)
 
     with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
         look = partial(Reel(features, cutouts).headed, size=settings.picture_px)
-        chosen = choose(table, look, rate_hz, settings)
+        chosen = choose(table, look, delta, settings)
         sprites = sprite_table(table, chosen, settings)
         with (
             whole_folder(FOLDER) as folder,
@@ -86,7 +86,7 @@ def main() -> None:
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
         loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
 
-    still = settings.slide is not None or is_still(chosen["slide"], table, rate_hz, settings)
+    still = settings.slide is not None or is_still(chosen["slide"], table, delta, settings)
     say(chosen, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
     save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)

@@ -20,7 +20,9 @@ from toy_film import (
     TOUCH,
     film_of,
     gateways,
+    learnt,
     lesson,
+    lessons,
     loops,
     open_tank,
     order,
@@ -396,11 +398,11 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
 
 
 @pytest.mark.parametrize(
-    "stay_s",
-    [0.01, 0.4, 1.5],
+    "stay",
+    [0.05, 2.0, 7.5],
 )
-def test_two_jumps_are_never_nearer_than_the_stay(stay_s):
-    for mode in (loops_player(stay_s=stay_s), hybrid_player(stay_s=stay_s)):
+def test_two_jumps_are_never_nearer_than_the_stay(stay):
+    for mode in (loops_player(stay=stay), hybrid_player(stay=stay)):
         found, _ = edit_of(mode, [Goal("A", 200.0, 200.0)], 2000, 4)
         *_, new, of = flat(found)
         kind = np.array([s.kind == FRAME for s in found.stretches])
@@ -408,7 +410,21 @@ def test_two_jumps_are_never_nearer_than_the_stay(stay_s):
         forced = on_the_spot(found)[of]
         jumps = np.flatnonzero(new & kind[of])  # a track that ends is left, however soon
         gaps = [b - a for a, b in pairwise(jumps) if not (into[b] or forced[b])]
-        assert min(gaps) >= max(1, round(stay_s * RATE)) and len(gaps) > 20
+        assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 20
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
+    """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
+    swims = []
+    for rate in (RATE, 8 * RATE):
+        taught = learnt(lessons(), rate)
+        waters = waters_of(film_of(*rich(), taught=taught), taught=taught)
+        fish = players_of(replace(waters, sprites=order(rate)))[mode]
+        found, _ = edit_of(fish, [Goal("A", 200.0, 200.0)], 600, 3)
+        swims.append((*flat(found)[:3], [one.decision.reason for one in found.stretches]))
+    for one, quicker in zip(*swims, strict=True):
+        np.testing.assert_array_equal(one, quicker)
 
 
 def with_dead_ends():
@@ -794,9 +810,7 @@ def test_a_frame_is_named_by_its_row():
 
 
 def test_a_sprite_has_an_orientation_and_a_frame_has_none():
-    _, table = edit_of(
-        hybrid_player(fade_s=3 / RATE, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
-    )
+    _, table = edit_of(hybrid_player(fade=3 / DELTA, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2)
     for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
         assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
         assert (table[name].notna() == (table[kind] == SPRITE)).all()
@@ -807,7 +821,7 @@ def test_a_sprite_has_an_orientation_and_a_frame_has_none():
 @pytest.mark.parametrize("fade", [0, 3])
 def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make, fade):
     found, table = edit_of(
-        make(stay_s=0.4, fade_s=fade / RATE, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
+        make(stay=2.0, fade=fade / DELTA, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
     )
     number = table["source"].to_numpy()
     kind, weight = table["kind"].to_numpy(), table["weight"].to_numpy(float)

@@ -123,7 +123,7 @@ def test_no_row_is_followed_for_longer_than_it_may_be():
     swum = swim(fish, [], 3000, np.random.default_rng(0))
     number = np.concatenate([one.number for one in swum.stretches])
     runs = np.diff(np.flatnonzero(np.append(np.diff(number) != 1, True)))
-    most = fish.waters.ticks(fish.waters.settings.follow_most_s)
+    most = fish.waters.ticks(fish.waters.settings.follow_most)
     assert np.quantile(runs, 0.99) <= 2 * most
 
 

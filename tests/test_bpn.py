@@ -215,7 +215,7 @@ def test_the_seed_decides_the_split():
     ("lengths", "split", "message"),
     [
         ([200], lambda r: split_by_tracks(r, 0.2, rng()), r"1 track(.|\n)*bpn.split=blocks"),
-        ([200], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"1 block(.|\n)*bpn.block_s"),
+        ([200], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"1 block(.|\n)*bpn.block"),
         ([3], lambda r: split_by_blocks(r, 500, 0.2, rng()), r"0 block(.|\n)*longer film"),
         ([3], lambda r: split_by_tracks(r, 0.2, rng()), "0 track"),
         ([20, 6], lambda r: split_by_tracks(r, 0.2, rng()), r"15 rows to learn from and 1 held out"),
@@ -604,7 +604,7 @@ def test_an_export_that_says_something_else_is_refused(monkeypatch):
 # -- the stage --------------------------------------------------------------------------------------
 
 MADE = {"curve.csv", "fig15.png", "held_out.png", "metrics.json"}
-SHORT = ("bpn.epochs=4", "bpn.block_s=0.8")
+SHORT = ("bpn.epochs=4", "bpn.block=4")
 
 
 def put(folder, features, *overrides):
@@ -716,7 +716,7 @@ def test_a_type_that_never_occurs_leaves_its_metrics_out(here):
     [
         ([200], ["bpn.split=tracks"], "1 track"),
         ([4, 5, 3], [], "0 block"),
-        ([200], ["bpn.block_s=0.1"], "at least as long as Δ"),
+        ([200], ["bpn.block=0.5"], "at least as long as Δ"),
         ([200], ["bpn.learning_rate=1e308"], "without bound"),
     ],
 )
@@ -741,7 +741,7 @@ def test_a_short_film_is_learnt_whole_and_its_errors_are_not_called_held_out(her
 
 
 def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
-    put(here, table([200]), "bpn.block_s=1000.0")
+    put(here, table([200]), "bpn.block=5000")
     stages.bpn.main()
     assert 0.1 < metrics(here)["held_out_rows"] / 200 < 0.3
 
@@ -749,9 +749,9 @@ def test_a_film_shorter_than_its_blocks_has_shorter_blocks(here):
 @pytest.mark.parametrize("by", ["blocks", "tracks"])
 def test_of_a_long_film_so_many_rows_are_learnt_from(by):
     rows = motion_rows(table([300, 200, 150, 120, 90]), DELTA)
-    every, held = split(rows, by, settings("bpn"), 25.0)
+    every, held = split(rows, by, settings("bpn"))
     most = int(every.sum()) // 2
-    some, same = split(rows, by, settings("bpn", most_rows=most), 25.0)
+    some, same = split(rows, by, settings("bpn", most_rows=most))
     np.testing.assert_array_equal(held, same)
     assert some.sum() == most and not (some & ~every).any()
     assert len(np.unique(rows.frame[some] // 20)) > 0.9 * len(np.unique(rows.frame[every] // 20))

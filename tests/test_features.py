@@ -202,10 +202,10 @@ def test_a_fish_that_never_bends_has_the_paper_s_delta():
 
 
 def test_blocks_are_shorter_in_a_short_film():
-    assert block_frames(2.0, 0.2, 25.0, np.arange(1500), 10) == 50
-    assert block_frames(2.0, 0.2, 25.0, np.arange(100), 10) == 20
-    assert block_frames(2.0, 0.2, 25.0, np.arange(20), 10) == 10
-    assert block_frames(2.0, 0.2, 25.0, np.arange(0), 10) == 10
+    assert block_frames(10.0, 0.2, 5, np.arange(1500), 10) == 50
+    assert block_frames(10.0, 0.2, 5, np.arange(100), 10) == 20
+    assert block_frames(10.0, 0.2, 5, np.arange(20), 10) == 10
+    assert block_frames(10.0, 0.2, 5, np.arange(0), 10) == 10
 
 
 # -- motion area ------------------------------------------------------------------------------------

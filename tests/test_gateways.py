@@ -44,8 +44,8 @@ from finloop.sprites.orient import SPRITES, drawn
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
-RATE, LENGTH, SIZE, FRAMES = 20.0, 60.0, 48, 60
-SETTINGS = Settings(top_in=12, top_out=3, threshold=1.2, apart_s=0.2, least_s=0.5)
+RATE, DELTA, LENGTH, SIZE, FRAMES = 20.0, 4, 60.0, 48, 60
+SETTINGS = Settings(top_in=12, top_out=3, threshold=1.2, apart=1.0, least=2.5)
 
 
 # -- a toy film -------------------------------------------------------------------------------------
@@ -93,6 +93,8 @@ def feature_table():
     table["orientations"] = ORIENTATIONS
     table["body_length_px"] = LENGTH
     table = table.reindex(columns=FEATURES.names, fill_value=0)
+    last = table["frame"] >= FRAMES - DELTA
+    table["displacement"] = np.where(last, np.nan, 0.0)
     return table.astype({column.name: column.dtype for column in FEATURES.columns}), cutouts
 
 
@@ -149,7 +151,7 @@ class World:
 
     def table(self, **asked):
         settings = replace(SETTINGS, **asked)
-        return gateways(self.near, self.sprites, self.features, RATE, self.step, settings)
+        return gateways(self.near, self.sprites, self.features, self.step, settings)
 
     def ways(self, direction, **asked):
         table = self.table(**asked)
@@ -288,32 +290,32 @@ def test_nothing_is_farther_than_the_threshold_and_nothing_nearer_is_lost(world,
     assert len(ways) == (free["distance"] <= most).sum() < len(free)
 
 
-@pytest.mark.parametrize("apart_s", [0.0, 0.2, 0.5])
-def test_frames_a_sprite_leads_to_are_apart(world, apart_s):
-    ways = world.ways(IN, threshold=1e6, apart_s=apart_s, top_in=100)
-    least = max(1, apart_s * RATE)
+@pytest.mark.parametrize("apart", [0.0, 1.0, 2.5])
+def test_frames_a_sprite_leads_to_are_apart(world, apart):
+    ways = world.ways(IN, threshold=1e6, apart=apart, top_in=100)
+    least = max(1, apart * DELTA)
     for sprite, of in ways.groupby("sprite"):
         rows = np.sort(of["row"])
         same = np.diff(world.features["track_id"].to_numpy()[rows]) == 0
         assert np.diff(rows)[same].min() >= least
         # The nearest stay, and what is left out is near a nearer one.
-        lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.least_s * RATE
+        lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.least * DELTA
         for row in np.flatnonzero(lasts & ~np.isin(np.arange(len(lasts)), rows)):
             kept = of[(np.abs(of["row"] - row) < least) & (of["row"] // FRAMES == row // FRAMES)]
             assert kept["distance"].min() <= world.near.ahead[sprite, row] or len(of) == 100
 
 
 def test_no_frame_is_led_to_twice_by_one_sprite(world):
-    ways = world.ways(IN, threshold=1e6, apart_s=0.0, top_in=100)
+    ways = world.ways(IN, threshold=1e6, apart=0.0, top_in=100)
     assert not ways.duplicated(["sprite", "row"]).any()
 
 
-@pytest.mark.parametrize("least_s", [0.0, 0.5, 2.0])
-def test_frames_led_to_have_film_ahead(world, least_s):
-    ways = world.ways(IN, threshold=1e6, least_s=least_s, apart_s=0.0, top_in=100)
+@pytest.mark.parametrize("least", [0.0, 2.5, 10.0])
+def test_frames_led_to_have_film_ahead(world, least):
+    ways = world.ways(IN, threshold=1e6, least=least, apart=0.0, top_in=100)
     left = FRAMES - 1 - world.features["frame"].to_numpy()[ways["row"]]
-    assert left.min() >= least_s * RATE
-    if least_s > 1:  # the next frame of the sprites at 20, 21, 33, 40 has not so much left
+    assert left.min() >= least * DELTA
+    if least > 5:  # the next frame of the sprites at 20, 21, 33, 40 has not so much left
         assert not (ways["row"] == 21).any()
 
 
@@ -347,7 +349,7 @@ def test_a_mirrored_sprite_leads_to_the_mirror_of_what_came_after_it(tmp_path, f
     features, cutouts = film
     sprites = whole(sprite_rows(features, PICKED, off=6.0, mirrored=True))
     world = World(tmp_path, features, cutouts, sprites, pose)
-    ways = world.ways(IN, threshold=1e6, apart_s=0.0)
+    ways = world.ways(IN, threshold=1e6, apart=0.0)
     for sprite, row in enumerate(PICKED):
         mirror = row + 1 + FRAMES  # the same frame of track 1
         of = ways[ways["sprite"] == sprite]
@@ -378,11 +380,11 @@ def test_after_the_last_frame_of_a_track_comes_the_frame_itself(tmp_path, film):
 
 
 def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
-    none = world.table(threshold=0.0, least_s=100.0)
+    none = world.table(threshold=0.0, least=500.0)
     assert len(none) == 0
     save_table(tmp_path / "none.parquet", none, GATEWAYS)
     assert len(load_table(tmp_path / "none.parquet", GATEWAYS)) == 0
-    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    every = nearest(world.near, world.sprites, world.features, SETTINGS)
     found = numbers(none, every, world.near, world.features, RATE, world.step)
     assert found["ways_in"] == found["ways_out"] == found["film_rows_with_way_out_pct"] == 0
     assert found["sprites_in_orientations_without_way_in"] == len(world.sprites)
@@ -391,13 +393,13 @@ def test_nothing_near_enough_gives_an_empty_table(world, tmp_path):
 
 
 def test_nearest_is_the_table_without_a_threshold(world):
-    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    every = nearest(world.near, world.sprites, world.features, SETTINGS)
     pd.testing.assert_frame_equal(every, world.table(threshold=1e6))
 
 
 def test_numbers_count(world):
     table = world.table()
-    every = nearest(world.near, world.sprites, world.features, RATE, SETTINGS)
+    every = nearest(world.near, world.sprites, world.features, SETTINGS)
     found = numbers(table, every, world.near, world.features, RATE, world.step)
     ways_out = table[table["direction"] == OUT]
     assert found["ways_in"] + found["ways_out"] == len(table)
@@ -433,8 +435,7 @@ def test_ways_of_a_part_are_those_of_the_whole_that_compare_its_rows(world, film
     np.testing.assert_array_equal(near.own, world.near.own[:, rows])
     settings = replace(SETTINGS, threshold=3.0)
     whole, some = (
-        gateways(one, world.sprites, features, RATE, world.step, settings)
-        for one in (world.near, near)
+        gateways(one, world.sprites, features, world.step, settings) for one in (world.near, near)
     )
     out = whole[(whole["direction"] == OUT) & np.isin(whole["row"] + 1, rows)]
     pd.testing.assert_frame_equal(
@@ -504,28 +505,28 @@ def test_stage_writes_table_sheet_and_metrics_the_same_each_time(work, world, ca
 
 def test_stage_says_which_threshold_would_give_some(work, world, capsys):
     # No sprite's own next frame has so much ahead: but for the odd track's, all are far.
-    prepare(work, *TINY_CARP, "gateways.threshold=0.01", "gateways.least_s=2.8")
+    prepare(work, *TINY_CARP, "gateways.threshold=0.01", "gateways.least=14")
     stages.gateways.main()
     assert not len(load_table(work / "data/gateways/gateways.parquet", GATEWAYS))
     said = capsys.readouterr().err
     for word, direction in (("into", IN), ("out of", OUT)):
-        free = world.ways(direction, threshold=1e6, least_s=2.8)["distance"].min() / world.step
+        free = world.ways(direction, threshold=1e6, least=14)["distance"].min() / world.step
         line = next(line for line in said.splitlines() if f"no way {word} the film" in line)
         told = float(line.split("gateways.threshold=")[1].split()[0])
         assert free <= told <= free + 0.1
-        assert len(world.ways(direction, threshold=told, least_s=2.8))
+        assert len(world.ways(direction, threshold=told, least=14))
     assert json.loads((work / "reports/gateways/metrics.json").read_text())["ways_in"] == 0
 
 
 def test_stage_says_that_no_track_is_long_enough(work, capsys):
-    prepare(work, *TINY_CARP, "gateways.least_s=100")
+    prepare(work, *TINY_CARP, "gateways.least=100")
     stages.gateways.main()
-    assert "no way into the film; no track lasts gateways.least_s=100 s" in capsys.readouterr().err
+    assert "no way into the film; no track lasts gateways.least=100 Δ" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
     "asked",
-    ["threshold=0.0", "threshold=.inf", "top_in=0", "top_out=0.5", "apart_s=-1.0", "least_s=.nan"],
+    ["threshold=0.0", "threshold=.inf", "top_in=0", "top_out=0.5", "apart=-1.0", "least=.nan"],
 )
 def test_bad_parameters_are_refused(work, asked):
     with pytest.raises(FinloopError, match=asked.split("=")[0]):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_film import RATE, bodies_of, players_of, rich_film, waters_of
+from toy_film import DELTA, RATE, bodies_of, players_of, rich_film, waters_of
 
 from finloop.animate.edit_list import CUT, FADE, HYBRID, INERTIAL, LOOPS, NETWORK, Goal
 from finloop.animate.joins import Joins, Shown, inertialized, joins
@@ -180,9 +180,9 @@ def test_a_fish_that_never_bends_joins_too():
 def test_the_time_of_a_join_is_measured_or_said():
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
-        return joins(settings("animate", **changes), film, RATE, HOW.helps).decay / RATE
+        return joins(settings("animate", **changes), film, DELTA, HOW.helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     assert decay(0.01) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
-    assert decay(0.25, join_s=0.8) == pytest.approx(0.8)
-    assert joins(settings("animate", join="cut"), BODIES, RATE, HOW.helps).fade == 0
+    assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
+    assert joins(settings("animate", join="cut"), BODIES, DELTA, HOW.helps).fade == 0

@@ -196,7 +196,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
 
 
 def test_who_wanders_takes_the_film_as_it_comes(rng):
-    waters = waters_of(free_s=1e-6)
+    waters = waters_of(free=5e-6)
     swimmer = FilmSwimmer(waters)
     fish = swimmer.begin(rng)
     spot = Spot(400.0, 300.0, TOUCH, HEAD, free=True)

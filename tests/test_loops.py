@@ -57,8 +57,8 @@ RATE = 20.0
 DELTA = 4
 EASY = Settings(
     threshold=1.0,
-    least_s=0.5,
-    apart_s=0.1,
+    least=2.5,
+    apart=0.5,
     dynamics=1,
     improper_deg=90.0,
     most_per_end=6,
@@ -206,7 +206,7 @@ def test_no_loop_lies_at_the_end_of_a_track_or_looks_beyond_it():
         value = filtered(film_map(film, 1), track.astype(np.int32), n, 5.0)
         assert np.isfinite(value).tolist() == [n <= frame < 30 - n for frame in range(30)]
     loops, _ = find(film_map(film, 1), still(60, track), RATE, 5.0, settings(dynamics=2))
-    assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart_s allows
+    assert sorted(loops["a"]) == list(range(2, 28, 3))  # all equal: as near as apart allows
     assert (loops["b"] - loops["a"] == 30).all() and loops["length_s"].isna().all()
 
 
@@ -225,11 +225,11 @@ def test_a_missing_neighbour_refuses_a_pair():
 def test_loops_within_a_track_have_a_least_length():
     rng = np.random.default_rng(0)
     film = rng.normal(size=(80, 1))
-    for least_s in (0.2, 1.0, 2.0):
-        asked = settings(least_s=least_s, dynamics=0, threshold=0.2)
+    for least in (1.0, 5.0, 10.0):
+        asked = settings(least=least, dynamics=0, threshold=0.2)
         loops, _ = find(film_map(film), still(80), RATE, 1.0, asked)
-        assert loops["length_s"].min() == pytest.approx(least_s, abs=0.1)
-        assert loops["length_s"].min() >= least_s
+        assert loops["length_s"].min() == pytest.approx(least * DELTA / RATE, abs=0.1)
+        assert loops["length_s"].min() >= least * DELTA / RATE
 
 
 # -- Fig. 13 ----------------------------------------------------------------------------------------
@@ -538,7 +538,7 @@ def test_an_empty_map():
 
 def test_nothing_at_any_threshold():
     film = np.arange(60.0)[:, None]  # alike are only frames close in time
-    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.least_s 0.5"):
+    with pytest.raises(FinloopError, match=r"(?s)at any threshold.*loops.least 2.5"):
         find(film_map(film, 3), still(60), RATE, 1.0, EASY)
 
 
@@ -669,7 +669,7 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
 @pytest.mark.parametrize(
     "asked",
     [
-        "loops.threshold=-1.0", "loops.threshold=.inf", "loops.threshold=.nan", "loops.least_s=0.0",
+        "loops.threshold=-1.0", "loops.threshold=.inf", "loops.threshold=.nan", "loops.least=0.0",
         "loops.improper_deg=200.0", "loops.most_per_end=0", "loops.dynamics=-1",
     ],
 )  # fmt: skip

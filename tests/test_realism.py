@@ -44,8 +44,8 @@ from stages.edit import load_drawn
 from stages.gallery import open_gallery, pictures_of
 from stages.settings import load
 
-RATE = 25.0
-P = settings("realism", rounds=20, bins=8, step_s=0.12)
+RATE, DELTA = 25.0, 5
+P = settings("realism", rounds=20, bins=8, step=0.6)
 
 
 # --- the area and its interval
@@ -150,7 +150,7 @@ def swum(table, row):
 
 def sample_of(table, p=P):
     return Sample(
-        swum(table, np.arange(len(table))), table["frame"].to_numpy() / RATE, 0.2, RATE, p
+        swum(table, np.arange(len(table))), table["frame"].to_numpy() / RATE, 0.2, RATE, DELTA, p
     )
 
 
@@ -171,10 +171,10 @@ def test_channels_do_not_depend_on_place_direction_or_size():
 
 
 def test_a_window_is_cut_of_one_track_and_a_whole_number_of_steps():
-    cut = cutting(1.0, 0.25, 0.12, RATE)
+    cut = cutting(5.0, 1.25, 0.6, DELTA)
     assert cut == (24, 6, 3)
     sample = sample_of(pd.concat([fish(0, 1.5), fish(1, 0.9, track=1), fish(2, 1.0, track=2)],
-                                 ignore_index=True), replace(P, step_s=0.12))  # fmt: skip
+                                 ignore_index=True), replace(P, step=0.6))  # fmt: skip
     made = sample.windows(sample.film, sample.blocks())
     assert made.first.tolist() == [0, 6, 12, 38 + 22]
     assert made.x.shape == (4, 8, len(CHANNELS))
@@ -421,7 +421,7 @@ def test_the_pictures_are_drawn(carp, name):
 
 
 def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):
-    prepare(carp, *TINY_CARP, "realism.gap_s=5.0")
+    prepare(carp, *TINY_CARP, "realism.gap=25.0")
     stages.realism.main()
     assert "no numbers for nn" in capsys.readouterr().err
     numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())

@@ -62,7 +62,7 @@ from finloop.sprites.turn import reflection, rotation, trimmed, turned
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
-RATE = 25.0
+RATE, DELTA = 25.0, 5
 POINTS = 33
 LENGTH = 60.0
 HALF_WIDTH = LENGTH * 0.09 * np.sin(np.pi * np.linspace(1, 0, POINTS) ** 1.6)  # head first: blunt
@@ -182,7 +182,7 @@ def toy():
 
 @pytest.fixture(scope="module")
 def chosen(toy):
-    return choose(toy.table, toy.look, RATE, AUTOMATIC)
+    return choose(toy.table, toy.look, DELTA, AUTOMATIC)
 
 
 @pytest.fixture(scope="module")
@@ -196,7 +196,7 @@ def pictures(toy, sprites):
 
 
 def pick(film, **values):
-    return choose(film.table, film.look, RATE, replace(AUTOMATIC, **values))
+    return choose(film.table, film.look, DELTA, replace(AUTOMATIC, **values))
 
 
 # -- turning ----------------------------------------------------------------------------------------
@@ -414,10 +414,10 @@ def test_a_slide_has_a_still_tail(toy, chosen):
     slide = chosen["slide"].stretch
     assert within(slide, plan_frames(PLAN, "slide"), slack=1)
     assert 0.4 * RATE <= len(slide) <= RATE
-    assert is_still(chosen["slide"], toy.table, RATE, AUTOMATIC)
-    assert not is_still(chosen["straight"], toy.table, RATE, AUTOMATIC)
-    long = replace(AUTOMATIC, slide_least_s=4.0, slide_most_s=4.0)
-    assert not is_still(chosen["slide"], toy.table, RATE, long)
+    assert is_still(chosen["slide"], toy.table, DELTA, AUTOMATIC)
+    assert not is_still(chosen["straight"], toy.table, DELTA, AUTOMATIC)
+    long = replace(AUTOMATIC, slide_least=20.0, slide_most=20.0)
+    assert not is_still(chosen["slide"], toy.table, DELTA, long)
 
 
 @pytest.mark.parametrize(("word", "sign"), [("left", 1), ("right", -1)])
@@ -500,20 +500,20 @@ def test_in_a_film_without_a_tail_beat_a_glide_stands_in():
 
 def test_a_fish_that_never_bends_says_so(toy):
     with pytest.raises(FinloopError, match="a fish that bends"):
-        choose(toy.table.assign(bend=0.0), toy.look, RATE, AUTOMATIC)
+        choose(toy.table.assign(bend=0.0), toy.look, DELTA, AUTOMATIC)
 
 
 def test_a_film_without_a_glide_slides_as_straight_as_it_can():
     one = film((("beat", 30), ("left", 16), ("beat", 30)))
     picked = pick(one)
     assert len(picked["slide"].stretch) >= 2
-    assert not is_still(picked["slide"], one.table, RATE, AUTOMATIC)
+    assert not is_still(picked["slide"], one.table, DELTA, AUTOMATIC)
 
 
 def test_of_a_film_of_doubtful_frames_the_calmest_and_most_bent_stand_in(toy):
     table = swimmers(toy.features.assign(head_confidence=0.5), toy.tracks, AUTOMATIC)
     assert not table["usable"].any()
-    picked = choose(table, toy.look, RATE, AUTOMATIC)
+    picked = choose(table, toy.look, DELTA, AUTOMATIC)
     assert all(picked[word].stands_in for word in ("straight", "left", "right"))
 
 
@@ -522,7 +522,7 @@ def test_spoilt_frames_are_never_picked(toy, chosen):
     at = chosen["straight"].stretch.rows
     spoilt.loc[at.start + 2 : at.stop - 2, "head_confidence"] = 0.7
     table = swimmers(spoilt, toy.tracks, AUTOMATIC)
-    picked = choose(table, toy.look, RATE, AUTOMATIC)
+    picked = choose(table, toy.look, DELTA, AUTOMATIC)
     for choice in picked.values():
         assert table["usable"][choice.stretch.rows].all()
     assert picked["straight"].stretch != chosen["straight"].stretch
@@ -531,7 +531,7 @@ def test_spoilt_frames_are_never_picked(toy, chosen):
 def test_candidates_do_not_reach_across_tracks(toy):
     cut = toy.table.copy()
     cut.loc[70:, "track_id"] = 9  # amid the left turn and its surroundings
-    cycles = [find(cut, RATE, AUTOMATIC) for find in (beats, slides)]
+    cycles = [find(cut, DELTA, AUTOMATIC) for find in (beats, slides)]
     for candidates in cycles + [turns(cut, side, AUTOMATIC) for side in (1, -1)]:
         if len(candidates):
             last = candidates["start"].to_numpy() + candidates["length"].to_numpy()
@@ -589,7 +589,7 @@ def test_blurred_pictures_are_soft(toy):
 def test_a_still_tail_moves_less_than_its_width(swing, still):
     stretch = Stretch(3, 0, 11, slice(0, 12))
     table = pd.DataFrame({"tail": swing * (np.arange(12) % 2)})
-    assert is_still(Choice(stretch), table, RATE, AUTOMATIC) == still
+    assert is_still(Choice(stretch), table, DELTA, AUTOMATIC) == still
 
 
 def test_faults_explain_the_choice(chosen):
@@ -947,10 +947,10 @@ def test_stage_that_fails_leaves_nothing_behind(work):
 @pytest.mark.parametrize(
     ("asked", "message"),
     [
-        ("sprites.slide_least_s=2.0", "slide_least_s is more than slide_most_s"),
+        ("sprites.slide_least=10.0", "slide_least is more than slide_most"),
         ("sprites.swing_most=0.05", "swing_least is more than swing_most"),
         ("sprites.page_px=100", "page_px"),
-        ("sprites.slide_least_s=-1.0", "slide_least_s"),
+        ("sprites.slide_least=-1.0", "slide_least"),
     ],
 )
 def test_bad_parameters_are_refused(work, asked, message):

@@ -5,6 +5,7 @@ circles and straight lines; every picture of it is alike, so a loop may join any
 Positions are px, y down; angles degrees, anticlockwise.
 """
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -92,9 +93,9 @@ def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
     return pd.concat([track(i, i, mirror, scale) for i in range(4)], ignore_index=True)
 
 
-def learnt(table: pd.DataFrame) -> Motion:
+def learnt(table: pd.DataFrame, rate: float = RATE) -> Motion:
     """What a feature table teaches."""
-    return learn(table, RATE, DELTA, settings("animate"))
+    return learn(table, rate, DELTA, settings("animate"))
 
 
 @cache
@@ -146,10 +147,10 @@ class Model:
         return np.stack([np.clip(np.abs(angle) / 100, 0, 1), np.sign(angle)], 1)
 
 
-def order() -> Sprites:
+def order(rate: float = RATE) -> Sprites:
     """The sprites as they are played; any of them may follow on any other."""
     table = sprites()
-    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), RATE)
+    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), rate)
 
 
 # --- a film to swim by
@@ -183,13 +184,13 @@ def loops(*pairs):
     return made.astype({"a": int, "b": int, "distance": float})
 
 
-def film_of(features, found, pose=BODY, step=1.0, barred=None) -> Film:
+def film_of(features, found, pose=BODY, step=1.0, barred=None, taught=None) -> Film:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
     graph = loop_graph(found, features["track_id"].to_numpy())
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
     length = float(features["body_length_px"].median())
-    sized = lesson().__class__(**{**vars(lesson()), "body_length_px": length})
+    sized = replace(taught or lesson(), body_length_px=length)
     return film(features, loop_jumps(graph, n, step), sized, pose, barred)
 
 
@@ -252,7 +253,7 @@ def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
     """A film in a tank, with some parameters changed."""
     return Waters(
         open_tank() if room_ is None else room_, rich_film() if film_ is None else film_, order(),
-        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **({"wander": "places", "free_s": 0.15} | changes)),
+        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **({"wander": "places", "free": 0.75} | changes)),
     )  # fmt: skip
 
 
@@ -264,7 +265,7 @@ def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]
     waters = waters_of() if waters is None else waters
     frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
     cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
-    how = joins(waters.settings, bodies_of(waters.film), RATE, lambda *_: True)
+    how = joins(waters.settings, bodies_of(waters.film), DELTA, lambda *_: True)
     return players(waters, cast, Model(), Gates(gateways() if gates is None else gates, 1.0), how)
 
 

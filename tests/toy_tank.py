@@ -18,7 +18,7 @@ from finloop.render.painter import Painter
 
 @cache
 def toy_players(join="inertial"):
-    return players_of(waters_of(fade_s=0.12, join=join))
+    return players_of(waters_of(fade=0.6, join=join))
 
 
 def drop() -> np.ndarray:

@@ -70,7 +70,7 @@ class ForecastSwimmer:
         px = motion.body_length_px / motion.rate_hz
         turn_deg = float(np.degrees(1 / motion.rate_hz))
         self._pace = Pace(
-            px, turn_deg, max(2, waters.ticks(p.ahead_s)),
+            px, turn_deg, max(2, waters.ticks(p.ahead)),
             float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), 0.75)) * px,
             max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
         )  # fmt: skip
@@ -101,10 +101,10 @@ class ForecastSwimmer:
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
         start = np.array([fish.x, fish.y, fish.heading])
         towards, soon = (goal, aim, self._pace), max(1, round(swum.follow))
-        again, memory = (self.waters.ticks(seconds) for seconds in (p.again_s, p.memory_s))
+        again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))
         recall = Recall(fish.tick, fish.recent, soon, again, memory)
         rows, chance = ways(swum, fish.row)
-        most = max(1, self.waters.ticks(p.follow_most_s))
+        most = max(1, self.waters.ticks(p.follow_most))
         if fish.since + 1 >= most and len(rows) > 1:
             chance[-1] = 0.0
         costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
@@ -112,7 +112,7 @@ class ForecastSwimmer:
             rows, chance = farther(swum, rows)
             costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
         with np.errstate(divide="ignore"):
-            liked = np.log(chance) - costs / self.waters.ticks(p.chance_s)
+            liked = np.log(chance) - costs / self.waters.ticks(p.chance)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
         ticks = int(rng.geometric(1 / swum.follow))
         best = -1
@@ -127,7 +127,8 @@ class ForecastSwimmer:
         if best == 0:  # a wall holds it up: along it, and round to the aim
             error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - way[0, 2])
             way[0, :2] = self.waters.tank.into(*way[0, :2])
-            way[0, 2] += min(max(error, -p.spot_deg), p.spot_deg)
+            most_deg = self.waters.spot_deg
+            way[0, 2] += min(max(error, -most_deg), most_deg)
             there = not goal.free and touches(way[0, 0], way[0, 1], way[0, 2], goal)
             best, touched = 1, 0 if there else len(way)
         n = min(best, touched + 1)

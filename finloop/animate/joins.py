@@ -65,14 +65,13 @@ class Joins:
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: Settings, bodies: Bodies, rate_hz: float, helps: Helps) -> Joins:
-    """The joins of the parameters, their times in ticks."""
-    memory = bodies.poses.memory_frames / rate_hz
-    seconds = p.join_s
-    if seconds == "auto":
-        seconds = min(max(memory, p.join_least_s), p.join_most_s)
-    fade = 0 if p.join == CUT else round(p.fade_s * rate_hz)
-    return Joins(p.join, fade, max(float(seconds) * rate_hz, 1.0), bodies, helps)
+def joins(p: Settings, bodies: Bodies, delta: int, helps: Helps) -> Joins:
+    """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
+    time = p.join_time
+    if time == "auto":
+        time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
+    fade = 0 if p.join == CUT else round(p.fade * delta)
+    return Joins(p.join, fade, max(float(time) * delta, 1.0), bodies, helps)
 
 
 @dataclass(frozen=True)

@@ -26,19 +26,20 @@ class FilmSwimmer:
 
     def __init__(self, waters: Waters) -> None:
         self.waters = waters
-        motion, settings, rate = waters.motion, waters.settings, waters.motion.rate_hz
+        motion, settings = waters.motion, waters.settings
+        rate, delta = motion.rate_hz, motion.delta
         swims = waters.film.speed[waters.film.more]
         self.rules = Rules(
             pace=float(np.quantile(swims, 0.75)) * motion.body_length_px / rate,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            horizon=max(2, waters.ticks(settings.look_ahead_s)),
-            stride=max(1, waters.ticks(settings.stride_s)),
-            stay=max(1, waters.ticks(settings.stay_s)),
+            horizon=max(2, waters.ticks(settings.look_ahead)),
+            stride=max(1, waters.ticks(settings.stride)),
+            stay=max(1, waters.ticks(settings.stay)),
             beam=settings.beam,
-            seam=settings.seam_s * rate,
-            jerk=settings.jerk_s * rate,
-            again=settings.again_s * rate,
-            memory=settings.memory_s * rate,
+            seam=settings.seam * delta,
+            jerk=settings.jerk * delta**2 / rate,
+            again=settings.again * delta,
+            memory=settings.memory * delta,
             error=settings.most_error_deg,
         )
 
@@ -97,7 +98,9 @@ class FilmSwimmer:
         if not allowed.any():
             return None
         value = np.where(allowed, options.value, np.inf)
-        free = rng.exponential(self.waters.settings.free_s, len(value))
+        motion = self.waters.motion
+        free_s = self.waters.settings.free * motion.delta / motion.rate_hz
+        free = rng.exponential(free_s, len(value))
         return replace(options, taken=int(np.argmin(value + free)))
 
     def play(self, fish: Fish, options: Options, goal: Spot, aim: Spot) -> Stretch:
@@ -116,7 +119,7 @@ class FilmSwimmer:
 
     def _on_the_spot(self, fish: Fish, aim: Spot) -> Stretch:
         """No way within the tank: turn towards the aim where it is, while the film goes on."""
-        film, spot_deg = self.waters.film, self.waters.settings.spot_deg
+        film, spot_deg = self.waters.film, self.waters.spot_deg
         ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1
         rot = fish.rot

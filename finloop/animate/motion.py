@@ -91,7 +91,7 @@ class Course:
     heading_deg: Floats
     forward: Floats
     sideways: Floats
-    growth: Floats  # of the speed, as a share of itself, per second
+    growth: Floats  # of the speed, as a share of itself, in a Δ
     sway: Floats  # deviation of the bend within Δ
     kind: NDArray[np.int8]
 
@@ -114,7 +114,7 @@ def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course
     mean = scipy.ndimage.uniform_filter1d(bend, delta + 1)
     spread = scipy.ndimage.uniform_filter1d(bend**2, delta + 1) - mean**2
     speed = np.hypot(*moved.T) * rate_hz
-    faster = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * rate_hz
+    faster = np.gradient(scipy.ndimage.uniform_filter1d(speed, delta)) * delta
     return Course(
         speed=speed,
         heading_deg=heading,
@@ -144,7 +144,8 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
     low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
     runs = [(c, *run) for c in courses for run in _runs(c.kind)]
     straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
-    phases = _phases(straight, settings.still * float(np.quantile(beating, 0.9)), settings)
+    still = settings.still * float(np.quantile(beating, 0.9))
+    phases = _phases(straight, still, delta, settings)
     turning = [run for run in runs if run[1] != TYPE_STRAIGHT]
     turns = _turns(turning, rate_hz, delta) or _turns([_whole(c) for c in courses], rate_hz, delta)
     if turns is None:
@@ -186,12 +187,13 @@ def _runs(kind: NDArray[np.int8]) -> list[tuple[int, int, int]]:
 Run = tuple[Course, int, int, int]
 
 
-def _phases(runs: list[Run], still: float, settings: Settings) -> Phases:
+def _phases(runs: list[Run], still: float, delta: int, settings: Settings) -> Phases:
     """still: sway below which a tail is still."""
+    limits = still, settings.steady, max(1, round(settings.phase_least * delta))
     rows = []
     for c, _, first, last in runs:
         came = TURN if first > 0 else -1
-        for label, a, b in _labels(c, first, last, still, settings):
+        for label, a, b in _labels(c, first, last, limits):
             prior = max(a - 1, 0)
             drifted = c.heading_deg[a:b] - c.heading_deg[prior]
             if np.abs(drifted).max() <= settings.phase_drift_deg:
@@ -213,10 +215,13 @@ def _phases(runs: list[Run], still: float, settings: Settings) -> Phases:
 
 
 def _labels(
-    c: Course, first: int, last: int, still: float, settings: Settings
+    c: Course, first: int, last: int, limits: tuple[float, float, int]
 ) -> list[tuple[int, int, int]]:
-    """(state, first, one past the last) of the phases of a straight run."""
-    here, steady, least = slice(first, last), settings.steady, settings.phase_ticks
+    """(state, first, one past the last) of the phases of a straight run.
+
+    limits: of the sway of a still tail, of the growth of a steady speed, and of ticks, at least.
+    """
+    here, (still, steady, least) = slice(first, last), limits
     growth = c.growth[here]
     label = np.select(
         [c.sway[here] < still, growth > steady, growth < -steady],

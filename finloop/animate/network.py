@@ -195,7 +195,7 @@ class SpriteSwimmer:
         """Slow down before a wall."""
         motion, fish = self.waters.motion, course.fish
         ticks = motion.delta
-        speed = fish.speed * self.waters.settings.brake ** np.arange(1, ticks + 1)
+        speed = fish.speed * self.waters.settings.brake ** (np.arange(1, ticks + 1) / ticks)
         speed = np.maximum(speed, motion.low)
         none = np.zeros(ticks)
         way, good, touched = step.straight(

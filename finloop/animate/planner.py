@@ -119,7 +119,9 @@ def planner(made: Material, p: Settings) -> Planner:
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
-    company = players(waters, cast, made.model, gates, joins(p, bodies, rate_hz, pictures.helps))
+    company = players(
+        waters, cast, made.model, gates, joins(p, bodies, motion.delta, pictures.helps)
+    )
     swum = None if made.forecast is None else endless(made.forecast, way.more)
     if swum is not None and swum.usable.any() and p.sprites == "learned":
         swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy())

@@ -66,7 +66,7 @@ def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generato
     Network mode until a gateway fits. In the film every loop end asks whether a way on is legal and
     gains enough; if not, out by a gateway, which is waited for a moment.
     """
-    film, least = crossing.film, crossing.waters.ticks(crossing.waters.settings.network_s)
+    film, least = crossing.film, crossing.waters.ticks(crossing.waters.settings.network_least)
     if fish.row < 0:
         if fish.since < least:
             return crossing.sprites.figure18(fish, goal, rng)

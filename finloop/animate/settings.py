@@ -32,30 +32,30 @@ class Settings:
     # how a picture follows on another: the pose goes on as it was and the difference dies away, the
     # two pictures are mixed as they are, or neither
     join: Literal["inertial", "fade", "cut"]
-    # s, after which 5 % of the difference are left; auto: so long as a posture remembers itself
-    join_s: Literal["auto"] | Positive
-    join_least_s: Positive  # s, the shortest that is taken where join_s is auto ...
-    join_most_s: Positive  # ... and the longest
-    fade_s: NotNegative  # s, cross-fade of the pictures; 0 = none
+    # Δ, after which 5 % of the difference are left; auto: so long as a posture remembers itself
+    join_time: Literal["auto"] | Positive
+    join_least: Positive  # Δ, the shortest that is taken where join_time is auto ...
+    join_most: Positive  # ... and the longest
+    fade: NotNegative  # Δ, cross-fade of the pictures; 0 = none
     # natural steps; pictures farther apart (Eq. 5) are not mixed where joins are fades
     fade_steps: NotNegative
     reach_quantile: Share  # of the frames' reach; wider frames, mostly faults, are not shown
 
     # What the film shows of swimming (Fig. 18).
     still: Share  # a tail counts as still below this share of a beating tail's movement
-    steady: NotNegative  # per second; a speed that changes by a smaller share of itself is steady
+    steady: NotNegative  # a speed that changes by a smaller share of itself in a Δ is steady
     phase_drift_deg: Positive  # a phase whose heading drifts farther is a turn and is left out
-    phase_ticks: Count  # shorter phases belong to the one before
+    phase_least: NotNegative  # Δ; shorter phases belong to the one before
     speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
     speed_high: Share  # ... and the upper one
 
     # Network mode: as is foretold (`finloop.forecast`), or by the paper's sprites and network (Fig.
     # 18), as also where the film shows too little to foretell by
     sprites: Literal["learned", "paper"]
-    ahead_s: Positive  # s; ways are looked at so far ahead
-    chance_s: Positive  # s; a way that takes so much longer is taken a third as often
-    wall: NotNegative  # s that a way costs for every second that a wall holds it up
-    follow_most_s: Positive  # s; a row of the film is followed so long at most
+    ahead: Positive  # Δ; ways are looked at so far ahead
+    chance: Positive  # Δ; a way that takes so much longer is taken a third as often
+    wall: NotNegative  # Δ that a way costs for every Δ that a wall holds it up
+    follow_most: Positive  # Δ; a row of the film is followed so long at most
     # Sprites in network mode (Fig. 18).
     alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
     turn_quantile: Share  # of the film's turns; a smaller error of the heading is left to drift
@@ -68,7 +68,7 @@ class Settings:
     # shares of a turn's displacement, tried one after the other until the turn has room
     ease: Annotated[tuple[Share, ...], Field(min_length=1)]
     hold: Annotated[int, Field(ge=0)]  # Δ that the strongest bend of a turn is held for, at most
-    brake: Share  # of the speed that is left after each tick before a wall
+    brake: Share  # of the speed that is left after each Δ before a wall
     pace_low: Positive  # slowest playing of a tail beat; 1 = as filmed ...
     pace_high: Positive  # ... and the fastest
     turn_floor: Positive  # each tick of a turn turns at least this share of it
@@ -81,20 +81,20 @@ class Settings:
     wander: Literal["film", "places"]
     # from frame to frame at the paper's loops, or at a frame's nearest neighbours and mirror images
     jumps: Literal["neighbours", "loops"]
-    stay_s: Positive  # s between two jumps, at least
-    look_ahead_s: Positive  # s; ways through the film are followed so far ahead
-    stride_s: Positive  # s; loop ends nearer to the last decision are passed by
+    stay: Positive  # Δ between two jumps, at least
+    look_ahead: Positive  # Δ; ways through the film are followed so far ahead
+    stride: Positive  # Δ; loop ends nearer to the last decision are passed by
     beam: Count  # ways that are followed at once
-    seam_s: NotNegative  # s; so long a detour equals a seam of one natural step ...
-    jerk_s: NotNegative  # ... a change of speed by one body length/s ...
-    again_s: NotNegative  # ... frames that were on screen just now
-    memory_s: Positive  # s; what was on screen so long ago costs nothing any more
-    free_s: Positive  # s; ways whose cost differs by about so much are equally good
+    seam: NotNegative  # Δ; so long a detour equals a seam of one natural step ...
+    jerk: NotNegative  # ... a change of speed by one body length in a Δ ...
+    again: NotNegative  # ... frames that were on screen just now
+    memory: Positive  # Δ; what was on screen so long ago costs nothing any more
+    free: Positive  # Δ; ways whose cost differs by about so much are equally good
     # degrees, third test of Fig. 19: a way must not end heading farther off the goal
     most_error_deg: Annotated[float, Field(ge=0, le=180)]
-    spot_deg: Positive  # degrees per tick, a fish without a way turns on the spot at most so fast
+    spot_deg: Positive  # degrees in a Δ; a fish without a way turns on the spot at most so fast
 
     # Hybrid mode (Fig. 19).
-    # s that a fish stays in network mode at least, and waits for a gateway
-    network_s: NotNegative
+    # Δ that a fish stays in network mode at least, and waits for a gateway
+    network_least: NotNegative
     gain: NotNegative  # a way of the film leads to the goal at such a share of a brisk pace

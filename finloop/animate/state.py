@@ -36,9 +36,14 @@ class Waters:
     head_px: float
     settings: Settings
 
-    def ticks(self, seconds: float) -> int:
-        """A time of the settings, in ticks."""
-        return round(seconds * self.motion.rate_hz)
+    def ticks(self, time: float) -> int:
+        """A time of the settings, in Δ, in ticks."""
+        return round(time * self.motion.delta)
+
+    @property
+    def spot_deg(self) -> float:
+        """How many degrees a tick a fish without a way turns where it is, at most."""
+        return self.settings.spot_deg / self.motion.delta
 
     def aim(self, fish: "Fish", goal: Spot, near_px: float) -> Spot:
         """The point to head for: where the goal is nearest, or what is in sight of the way there.
@@ -221,6 +226,6 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
 
 def _remembered(fish: Fish, stretch: Stretch, waters: Waters) -> Ints:
     """The film that was on screen within the memory, with that of a stretch."""
-    since = fish.tick - waters.settings.memory_s * waters.motion.rate_hz
+    since = fish.tick - waters.settings.memory * waters.motion.delta
     first, last = stretch.number[[0, -1]].tolist()
     return remembered(fish.recent, first, last, fish.tick, since)

@@ -161,9 +161,9 @@ def split_by_blocks(
     """
     if block_frames < rows.delta_frames:  # a window would reach over a whole block
         raise FinloopError(
-            f"bpn.block_s is {block_frames} frames, and Δ, features.delta_s, {rows.delta_frames}",
+            f"bpn.block is {block_frames} frames, and Δ, features.delta_s, {rows.delta_frames}",
             "blocks that are at least as long as Δ, better ten times",
-            "a larger bpn.block_s",
+            "a larger bpn.block",
         )
     first, last = rows.frame // block_frames, (rows.frame + rows.delta_frames) // block_frames
     if len(np.unique(first)) < 2:
@@ -171,7 +171,7 @@ def split_by_blocks(
             f"the film has rows to learn from in {len(np.unique(first))} block(s) of "
             f"{block_frames} frames",
             "at least two: one to learn from, one to hold out",
-            "a smaller bpn.block_s, or a longer film",
+            "a smaller bpn.block, or a longer film",
         )
     chosen = _chosen(first, held_out, rng)
     begins, ends = np.isin(first, chosen), np.isin(last, chosen)
@@ -191,7 +191,7 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
     return _enough(~held, held)
 
 
-def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
+def split(rows: Rows, by: str, p: Settings) -> tuple[Mask, Mask]:
     """Rows to learn from and rows held out, (n,) each, by "blocks" or by "tracks".
 
     Of a long film `p.most_rows` are learnt from.
@@ -201,7 +201,7 @@ def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]
         train, held_out = split_by_tracks(rows, p.held_out, rng)
     else:
         least = rows.delta_frames + LEAST_HELD_OUT
-        block = block_frames(p.block_s, p.held_out, rate_hz, rows.frame, least)
+        block = block_frames(p.block, p.held_out, rows.delta_frames, rows.frame, least)
         train, held_out = split_by_blocks(rows, block, p.held_out, rng)
     known = np.flatnonzero(train)
     if len(known) > p.most_rows:
@@ -209,16 +209,16 @@ def split(rows: Rows, by: str, p: Settings, rate_hz: float) -> tuple[Mask, Mask]
     return train, held_out
 
 
-def split_or_all(rows: Rows, p: Settings, rate_hz: float) -> tuple[Mask, Mask]:
+def split_or_all(rows: Rows, p: Settings) -> tuple[Mask, Mask]:
     """`split` by `p.split`; where the film is too short for that, all rows and none held out.
 
     FinloopError if the film has no rows, or if it is `p` that leaves too few: whole tracks, or
     blocks shorter than Δ.
     """
     try:
-        return split(rows, p.split, p, rate_hz)
+        return split(rows, p.split, p)
     except FinloopError:
-        chosen = p.split == "tracks" or round(p.block_s * rate_hz) < rows.delta_frames
+        chosen = p.split == "tracks" or p.block < 1
         if chosen or not len(rows.inputs):
             raise
     every = np.ones(len(rows.inputs), bool)
@@ -245,6 +245,6 @@ def _enough(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:
             f"at least {LEAST_TRAIN} and {LEAST_HELD_OUT}: frames t whose fish is still tracked "
             "at t + Δ, on the same side of the split",
             "a longer film with longer tracks; another bpn.held_out; with bpn.split=blocks "
-            "another bpn.block_s, well above features.delta_s",
+            "another bpn.block, well above features.delta_s",
         )
     return train, held_out

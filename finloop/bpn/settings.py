@@ -23,7 +23,7 @@ class Settings:
     batch_size: Count  # rows a step, their gradients summed; 1 is the paper's rule, but slower
     seed: Seed  # for the split, the first weights and the order of rows
     split: Literal["blocks", "tracks"]  # held out: stretches of time of all fish | whole tracks
-    # s, a stretch of time, well above `features.delta_s`; a short film's are shorter
-    block_s: Positive
+    # Δ, a stretch of time, well above 1; a short film's are shorter
+    block: Positive
     held_out: Share  # share of the rows that is never learnt from, to measure the error there
     device: Literal["cpu", "cuda"]  # cuda is slower for a network of this size

@@ -37,14 +37,14 @@ def memory_frames(postures: Reals, track: Ints) -> float:
     return float(most)
 
 
-def block_frames(block_s: float, held_out: float, rate_hz: float, frame: Ints, least: int) -> int:
-    """How long a stretch of time is, in frames, that is held out together: `block_s`, or less.
+def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: int) -> int:
+    """How long a stretch of time is, in frames, that is held out together: `block` Δ, or less.
 
     In a short film it is the share `held_out` of the film, and `least` frames at least.
-    frame (n,): of the rows.
+    delta: Δ in frames; frame (n,): of the rows.
     """
     film = int(np.ptp(frame)) + 1 if len(frame) else 1
-    return min(max(1, round(block_s * rate_hz)), max(least, int(held_out * film)))
+    return min(max(1, round(block * delta)), max(least, int(held_out * film)))
 
 
 def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:

@@ -30,7 +30,7 @@ def split(film: FilmStates, p: Settings) -> Partition:
         If the film is shorter than two such stretches.
     """
     rows, least = film.rows, int(film.lags[-1]) + 2
-    block = block_frames(p.block_s, p.held_out, film.rate_hz, film.frame[rows], least)
+    block = block_frames(p.block, p.held_out, film.delta, film.frame[rows], least)
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
     blocks = np.unique(first)
     count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
@@ -42,7 +42,7 @@ def split(film: FilmStates, p: Settings) -> Partition:
             f"{len(parts.train)} rows to learn from and {len(parts.held_out)} held out, by "
             f"stretches of {block} frames",
             "some of both",
-            "a smaller forecast.block_s, or a longer film",
+            "a smaller forecast.block, or a longer film",
         )
     rng = np.random.default_rng((p.seed, 2))
     return Partition(*(

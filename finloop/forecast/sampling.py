@@ -67,12 +67,12 @@ def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Sett
     some = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
     source = np.searchsorted(graph[0], some, "right") - 1
     differ = film.control[source] - film.control[graph[1][some]]
-    half_s = np.repeat([p.settle_pose_s, p.settle_motion_s], [d - MOTION, MOTION])
+    half = np.repeat([p.settle_pose, p.settle_motion], [d - MOTION, MOTION])
     return Sampler(
         model.net(), np.nan_to_num(film.states), mean, np.nan_to_num(film.control), film.usable,
         film.states[rows].min(0), film.states[rows].max(0), film.lags,
-        0.5 ** (1 / (half_s * film.rate_hz)), *graph,
-        max(1.0, p.follow_s * film.rate_hz, film.memory),
+        0.5 ** (1 / (half * film.delta)), *graph,
+        max(1.0, p.follow * film.delta, film.memory),
         p.obey * np.sqrt((differ**2).mean(0)),
     )  # fmt: skip
 

@@ -30,8 +30,8 @@ class Settings:
     # fish whose state the film does not show back to those that it does
     noise: NotNegative
     seed: Seed  # for the split, the first weights, the order of rows and the noise
-    # s; stretches of time, of all fish, that are held out together; a short film's are shorter
-    block_s: Positive
+    # Δ; stretches of time, of all fish, that are held out together; a short film's are shorter
+    block: Positive
     held_out: Share  # share of the rows that is never learnt from
 
     # The spread: the film's departures from the mean, of rows in similar states.
@@ -39,10 +39,10 @@ class Settings:
     fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
     look: Positive  # deviations in light and skin; rows so far apart at most are similar ...
     seen: Positive  # ... and natural steps, to the eye, the one drawn in the other's pose
-    # s, on average, for which the departures of successive rows are taken; longer in a film whose
+    # Δ, on average, for which the departures of successive rows are taken; longer in a film whose
     # postures last longer
-    follow_s: Positive
+    follow: Positive
     obey: Positive  # of how much the controls of similar rows differ; so well is a control followed
-    # s in which a difference to the row that is followed halves, beside what the network foretells:
-    settle_pose_s: Positive  # of the posture
-    settle_motion_s: Positive  # of forward, sideways and turning speed
+    # Δ in which a difference to the row that is followed halves, beside what the network foretells:
+    settle_pose: Positive  # of the posture
+    settle_motion: Positive  # of forward, sideways and turning speed

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema
 from finloop.distance.picture import BODY, distance
-from finloop.features.table import direction_deg, orientations_of, wrap_deg
+from finloop.features.table import delta_of, direction_deg, orientations_of, wrap_deg
 from finloop.gateways.settings import Settings
 from finloop.reel import Reel
 
@@ -136,19 +136,18 @@ def _left(features: pd.DataFrame) -> Ints:
 
 
 def gateways(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, rate_hz: float,
-    step: float, settings: Settings,
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, step: float, settings: Settings
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
 
     `step` is the median natural step. A sprite leads to its `top_in` nearest rows in each
-    orientation, that are `apart_s` apart and have `least_s` of their track ahead. A row leads to
+    orientation, that are `apart` apart and have `least` of their track ahead. A row leads to
     the `top_out` sprites of each sequence nearest to the next one. The last row of a track has no
     way out, and a turn is entered by its first sprite only.
     """
     most = settings.threshold * step
     ways = [
-        _ways_in(near, features, rate_hz, most, settings),
+        _ways_in(near, features, most, settings),
         _ways_out(near, sprites, features, most, settings.top_out),
     ]
     table = pd.concat(
@@ -164,11 +163,12 @@ def gateways(
 
 
 def _ways_in(
-    near: Nearness, features: pd.DataFrame, rate_hz: float, most: float, settings: Settings
+    near: Nearness, features: pd.DataFrame, most: float, settings: Settings
 ) -> pd.DataFrame:
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
-    lasts = _left(features)[near.rows] >= settings.least_s * rate_hz
+    delta = delta_of(features)
+    lasts = _left(features)[near.rows] >= settings.least * delta
     ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(near.orientation):
         rows = np.flatnonzero(lasts & (near.orientation == number))
@@ -178,7 +178,7 @@ def _ways_in(
             best: list[int] = []
             while len(order) and len(best) < settings.top_in:
                 best.append(int(order[0]))
-                late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart_s * rate_hz
+                late = np.abs(frame[order] - frame[best[-1]]) >= settings.apart * delta
                 order = order[(late & (order != best[-1])) | (track[order] != track[best[-1]])]
             far = near.ahead[sprite, best]
             ways += zip(repeat(sprite), near.rows[best], count(1), far, strict=False)
@@ -211,12 +211,11 @@ def _ways_out(
 
 
 def nearest(
-    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, rate_hz: float,
-    settings: Settings,
+    near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: Settings
 ) -> pd.DataFrame:  # fmt: skip
     """The table of `GATEWAYS` as it is without a threshold: what a higher one would let in."""
     endless = replace(settings, threshold=np.inf)
-    return gateways(near, sprites, features, rate_hz, 1.0, endless)
+    return gateways(near, sprites, features, 1.0, endless)
 
 
 def numbers(

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.features.table import delta_of
 from finloop.jumps.search import Search, chosen
 from finloop.jumps.seen import Seen
 from finloop.jumps.settings import Settings
@@ -31,7 +32,7 @@ class FilmJumps(NamedTuple):
 
 
 def film_jumps(
-    reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings,
+    reel: Reel, poses: FilmPoses, settings: Settings,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
     """Where a film can go on; poses: of the reel's rows; advance: told how many rows are done.
@@ -39,12 +40,12 @@ def film_jumps(
     A fish whose sides differ is not mirrored, unless it is asked for.
     """
     track = reel.features["track_id"].to_numpy()
-    made = parts(reel, poses, rate_hz, settings)
+    made = parts(reel, poses, settings)
     sides, hand = sides_apart(Straight(reel, poses, settings.look_px), track), handedness(made)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(made, reel.step_ends, settings)
-    least = max(1, round(settings.least_s * rate_hz))
+    least = max(1, round(settings.least * delta_of(reel.features)))
     search = Search.of(values, track, settings.candidates, least, mirror)
     seen, tables = Seen.of(reel, poses, settings.look_px), []
     for start in range(0, len(track), _LOT):

@@ -24,9 +24,9 @@ _FITTED = 600  # pictures at most that the principal components are fitted to
 class Parts(NamedTuple):
     """What rows are compared in, each (2, n, k): of the film [0] and of its mirror image [1].
 
-    pose: codes of principal shapes; change: of these in a second; motion: speeds ahead and aside,
-    body lengths/s, and of turning, °/s, anticlockwise; look: principal components of the pictures
-    drawn straight.
+    pose: codes of principal shapes; change: of these in a frame; motion: speeds ahead and aside,
+    body lengths a frame, and of turning, ° a frame, anticlockwise; look: principal components of
+    the pictures drawn straight.
     """
 
     pose: Floats
@@ -73,13 +73,13 @@ def _components(straight: Straight, count: int) -> Floats:
     return np.concatenate(lots, axis=1).astype(float)
 
 
-def parts(reel: Reel, poses: FilmPoses, rate_hz: float, settings: Settings) -> Parts:
+def parts(reel: Reel, poses: FilmPoses, settings: Settings) -> Parts:
     """The parts of all rows; poses: of the reel's rows."""
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
-    change = np.stack([_slope(one, reel.goes_on, span) for one in pose]) * rate_hz
+    change = np.stack([_slope(one, reel.goes_on, span) for one in pose])
     look = _components(Straight(reel, poses, settings.look_px), settings.look_numbers)
-    return Parts(pose, change, _motion(reel, rate_hz, span), look)
+    return Parts(pose, change, _motion(reel, span), look)
 
 
 def signatures(made: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
@@ -114,7 +114,7 @@ def _slope(values: Floats, goes_on: Mask, span: int) -> Floats:
     return (values[b] - values[a]) / np.maximum(b - a, 1)[:, None]
 
 
-def _motion(reel: Reel, rate_hz: float, span: int) -> Floats:
+def _motion(reel: Reel, span: int) -> Floats:
     """Speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows and mirror images."""
     features = reel.features
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.lengths_px[:, None]
@@ -123,6 +123,6 @@ def _motion(reel: Reel, rate_hz: float, span: int) -> Floats:
         np.unwrap(one, period=360)
         for one in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
     ])  # fmt: skip
-    moved = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span) * rate_hz
+    moved = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span)
     speed = np.column_stack([ahead_left(moved[:, :2], np.radians(heading)), moved[:, 2]])
     return np.stack([speed, speed * (1, -1, -1)])

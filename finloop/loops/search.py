@@ -82,9 +82,9 @@ def find(
     -------
     loops : columns of `LOOPS`, sorted by filtered distance; counts.
     """
-    loops, counts = _candidates(pairs, features, rate_hz, settings.threshold * step, settings)
+    loops, counts = _candidates(pairs, features, settings.threshold * step, settings)
     if loops.empty:
-        raise _none(pairs, features, rate_hz, step, settings)
+        raise _none(pairs, features, step, settings)
     loops = loops[chosen(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
     loops = loops.reset_index(drop=True)
     track = features["track_id"].to_numpy()
@@ -95,14 +95,19 @@ def find(
     return loops[LOOPS.names], counts
 
 
+def least_frames(delta: int, settings: Settings) -> int:
+    """Frames between the ends of a loop within one track, at least; delta: Δ in frames."""
+    return max(1, round(settings.least * delta))
+
+
 def _candidates(
-    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, limit: float, settings: Settings
+    pairs: SparseMap, features: pd.DataFrame, limit: float, settings: Settings
 ) -> tuple[pd.DataFrame, Counts]:
     """All proper local minima of filtered D up to `limit`, best first."""
     track = features["track_id"].to_numpy(np.int32)
     value = filtered(pairs, track, settings.dynamics, limit)
-    radius = max(1, round(settings.apart_s * rate_hz))
-    least = max(1, round(settings.least_s * rate_hz))
+    delta = delta_of(features)
+    radius, least = max(1, round(settings.apart * delta)), least_frames(delta, settings)
     at, a = minima(pairs, value, track, radius, least)
     b = pairs.j[at]
     bad = improper(a, b, features, settings.improper_deg)
@@ -279,20 +284,18 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     return ranked(name[part[:n]])
 
 
-def _none(
-    pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
-) -> NoLoops:
+def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Settings) -> NoLoops:
     """Say why there are no loops, and what would have given some."""
     goal = "at least one pair of similar frames at which the film can go on as the other"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
-    least = max(1, round(settings.least_s * rate_hz))
+    least = least_frames(delta_of(features), settings)
     if len(np.unique(track)) == 1 and longest <= least:
         return NoLoops(
             f"one track of {longest} frames, and the ends of a loop are at least {least} apart "
-            f"(loops.least_s {settings.least_s:g} s)",
+            f"(loops.least {settings.least:g} Δ)",
             goal,
-            "take a longer clip, or a smaller loops.least_s",
+            "take a longer clip, or a smaller loops.least",
         )
     if len(pairs.j) == 0:
         return NoLoops(
@@ -301,7 +304,7 @@ def _none(
             "let more be compared: a greater distance.keep or distance.area_threshold, or "
             "distance.pose=body; or take a longer clip",
         )
-    any_far, _ = _candidates(pairs, features, rate_hz, np.inf, settings)
+    any_far, _ = _candidates(pairs, features, np.inf, settings)
     if len(any_far):
         enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
         return NoLoops(
@@ -311,9 +314,9 @@ def _none(
         )
     return NoLoops(
         f"no video loops at any threshold: of {len(pairs.j)} pairs of similar frames none passes "
-        f"loops.least_s {settings.least_s:g}, loops.dynamics {settings.dynamics}, "
+        f"loops.least {settings.least:g}, loops.dynamics {settings.dynamics}, "
         f"loops.improper_deg {settings.improper_deg:g}",
         goal,
-        "a smaller loops.least_s, loops.dynamics=0, loops.improper_deg=180, a greater "
+        "a smaller loops.least, loops.dynamics=0, loops.improper_deg=180, a greater "
         "distance.keep; or take a longer clip",
     )

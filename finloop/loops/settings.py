@@ -13,8 +13,8 @@ class Settings:
     """Which pairs of frames become loops."""
 
     threshold: NotNegative  # median natural steps: the largest distance along a loop
-    least_s: Positive  # s between the ends of a loop within one track, at least
-    apart_s: Positive  # s; of loops whose ends are nearer to each other than this, the best is kept
+    least: Positive  # Δ between the ends of a loop within one track, at least
+    apart: Positive  # Δ; of loops whose ends are nearer to each other than this, the best is kept
     # frames before and after that are compared, too; 0 = none
     dynamics: Annotated[int, Field(ge=0, le=50)]
     # degrees; a loop that travels farther from the fish's heading is dropped (Fig. 13)

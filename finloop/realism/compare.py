@@ -8,6 +8,7 @@ import pandas as pd
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
+from finloop.features.table import delta_of
 from finloop.realism.auc import Auc, Scores, auc
 from finloop.realism.classifier import answers
 from finloop.realism.instrument import Swimming
@@ -44,21 +45,22 @@ class Sample:
     frame_s: Floats
     largest: float
     rate_hz: float
+    delta: int
     p: Settings
 
     @property
     def cut(self) -> Cutting:
         """Times of the parameters in frames."""
         p = self.p
-        return cutting(p.window_s, p.stride_s, p.step_s, self.rate_hz)
+        return cutting(p.window, p.stride, p.step, self.delta)
 
     def windows(self, one: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
         """Windows of film or animation, by blocks of the film's time; part (n,): rows to take."""
-        p, gap = self.p, self.p.gap_s
+        p, gap = self.p, self.p.gap * self.delta / self.rate_hz
         plays = one.row >= 0
         time_s = self.frame_s[np.where(plays, one.row, 0)]
         own = equal_blocks(one.time_s, p.blocks)
-        chunk = max(1, round(p.cluster_s * self.rate_hz))
+        chunk = max(1, round(p.cluster * self.delta))
         tick = np.round(one.time_s * self.rate_hz).astype(np.int64)
         ticks = Ticks(
             np.where(plays, film.of(time_s), own.of(one.time_s)),
@@ -108,7 +110,9 @@ class Sample:
 def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) -> Sample:
     """What an animation is held against. features: columns of `FEATURES`, all of the film."""
     frame_s = features["frame"].to_numpy(float) / rate_hz
-    return Sample(film, frame_s, float(film.table["motion_area"].max()), rate_hz, p)
+    return Sample(
+        film, frame_s, float(film.table["motion_area"].max()), rate_hz, delta_of(features), p
+    )
 
 
 @dataclass(frozen=True)
@@ -149,7 +153,7 @@ def refuse(sides: tuple[Windows, Windows], p: Settings) -> None:
             f"windows of the film that blocks test {tested.tolist()} and learn from "
             f"{learnt.tolist()}, of what it is compared with {learnt_other.tolist()}",
             f"at least {LEAST} of each in each of {p.blocks} blocks",
-            "a longer film, fewer realism.blocks, or shorter realism.window_s and gap_s",
+            "a longer film, fewer realism.blocks, or shorter realism.window and gap",
         )
 
 

@@ -14,13 +14,14 @@ class Settings:
 
     # s, of animation in each mode, and of film at most; its tracks stay whole
     seconds: Positive
-    window_s: Positive  # s, the classifier sees so much of a fish at once
-    stride_s: Positive  # s, from the beginning of a window to that of the next one
-    step_s: Positive  # s; the channels of a window are means over so long, at least a frame
+    window: Positive  # Δ, the classifier sees so much of a fish at once
+    stride: Positive  # Δ, from the beginning of a window to that of the next one
+    step: Positive  # Δ; the channels of a window are means over so long, at least a frame
     # blocks of time; each is tested by a classifier that has learnt from the others
     blocks: Annotated[int, Field(ge=2)]
-    gap_s: NotNegative  # s of film before and after a block that its classifier does not learn from
-    cluster_s: Positive  # s; windows that begin within so long are one observation of the interval
+    # Δ of film before and after a block that its classifier does not learn from
+    gap: NotNegative
+    cluster: Positive  # Δ; windows that begin within so long are one observation of the interval
     rounds: Count  # trees of the classifier
     leaves: Annotated[int, Field(ge=2)]  # of a tree, at most
     leaf_windows: Count  # windows in a leaf, at least

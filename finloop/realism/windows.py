@@ -83,12 +83,10 @@ class Cutting(NamedTuple):
     step: int
 
 
-def cutting(window_s: float, stride_s: float, step_s: float, rate_hz: float) -> Cutting:
-    """Times in frames of a film; a window is a whole number of steps."""
-    step = max(1, round(step_s * rate_hz))
-    return Cutting(
-        step * max(1, round(window_s * rate_hz / step)), max(1, round(stride_s * rate_hz)), step
-    )
+def cutting(window: float, stride: float, step: float, delta: int) -> Cutting:
+    """Times, given in Δ, in frames of a film; a window is a whole number of steps."""
+    step = max(1, round(step * delta))
+    return Cutting(step * max(1, round(window * delta / step)), max(1, round(stride * delta)), step)
 
 
 def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:

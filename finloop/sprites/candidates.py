@@ -19,15 +19,15 @@ from finloop.sprites.settings import Settings
 from finloop.sprites.swimmers import smooth, spans
 
 
-def beats(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+def beats(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
     """Every stretch that is one tail beat, swum straight: a row each, with its faults.
 
     Columns: start, length (rows of `table`), and one per fault. The frame after the last is in the
     track too, since it is compared with the first.
     """
-    least = max(settings.beat_frames, round(settings.beat_least_s * rate_hz))
+    least = max(settings.beat_frames, round(settings.beat_least * delta))
     parts = []
-    for track, n, start, at in _straight(table, least, round(settings.beat_most_s * rate_hz)):
+    for track, n, start, at in _straight(table, least, round(settings.beat_most * delta)):
         tail = sliding_window_view(track["tail"].to_numpy(), n)[start]
         power = np.abs(np.fft.rfft(tail - tail.mean(1, keepdims=True), axis=1)) ** 2
         power[:, 1 : (n + 1) // 2] *= 2
@@ -48,14 +48,14 @@ def beats(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFra
     return waves.drop(columns="swing").assign(**{"untypical beat": untypical})
 
 
-def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+def slides(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
     """Every stretch of gliding, a row each as in `beats`.
 
-    Stretches shorter than `slide_least_s` are among them only if there are no longer ones, and
+    Stretches shorter than `slide_least` are among them only if there are no longer ones, and
     those whose tail moves more than `still` only if no tail is still.
     """
-    least = max(3, round(settings.slide_least_s * rate_hz))
-    most = max(3, round(settings.slide_most_s * rate_hz))
+    least = max(3, round(settings.slide_least * delta))
+    most = max(3, round(settings.slide_most * delta))
     typical = max(float(table.loc[table["usable"], "speed"].median()), 1e-6)
     for shortest in sorted({least, max(3, least // 2), 3}, reverse=True):
         parts = []
@@ -76,14 +76,14 @@ def slides(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFr
     return pd.DataFrame()
 
 
-def calm(table: pd.DataFrame, rate_hz: float, settings: Settings) -> pd.DataFrame:
+def calm(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
     """What stands in for a tail beat where there is none: glides, a row each as in `slides`.
 
     They are of straight swimming, else of any swimming, else of any frames, usable or not.
     """
     as_straight = table.assign(type=np.int8(STRAIGHT))
     for one in (table, as_straight, as_straight.assign(usable=True)):
-        if not (found := slides(one, rate_hz, settings)).empty:
+        if not (found := slides(one, delta, settings)).empty:
             return found
     return pd.DataFrame()
 

@@ -40,14 +40,12 @@ class Choice:
     stands_in: bool = False
 
 
-def choose(
-    table: pd.DataFrame, look: Look, rate_hz: float, settings: Settings
-) -> dict[str, Choice]:
+def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> dict[str, Choice]:
     """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    `table` is of `swimmers`. A side without a turn gets the other one mirrored; where there is no
-    tail beat or no whole turn at all, the most like one stands in. FinloopError if the settings
-    name frames that do not exist, or the fish never bends.
+    `table` is of `swimmers`; delta: Δ in frames. A side without a turn gets the other one mirrored;
+    where there is no tail beat or no whole turn at all, the most like one stands in. FinloopError
+    if the settings name frames that do not exist, or the fish never bends.
     """
     sharp = _typical_sharpness(table, look, settings)
     stretches: dict[str, Sequence[Stretch]] = {}
@@ -64,10 +62,10 @@ def choose(
         if word in SIDES:
             candidates = turns(table, SIDES[word], settings)
         else:
-            candidates = (beats if word == "straight" else slides)(table, rate_hz, settings)
+            candidates = (beats if word == "straight" else slides)(table, delta, settings)
         stretches[word] = best(word, candidates)
     if not stretches["straight"]:
-        stretches["straight"] = best("straight", calm(table, rate_hz, settings))
+        stretches["straight"] = best("straight", calm(table, delta, settings))
         stands_in.add("straight")
     if not (stretches["left"] or stretches["right"]):
         for word, side in SIDES.items():

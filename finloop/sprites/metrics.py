@@ -86,10 +86,10 @@ def loop_numbers(word: str, choice: Choice, table: pd.DataFrame, look: Look) -> 
     return result
 
 
-def is_still(choice: Choice, table: pd.DataFrame, rate_hz: float, settings: Settings) -> bool:
+def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: Settings) -> bool:
     """Whether a slide is one: long enough, and with a still tail."""
     tail = table["tail"].to_numpy()[choice.stretch.rows]
-    long = len(tail) >= round(settings.slide_least_s * rate_hz)
+    long = len(tail) >= round(settings.slide_least * delta)
     return long and float(np.ptp(tail)) <= settings.still
 
 

@@ -28,10 +28,10 @@ class Settings:
     alone: Positive  # body lengths: the least to the nearest mass centre of another fish
 
     # What counts as a slide, as a tail beat, as a turn.
-    slide_least_s: Positive  # s: the shortest slide
-    slide_most_s: Positive  # s: the longest slide
-    beat_least_s: Positive  # s: the shortest tail beat; shorter ones may be flicker
-    beat_most_s: Positive  # s: the longest tail beat; longer ones may be drift
+    slide_least: Positive  # Δ: the shortest slide
+    slide_most: Positive  # Δ: the longest slide
+    beat_least: Positive  # Δ: the shortest tail beat; shorter ones may be flicker
+    beat_most: Positive  # Δ: the longest tail beat; longer ones may be drift
     beat_frames: Annotated[int, Field(ge=3)]  # frames: the fewest of a beat; five show a wave
     swing_least: Positive  # body lengths from side to side: the smallest tail beat
     swing_most: Positive  # body lengths from side to side: the largest tail beat
@@ -68,7 +68,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         """Refuse an empty range."""
-        for name in ("slide_{}_s", "beat_{}_s", "swing_{}"):
+        for name in ("slide_{}", "beat_{}", "swing_{}"):
             least, most = name.format("least"), name.format("most")
             if getattr(self, least) > getattr(self, most):
                 raise ValueError(f"{least} is more than {most}")

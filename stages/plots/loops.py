@@ -5,7 +5,7 @@ from stages.run import run  # isort: skip  (before numpy)
 from pathlib import Path
 
 from finloop.distance.map import MapFacts
-from finloop.features.table import FEATURES
+from finloop.features.table import FEATURES, delta_of
 from finloop.io.cutouts import open_cutouts
 from finloop.io.picture import load_picture, save_figure
 from finloop.io.record import load_record
@@ -13,7 +13,7 @@ from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, shown_ends
-from finloop.loops.search import LOOPS
+from finloop.loops.search import LOOPS, least_frames
 from finloop.loops.settings import Settings
 from finloop.plots import loops as draw
 from finloop.reel import Reel
@@ -43,7 +43,7 @@ def main() -> None:
     save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
     fig11 = draw.table_picture(position_table(ends, features), ends, features)
     save_figure(REPORT / "fig11.png", fig11)
-    gap = round(p.least_s * rate_hz)
+    gap = least_frames(delta_of(features), p)
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         best, worst = (
             list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], Reel(features, film), facts))
