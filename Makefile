@@ -80,7 +80,8 @@ tracks: setup ## install what reads and writes other programs' tracks (the extra
 params: setup ## compose conf/ into params.yaml, after editing conf/
 	@python -m stages.compose $(S)
 
-repro: setup ## run what has changed
+repro: setup ## run what has changed, a film or its tracks, too
+	@python -m stages.stamps
 	@dvc repro
 
 play: setup ## send the fish by hand, on a local page:  make play S="--fish 4"

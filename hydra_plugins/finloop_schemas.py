@@ -7,7 +7,8 @@ While `dvc exp run` or `make params` composes conf/, this registers
 - the schema `hydra/sweeper/finloop` of what conf/experiment/ sweeps;
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
   the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
-  of range, groups left out.
+  of range, groups left out;
+- the resolvers `${film_stamp:}` and `${tracks_stamp:}`, of the files that the parameters name.
 
 There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
 """
@@ -22,7 +23,8 @@ from omegaconf import DictConfig, OmegaConf
 
 from finloop.base.settings import WORDS, variants
 from stages.experiment import Experiment
-from stages.settings import STAMP, all_problems, refusal, stamp
+from stages.settings import STAMPS, all_problems, refusal, stamp
+from stages.stamps import film_stamp, tracks_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
@@ -51,18 +53,31 @@ def _simplified(hint: Any) -> Any:
 def checked_stamp(*, _root_: DictConfig) -> str:
     """The stamp of conf/, given only to a composed config in which every parameter is right."""
     # Node by node, because to resolve the root would resolve the stamp itself again.
-    values: dict[str, Any] = {
-        str(key): OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node
-        for key in _root_
-        if key != STAMP and (node := _root_._get_node(key)) is not None
-    }
+    values = {str(key): plain(_root_, str(key)) for key in _root_ if key not in STAMPS}
     if problems := all_problems(values):
         raise refusal(problems)
     return stamp(CONF)
+
+
+def plain(root: DictConfig, word: str) -> Any:
+    """The parameters of a word, with nothing left to resolve; {} where the group is left out."""
+    node = root._get_node(word)
+    return OmegaConf.to_container(node, resolve=True) if OmegaConf.is_config(node) else node or {}
+
+
+def stamp_of_films(*, _root_: DictConfig) -> str | None:
+    """The stamp of the films of a composed config."""
+    return film_stamp(plain(_root_, "clip"))
+
+
+def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
+    """The stamp of the tracks of a composed config."""
+    return tracks_stamp(plain(_root_, "clip"), plain(_root_, "extract"))
 
 
 for word in WORDS:
     for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
-OmegaConf.register_new_resolver(STAMP, checked_stamp, replace=True)
+for name, resolver in zip(STAMPS, (checked_stamp, stamp_of_films, stamp_of_tracks), strict=True):
+    OmegaConf.register_new_resolver(name, resolver, replace=True)

@@ -20,7 +20,7 @@ import yaml
 from finloop.base.errors import FinloopError
 from finloop.io.atomic import whole_file
 from finloop.report.compare import OBJECTIVES, Comparison, comparison, html
-from stages.settings import PARAMS, STAMP
+from stages.settings import PARAMS, STAMPS
 
 OUT = Path("reports/compare.html")
 BASE = "present commit"
@@ -59,7 +59,7 @@ def parameters(commit: str) -> dict[str, Any]:
     return {
         f"{word}.{key}": value if isinstance(value, int | float | str) else json.dumps(value)
         for word, group in values.items()
-        if word != STAMP
+        if word not in STAMPS
         for key, value in group.items()
     }
 

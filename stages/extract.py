@@ -20,6 +20,7 @@ from finloop.extract.settings import Settings
 from finloop.extraction import Extraction, extract
 from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
+from finloop.io.footage.listed import stamps
 from finloop.io.several import FILMS, all_parts, parts_of
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
@@ -86,11 +87,11 @@ def several(
         made_from = (clip / home / KEY_NAME).read_text(encoding="utf-8")
         print(f"finloop: {part.name}", file=sys.stderr)
         try:
-            own = settings
+            own, tracks = settings, None
             if settings.tracks_path:
                 path = tracks_of(Path(part.path), settings.tracks_path)
-                own = replace(settings, tracks_path=path)
-            key = {"extract": asdict(own), "code": code, "clip": made_from}
+                own, tracks = replace(settings, tracks_path=path), stamps(Path(path))
+            key = {"extract": asdict(own), "code": code, "clip": made_from, "tracks": tracks}
             make = partial(one, clip / home, own)
             its = kept_or_made(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in its.items()}

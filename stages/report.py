@@ -18,7 +18,7 @@ from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, rendered, webp
 from finloop.report.settings import Settings
 from finloop.report.tables import Table, headline, measures, number, of_frame, of_numbers
-from stages.settings import STAMP, load, overrides, read
+from stages.settings import STAMPS, load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 TIMES = Path("benchmarks/table2.csv")
@@ -83,7 +83,7 @@ def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool
             for key, value in group.items()
         ]
         for word, group in values.items()
-        if word != STAMP
+        if word not in STAMPS
     }
 
 
@@ -112,7 +112,7 @@ def main() -> None:
     marked = RENDER / f"{mode}_marked.mp4"
     film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
-    numbers = {word: metrics(word) for word in values if word not in (STAMP, "report")}
+    numbers = {word: metrics(word) for word in values if word not in (*STAMPS, "report")}
     chapters = list(sections(p))
     changes = "".join(f" -S '{change}'" for change in overrides(values))
     page = {

@@ -19,7 +19,9 @@ from finloop.base.settings import WORDS, check, usual_options, values_of, varian
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
 LOCAL = CONF / "local/default.yaml"  # one's own film and settings; git ignores it
-STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from
+STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from, and
+FILES = ("film_stamp", "tracks_stamp")  # those of the files that it names (`stages.stamps`)
+STAMPS = (STAMP, *FILES)
 
 
 def load(word: str) -> Any:
@@ -87,7 +89,7 @@ def _digest(files: Mapping[str, Path]) -> str:
 
 def all_problems(values: Mapping[str, Any]) -> list[str]:
     """Everything that is wrong in a whole params.yaml, by dotted name."""
-    problems = [f"{word}: unknown" for word in values if word not in (*WORDS, STAMP)]
+    problems = [f"{word}: unknown" for word in values if word not in (*WORDS, *STAMPS)]
     for word in WORDS:
         problems += check(word, variants(word), values.get(word, {}))[1]
     return problems
@@ -111,7 +113,7 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
     usual = usual_options()
     changes = []
     for word, group in values.items():
-        if word == STAMP:
+        if word in STAMPS:
             continue
         option = group.get("source", usual[word])
         if option != usual[word]:

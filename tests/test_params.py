@@ -16,12 +16,14 @@ import pytest
 import yaml
 from pydantic import Field
 
+import stages.stamps
 from finloop.base.errors import FinloopError
 from finloop.base.settings import WORDS, check, settings, values_of, variants
 from stages import settings as door
 from stages.compose import compare, composed
 from stages.experiment import FOLDER
 from stages.settings import LOCAL, STAMP, all_problems, load, refusal, stamp
+from stages.stamps import film_stamp, tracks_stamp
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
@@ -320,6 +322,43 @@ def test_the_stamp_sees_names_and_contents_but_no_line_ends_and_no_experiments(t
     third = stamp(conf)
     (conf / "a.yaml").write_bytes(b"x: 1\ny: 3\n")
     assert len({first, second, third, stamp(conf)}) == 4
+
+
+# --- stamps of films and tracks
+
+
+def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):
+    folder = elsewhere / "films"
+    folder.mkdir()
+    clip = {"source": "file", "path": str(folder)}
+    tracks = {"tracks": "file", "tracks_path": "{folder}/{name}.h5"}
+    assert film_stamp({"source": "carp"}) is None
+    assert film_stamp(clip | {"path": str(folder / "none.mp4")}) is None
+    seen = []
+    for name, content in (("a", b"1"), ("b", b"2"), ("b", b"22")):
+        (folder / f"{name}.mp4").write_bytes(content)
+        (folder / f"{name}.h5").write_bytes(content)
+        seen.append(film_stamp(clip))
+    assert len({*seen}) == 3 and None not in seen
+    several = clip | {"path": [str(folder / "a.mp4"), {"path": str(folder / "b.mp4")}]}
+    assert film_stamp(several) == film_stamp(clip) == seen[-1]
+    before = tracks_stamp(several, tracks)
+    (folder / "b.h5").write_bytes(b"333")
+    assert tracks_stamp(several, tracks) != before
+    assert tracks_stamp(several, {"tracks": "own"}) is None
+
+
+def test_the_stamp_in_params_yaml_is_renewed_and_nothing_else(elsewhere):
+    film, params = elsewhere / "film.mp4", elsewhere / "params.yaml"
+    film.write_bytes(b"1")
+    values = yaml.safe_load(params.read_text()) | {"clip": {"source": "file", "path": str(film)}}
+    params.write_text(yaml.safe_dump(values, sort_keys=False))
+    stages.stamps.main()
+    once = yaml.safe_load(params.read_text())
+    assert once == values | {"film_stamp": film_stamp(values["clip"])}
+    film.write_bytes(b"22")
+    stages.stamps.main()
+    assert yaml.safe_load(params.read_text())["film_stamp"] not in (None, once["film_stamp"])
 
 
 # --- conf/local/: one's own film and settings

@@ -1,0 +1,74 @@
+"""Stamps of the films and tracks that the parameters name, so that DVC sees when they change.
+
+A path in params.yaml stays the same when the film at it is replaced, or its folder gets one more.
+So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
+it; `python -m stages.stamps` (`make repro`) renews it.
+"""
+
+from stages.run import run  # isort: skip
+
+import hashlib
+import re
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.given_tracks import tracks_of
+from finloop.io.atomic import whole_file
+from finloop.io.footage.listed import listed, stamps
+from stages.settings import FILES, PARAMS, read
+
+
+def film_stamp(clip: Mapping[str, Any]) -> str | None:
+    """Of the films of the parameters `clip`; None where they are no files, or are not there."""
+    try:
+        return digest(_films(clip))
+    except (FinloopError, OSError):
+        return None
+
+
+def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | None:
+    """Of the tracks, by `extract`, of those films; None where there are none, or not there."""
+    path = extract.get("tracks_path")
+    if extract.get("tracks") != "file" or not path:
+        return None
+    try:
+        films = _films(clip)
+        paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
+        return digest(Path(one).expanduser() for one in paths)
+    except (FinloopError, OSError):
+        return None
+
+
+def _films(clip: Mapping[str, Any]) -> list[Path]:
+    """The files that `clip` names."""
+    paths = clip.get("path")
+    several = [paths] if isinstance(paths, str) else paths or []
+    named = [one if isinstance(one, str) else one["path"] for one in several]
+    return [film for path in named for film in listed(path)]
+
+
+def digest(paths: Iterable[Path]) -> str | None:
+    """Of the names, sizes and times of files, or of what is in folders; None if there are none."""
+    seen = [(str(path.absolute()), *stamps(path)) for path in paths]
+    return hashlib.sha256(repr(seen).encode()).hexdigest()[:16] if seen else None
+
+
+def main() -> None:
+    """Renew the stamps in params.yaml where they are of other files."""
+    values = read()
+    clip, extract = values.get("clip", {}), values.get("extract", {})
+    text = old = PARAMS.read_text(encoding="utf-8")
+    for name, new in zip(FILES, (film_stamp(clip), tracks_stamp(clip, extract)), strict=True):
+        line = yaml.safe_dump({name: new}).strip()
+        text = re.sub(rf"^{name}:.*$", line, text, flags=re.MULTILINE)
+    if text != old:
+        with whole_file(PARAMS) as part:
+            part.write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)
