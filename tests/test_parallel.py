@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from conftest import wait_for
 
+from finloop.base import parallel
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import ordered_map
 from finloop.io.movie import VideoWriter
@@ -121,13 +122,28 @@ def test_workers_do_not_free_what_their_parent_opened(tmp_path, garbage):
         gc.enable()
 
 
+def is_killed_once(job):
+    folder, number = job
+    if number == 3 and not (folder / "killed").exists():
+        (folder / "killed").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
+
+
+def test_what_a_killed_worker_held_is_done_again(tmp_path):
+    jobs = [(tmp_path, number) for number in range(6)]
+    assert list(ordered_map(is_killed_once, jobs, 2)) == [number**2 for number in range(6)]
+    assert (tmp_path / "killed").exists()
+
+
 def is_killed(number):
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     return number
 
 
-def test_a_worker_that_is_killed_is_one_message():
+def test_a_worker_that_is_killed_again_and_again_is_one_message(monkeypatch):
+    monkeypatch.setattr(parallel, "_TRIES", 2)
     with pytest.raises(FinloopError, match="worker") as caught:
         list(ordered_map(is_killed, range(9), 2))
     assert "FINLOOP_THREADS=1" in caught.value.do

@@ -21,6 +21,7 @@ B = TypeVar("B")
 # Not "fork": a copy of a process whose libraries run threads hangs sooner or later. A server that
 # has only imported things, and is forked for each worker, is safe and nearly as quick.
 _FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
+_TRIES = 3  # once may be bad luck; the same item again and again is not
 
 
 def warm_up(modules: Sequence[str]) -> None:
@@ -35,29 +36,46 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Ite
 
     At most `workers` + 1 results are kept at a time. With one worker, or one item, the work is done
     in this process. Exceptions of `work` are raised here. `work`, items and results are pickled.
+    What was in the hands of the processes when one is killed is done again by new ones.
 
-    Raises FinloopError where a worker is killed.
+    Raises FinloopError where a worker is killed `_TRIES` times at the same item.
     """
     todo = deque(items)
     if workers < 2 or len(todo) < 2:
         yield from map(work, todo)
         return
     start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
-    with ProcessPoolExecutor(workers, start, _begin) as pool, contextlib.ExitStack() as stack:
-        stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-        pending: deque[Future[B]] = deque()
-        while todo or pending:
-            while todo and len(pending) < workers + 1:
-                pending.append(pool.submit(work, todo.popleft()))
-            try:
-                result = pending.popleft().result()
-            except BrokenProcessPool as error:
-                raise FinloopError(
-                    "a worker process was ended from outside, perhaps for want of memory",
-                    f"{workers} processes that each hold a stretch of the film",
-                    "run again; with FINLOOP_THREADS=1 in the environment one process does it all",
-                ) from error
-            yield result
+    given: deque[A] = deque()  # to the processes, and no result is taken yet
+    killed = 0
+    while todo or given:
+        with ProcessPoolExecutor(workers, start, _begin) as pool, contextlib.ExitStack() as stack:
+            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+            results: deque[Future[B]] = deque()
+            while todo or given:
+                while todo and len(given) < workers + 1:
+                    given.append(todo.popleft())
+                try:
+                    results += [
+                        pool.submit(work, given[k]) for k in range(len(results), len(given))
+                    ]
+                    result = results[0].result()
+                except BrokenProcessPool as error:
+                    killed += 1
+                    if killed == _TRIES:
+                        raise _ended(workers) from error
+                    break
+                results.popleft()
+                given.popleft()
+                killed = 0
+                yield result
+
+
+def _ended(workers: int) -> FinloopError:
+    return FinloopError(
+        f"worker processes were ended from outside, {_TRIES} times, perhaps for want of memory",
+        f"{workers} processes that each hold a stretch of the film",
+        "run again; with FINLOOP_THREADS=1 in the environment one process does it all",
+    )
 
 
 def _begin() -> None:
