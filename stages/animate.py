@@ -86,7 +86,7 @@ def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, flo
     with bring(p) as plans:
         waters = plans.waters
         film_motion = measures.motion_of_film(plans.pictures.reel.features, waters.motion)
-        ticks = waters.ticks(p.seconds)
+        ticks = waters.duration
 
         def measured(player: Player, seed: int) -> dict[str, float]:
             rng = np.random.default_rng([p.seed, seed])
@@ -127,7 +127,7 @@ def animation(
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """Make the edit list of a mode: its measures, and itself. steps: columns of `STEPS`."""
     player, waters, pictures = plans.players[mode], plans.waters, plans.pictures
-    ticks = waters.ticks(waters.settings.seconds)
+    ticks = waters.duration
     swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
     save_table(

@@ -413,6 +413,11 @@ def test_two_jumps_are_never_nearer_than_the_stay(stay):
         assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 20
 
 
+def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_many_delta():
+    waters = waters_of(seconds=7.0)
+    assert (waters.duration, waters.ticks(7.0)) == (7 * RATE, 7 * DELTA)
+
+
 @pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
 def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""

@@ -58,6 +58,7 @@ def animated(tmp_path_factory, tiny_run):
 def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     wanted = load_table(animated / "data/animate/hybrid.parquet", EDIT)
+    assert wanted["time_s"].iloc[-1] == pytest.approx(2, abs=0.1)  # animate.seconds of the tiny run
 
     monkeypatch.setattr(sys, "argv", ["ten_lines.py"])
     text = EXAMPLE.read_text(encoding="utf-8")

@@ -85,7 +85,7 @@ class Planner:
     def plan(self, mode: str, goals: list[Goal]) -> tuple[Swim, pd.DataFrame]:
         """An animation in a mode, and its edit list (columns of `EDIT`)."""
         player, p = self.players[mode], self.waters.settings
-        ticks = self.waters.ticks(p.seconds)
+        ticks = self.waters.duration
         swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
         edit = edit_list(swum, ticks, player)
         if p.join == FADE:

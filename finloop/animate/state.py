@@ -41,6 +41,11 @@ class Waters:
         return round(time * self.motion.delta)
 
     @property
+    def duration(self) -> int:
+        """Ticks of the animation."""
+        return round(self.settings.seconds * self.motion.rate_hz)
+
+    @property
     def spot_deg(self) -> float:
         """How many degrees a tick a fish without a way turns where it is, at most."""
         return self.settings.spot_deg / self.motion.delta
