@@ -2,9 +2,10 @@
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 
-from finloop.distance.picture import SPAN, centred, distance, steps
+from finloop.distance.picture import SPAN, centred, distance, steps, typical_length
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -71,3 +72,36 @@ def test_a_quarter_turn_is_anticlockwise_as_seen():
 
 
 # --- pictures behind an edit list
+
+
+def lengths(of_tracks: list[np.ndarray]) -> np.ndarray:
+    """The typical lengths of tracks whose rows are so long, one a track."""
+    track = np.repeat(np.arange(len(of_tracks)), [len(one) for one in of_tracks])
+    table = pd.DataFrame({"track_id": track, "body_length_px": np.concatenate(of_tracks)})
+    made = typical_length(table)
+    assert (made.groupby(track).nunique() == 1).all()
+    return made.groupby(track).first().to_numpy()
+
+
+def bending(rng: np.random.Generator, rows: int, length: float, spread: float) -> np.ndarray:
+    """Lengths (rows,) of an animal whose posture lasts 20 rows."""
+    posture = np.repeat(rng.normal(0, spread, rows // 20 + 1), 20)[:rows]
+    return length * (1 + posture) + rng.normal(0, 0.1, rows)
+
+
+def test_an_animal_that_is_lost_and_found_keeps_its_length():
+    rng = np.random.default_rng(0)
+    tracks = [bending(rng, rows, 60, 0.2) for rows in (1000, 800, 600, 40, 25, 60, 12, 300)]
+    medians = np.array([np.median(one) for one in tracks])
+    assert abs(medians - 60).max() > 8
+    assert lengths(tracks) == pytest.approx(60, rel=0.05)
+
+
+def test_animals_of_different_lengths_keep_theirs():
+    rng = np.random.default_rng(0)
+    true = [40, 60, 61, 75, 40, 75]
+    tracks = [bending(rng, 200, length, 0.03) for length in true]
+    assert lengths(tracks) == pytest.approx(true, rel=0.03)
+    assert lengths([3 * one for one in tracks]) == pytest.approx(3 * lengths(tracks))
+    assert lengths(tracks[:1]) == pytest.approx(np.median(tracks[0]))
+    assert lengths([np.full(5, 40.0), np.full(9, 60.0), np.full(1, 50.0)]).tolist() == [40, 60, 50]

@@ -51,11 +51,27 @@ def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
             far[j] = np.inf if ends or near else far[j]
         inner = np.r_[np.inf, far, np.inf]
         best = np.flatnonzero((far < inner[:-2]) & (far <= inner[2:]))
-        best = best[np.argsort(far[best])][:COUNT]
+        kept: list[int] = []
+        for j in best[np.argsort(far[best])].tolist():
+            beside = [abs(j - i) < LEAST and track[j % n] == track[i % n] for i in kept]
+            if not any(beside):
+                kept.append(j)
+        best = np.array(kept[:COUNT])
         mine = made[made["row"] == row]
         assert mine["to"].tolist() == (best % n).tolist()
         assert mine["mirrored"].tolist() == (best >= n).tolist()
         assert mine["far"].to_numpy() == pytest.approx(far[best], rel=1e-5)
+
+
+def test_a_rest_is_no_more_neighbours_than_it_has_passages(rng):
+    """A fish that rests twice, and swims between: both rests are among the neighbours of each."""
+    rest = rng.normal(0, 0.01, (2, 30, 3))
+    own = np.concatenate([rest[0], walk(rng)[0] + 3, rest[1] + 0.2, walk(rng)[0] - 3])
+    track = np.zeros(len(own), int)
+    made = nearest(np.stack([own, own]), track, mirror=False)
+    first = made[made["row"] < 30].groupby("row")["to"]
+    assert first.apply(lambda to: to.between(190, 219).any()).all()
+    assert made.groupby("row")["to"].apply(lambda to: np.diff(np.sort(to)).min()).min() >= LEAST
 
 
 def test_a_film_too_short_to_go_on_has_no_jump(rng):

@@ -20,8 +20,9 @@ _MORE = 4  # ... so many times as many where these are of fewer passages
 class Search:
     """Who looks for the `count` nearest rows of rows, one a passage of film.
 
-    Of rows that follow one another only the nearest is kept. A row that less than `least` rows of
-    its track follow is not jumped to, nor one within `least` rows of the same track.
+    Of rows that follow one another only the nearest is kept, and none less than `least` rows from a
+    nearer one. A row that less than `least` rows of its track follow is not jumped to, nor one
+    within `least` rows of the same track.
 
     targets (m, d): of the n rows, and of their mirror images where these are looked at; goals:
     numbers of those that can be jumped to, which are in `index`. track (n,): rising.
@@ -93,11 +94,12 @@ def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
 def _minima(
     targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """For rows (k,) the nearest of their `near` targets (k, l), rising, with no nearer one beside.
+    """For rows (k,) the nearest of their `near` targets (k, l), rising, one a passage of film.
 
-    Those of the same passage as the row, nearer than `least`, are left out.
+    Of rows that follow one another only the nearest, with no nearer one beside, and none within
+    `least` of a nearer one. Those of the same passage as the row itself are left out.
     """
-    n, d = len(track), targets.shape[1]
+    d = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
     apart = np.empty(near.shape[1])
     for k in range(len(rows)):
@@ -105,21 +107,31 @@ def _minima(
         for c in range(near.shape[1]):
             other = near[k, c]
             apart[c] = np.inf
-            own = other < n and abs(other - row) < least and track[other % n] == track[row]
-            if other >= 0 and not own:
+            if other >= 0 and not _beside(track, row, other, least):
                 square = 0.0
                 for i in range(d):
                     square += (targets[row, i] - targets[other, i]) ** 2
                 apart[c] = np.sqrt(square)
-        for c in range(near.shape[1]):
-            if c and near[k, c - 1] == near[k, c] - 1 and apart[c - 1] <= apart[c]:
+        many = 0
+        for c in np.argsort(apart, kind="mergesort"):
+            if many == count or apart[c] == np.inf:
+                break
+            before = c > 0 and near[k, c - 1] == near[k, c] - 1
+            after = c + 1 < len(apart) and near[k, c + 1] == near[k, c] + 1
+            if (before and apart[c - 1] <= apart[c]) or (after and apart[c + 1] < apart[c]):
                 continue
-            after = c + 1 < near.shape[1] and near[k, c + 1] == near[k, c] + 1
-            if (after and apart[c + 1] < apart[c]) or apart[c] >= far[k, -1]:
-                continue
-            place = count - 1
-            while place > 0 and far[k, place - 1] > apart[c]:
-                far[k, place], to[k, place] = far[k, place - 1], to[k, place - 1]
-                place -= 1
-            far[k, place], to[k, place] = apart[c], near[k, c]
+            new = True
+            for i in range(many):
+                new = new and not _beside(track, to[k, i], near[k, c], least)
+            if new:
+                to[k, many], far[k, many] = near[k, c], apart[c]
+                many += 1
     return to, far
+
+
+@kernel
+def _beside(track, one, other, least):  # type: ignore[no-untyped-def]
+    """Whether two targets are of one passage: of one track and side, less than `least` apart."""
+    n = len(track)
+    same = (one < n) == (other < n) and abs(one - other) < least
+    return same and track[one % n] == track[other % n]

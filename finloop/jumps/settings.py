@@ -12,7 +12,8 @@ class Settings:
 
     candidates: Count  # so many of every frame are drawn, the nearest, one a passage of the film
     neighbours: Count  # so many of these are kept, those whose seams are seen least
-    least: Positive  # Δ; film shorter than this is not jumped over, and is left after a jump
+    # Δ; film shorter than this is not jumped over, and is left after a jump and between candidates
+    least: Positive
     # what a difference in each counts, 1 = equally: the pose, ...
     pose: NotNegative
     change: NotNegative  # ... how the pose changes, ...
