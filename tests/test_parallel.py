@@ -9,6 +9,15 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from conftest import wait_for
+from jobs import (
+    after_the_next,
+    collects_garbage,
+    fails_at_five,
+    is_killed,
+    is_killed_once,
+    noted,
+    square,
+)
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
@@ -32,10 +41,6 @@ def no_hanging():
     signal.signal(signal.SIGALRM, before)
 
 
-def square(number):
-    return number**2
-
-
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_each_item_is_worked_once(workers):
     assert list(ordered_map(square, range(12), workers)) == [k**2 for k in range(12)]
@@ -43,27 +48,14 @@ def test_each_item_is_worked_once(workers):
     assert list(ordered_map(square, [3], workers)) == [9]
 
 
-def after_the_next(job):
-    """Even items end after the odd ones that follow them: two processes work at a time."""
-    folder, number = job
-    if number % 2 == 0:
-        assert wait_for((folder / str(number + 1)).exists, 20)
-    (folder / str(number)).touch()
-    return number, os.getpid()
-
-
 @pytest.mark.parametrize("workers", [2, 3])
 def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
+    for even in range(0, 12, 2):
+        os.mkfifo(tmp_path / str(even))
     results = list(ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], workers))
     assert [number for number, _ in results] == list(range(12))
     places = {place for _, place in results}
     assert len(places) >= 2 and os.getpid() not in places
-
-
-def fails_at_five(number):
-    if number == 5:
-        raise FinloopError("five came", "another number", "take another")
-    return number
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -73,12 +65,6 @@ def test_an_error_in_a_worker_is_the_same_error_here(workers):
     with pytest.raises(FinloopError) as caught:
         next(results)
     assert (caught.value.came, caught.value.do) == ("five came", "take another")
-
-
-def noted(job):
-    folder, number = job
-    (folder / str(number)).touch()
-    return number
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -96,11 +82,6 @@ def test_who_stops_early_does_not_wait_for_the_rest(tmp_path):
     results.close()
     assert len(list(tmp_path.iterdir())) <= 4
     assert not multiprocessing.active_children()
-
-
-def collects_garbage(number):
-    gc.collect()
-    return number
 
 
 @pytest.mark.parametrize("garbage", [False, True])
@@ -122,24 +103,10 @@ def test_workers_do_not_free_what_their_parent_opened(tmp_path, garbage):
         gc.enable()
 
 
-def is_killed_once(job):
-    folder, number = job
-    if number == 3 and not (folder / "killed").exists():
-        (folder / "killed").touch()
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number**2
-
-
 def test_what_a_killed_worker_held_is_done_again(tmp_path):
     jobs = [(tmp_path, number) for number in range(6)]
     assert list(ordered_map(is_killed_once, jobs, 2)) == [number**2 for number in range(6)]
     assert (tmp_path / "killed").exists()
-
-
-def is_killed(number):
-    if number == 3:
-        os.kill(os.getpid(), signal.SIGKILL)
-    return number
 
 
 def test_a_worker_that_is_killed_again_and_again_is_one_message(monkeypatch):

@@ -1,0 +1,56 @@
+"""What tests/test_parallel.py has worker processes do; they import this alone, which is quick."""
+
+import gc
+import os
+import signal
+
+from finloop.base.errors import FinloopError
+
+
+def square(number):
+    return number**2
+
+
+def after_the_next(job):
+    """Even items end after the odd ones that follow them: two processes work at a time.
+
+    Each pair has a pipe in the folder, named like the even one, which waits for a writer's end.
+    """
+    folder, number = job
+    pipe = folder / str(number - number % 2)
+    if number % 2:
+        pipe.write_text("done")
+    else:
+        assert pipe.read_text() == "done"
+    return number, os.getpid()
+
+
+def fails_at_five(number):
+    if number == 5:
+        raise FinloopError("five came", "another number", "take another")
+    return number
+
+
+def noted(job):
+    folder, number = job
+    (folder / str(number)).touch()
+    return number
+
+
+def collects_garbage(number):
+    gc.collect()
+    return number
+
+
+def is_killed(number):
+    if number == 3:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number
+
+
+def is_killed_once(job):
+    folder, number = job
+    if number == 3 and not (folder / "killed").exists():
+        (folder / "killed").touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return number**2
