@@ -10,10 +10,7 @@ from conftest import TINY_CARP
 from scratch import content, prepare, same_but_figures
 
 import finloop.distance.map
-import stages.clip
 import stages.distance
-import stages.extract
-import stages.features
 from finloop.base.errors import FinloopError
 from finloop.distance.map import (
     EXACT,
@@ -248,16 +245,11 @@ def test_the_picture_shows_the_longest_tracks_in_time_order():
 
 
 @pytest.fixture(scope="module")
-def measured(tmp_path_factory):
+def measured(tmp_path_factory, tiny_run):
     """A folder in which the stages before have run on a drawn carp."""
     folder = tmp_path_factory.mktemp("measured")
     prepare(folder, *TINY_CARP)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(stages.extract, "THREADS", 1)
-        stages.clip.main()
-        stages.extract.main()
-        stages.features.main()
+    tiny_run.bring(folder, ["features"])
     return folder
 
 

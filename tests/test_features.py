@@ -16,8 +16,6 @@ from scipy.integrate import quad
 from scipy.interpolate import BSpline
 from scratch import content, prepare, same_but_figures
 
-import stages.clip
-import stages.extract
 import stages.features
 import stages.plots.features
 from finloop.base.errors import FinloopError
@@ -870,21 +868,12 @@ MADE = {
 }  # fmt: skip
 
 
-FILM = [*TINY_CARP, "clip.frames=90"]  # so long that no place is the fish's most of the time
-
-
 @pytest.fixture(scope="module")
-def extracted(tmp_path_factory):
-    """A folder in which the three stages have run on a drawn carp."""
+def extracted(tmp_path_factory, tiny_run):
+    """A folder in which the three stages, and its pictures, have run on a drawn carp."""
     folder = tmp_path_factory.mktemp("extracted")
-    prepare(folder, *FILM)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(stages.extract, "THREADS", 1)
-        stages.clip.main()
-        stages.extract.main()
-        stages.features.main()
-        stages.plots.features.main()
+    prepare(folder, *TINY_CARP)
+    tiny_run.bring(folder, ["plots-features"])
     return folder
 
 
@@ -901,15 +890,15 @@ def test_the_stage_makes_its_table_and_reports(here):
     assert {path.name for path in report.iterdir()} == MADE
     assert list(content(here / "data/features")) == ["features.parquet"]
     table = load_table(here / "data/features/features.parquet", FEATURES)
-    assert len(table) == 90
+    assert len(table) == 100
     metrics = json.loads((report / "metrics.json").read_text())
-    assert metrics["fish_frames"] == metrics["truth_found_pct"] * 90 / 100 == 90
+    assert metrics["fish_frames"] == metrics["truth_found_pct"] == 100
     assert metrics["truth_head_tail_swaps"] == 0
     assert all(isinstance(number, int | float) for number in metrics.values())
     csv = pd.read_csv(report / "table1.csv")
     assert csv["orientation"].tolist() == list(range(1, 21))
     assert csv["amount_pct"].sum() == pytest.approx(100, abs=20 * 0.005)
-    assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(90))
+    assert pd.read_csv(report / "fig7.csv")["frame"].tolist() == list(range(100))
     sheet = load_picture(report / "contact_sheet.png")
     assert sheet.shape == (24 + 8 * 220, 6 * 220, 3) and sheet.std() > 10
 
@@ -924,12 +913,12 @@ def test_film_without_truth_has_no_errors_against_it(here):
     (here / "data/clip/truth.parquet").unlink()
     stages.features.main()
     metrics = json.loads((here / "reports/features/metrics.json").read_text())
-    assert metrics["fish_frames"] == 90
+    assert metrics["fish_frames"] == 100
     assert not [name for name in metrics if name.startswith("truth")]
 
 
 def test_delta_follows_the_parameter(here):
-    prepare(here, *FILM, "features.delta_s=0.4")
+    prepare(here, *TINY_CARP, "features.delta_s=0.4")
     stages.features.main()
     table = load_table(here / "data/features/features.parquet", FEATURES)
     assert table["displacement"].isna().sum() == 10

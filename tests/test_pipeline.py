@@ -275,32 +275,32 @@ def overrides(*own: str) -> list[str]:
     return [word for value in (*TINY_CARP, *own) for word in ("-S", value)]
 
 
-def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(repo: Copy):
+def test_an_experiment_runs_apart_is_applied_compared_and_charted_offline(front: Copy):
     """In a temporary copy that has what git tracks; a queued experiment is made in the same way.
 
     That one runs in the workspace, a sweep's in its clones show.
     """
-    before = repo.text("params.yaml")
-    changes = overrides("loops.threshold=0.6")
-    text = repo.dvc("exp", "run", "--temp", "--name", "stricter", *changes, "loops")
-    assert "Ran experiment(s): stricter" in text
-    assert repo.text("params.yaml") == before
-    assert repo.git("status", "--porcelain") == ""
-    repo.dvc("exp", "apply", "stricter")
-    assert "up to date" in repo.dvc("status", "loops")
-    changed = json.loads(repo.dvc("params", "diff", "--json"))
-    assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {"loops.threshold"}
-    stricter = changed["params.yaml"]["loops.threshold"]
-    assert (stricter["old"], stricter["new"]) == (0.7, 0.6)
-    diff = json.loads(repo.dvc("metrics", "diff", "--json"))
-    assert set(diff) == {"reports/loops/metrics.json"}
-    assert diff["reports/loops/metrics.json"]["pairs_below_threshold"]["diff"] < 0
-    repo.dvc("plots", "diff")
-    page = repo.text("dvc_plots/index.html")
+    before = front.text("params.yaml")
+    changes = overrides("features.release=1")
+    text = front.dvc("exp", "run", "--temp", "--name", "shorter", *changes, "features")
+    assert "Ran experiment(s): shorter" in text
+    assert front.text("params.yaml") == before
+    assert front.git("status", "--porcelain") == ""
+    front.dvc("exp", "apply", "shorter")
+    assert "up to date" in front.dvc("status", "features")
+    changed = json.loads(front.dvc("params", "diff", "--json"))
+    assert set(changed) == {"params.yaml"} and set(changed["params.yaml"]) == {"features.release"}
+    shorter = changed["params.yaml"]["features.release"]
+    assert (shorter["old"], shorter["new"]) == (0.5, 1)
+    diff = json.loads(front.dvc("metrics", "diff", "--json"))
+    assert set(diff) == {"reports/features/metrics.json"}
+    assert diff["reports/features/metrics.json"]["straight_pct"]["diff"] > 0  # turns are shorter
+    front.dvc("plots", "diff")
+    page = front.text("dvc_plots/index.html")
     assert "vegaEmbed('" in page
     assert "<script src" not in page  # nothing to load from anywhere
-    assert repo.git("status", "--porcelain", "dvc_plots") == ""
-    charts, drawn = page.count("vegaEmbed('"), drawn_offline(repo.root / "dvc_plots/index.html")
+    assert front.git("status", "--porcelain", "dvc_plots") == ""
+    charts, drawn = page.count("vegaEmbed('"), drawn_offline(front.root / "dvc_plots/index.html")
     assert drawn in (None, charts)
 
 
