@@ -5,6 +5,7 @@ is anticlockwise as seen on screen.
 """
 
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 import cv2
@@ -31,16 +32,21 @@ def fits(params: CarpFilm) -> bool:
     return not crowded(params.fish, room)
 
 
-def _streams(params: CarpFilm) -> list[np.random.Generator]:
+def _streams(seed: int) -> list[np.random.Generator]:
     """Independent random generators for motion, floor, skin, noise and light."""
-    return [np.random.default_rng(s) for s in np.random.SeedSequence(params.seed).spawn(5)]
+    return [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(5)]
 
 
 def motion(params: CarpFilm) -> Motion:
     """Poses of all fish in all frames (small: about 80 bytes a fish and frame)."""
     room = room_of(params.width_px, params.height_px, params.body_length_px)
     return simulate(
-        params.frames, params.fish, room, params.frame_rate_hz, params.fins, _streams(params)[0]
+        params.frames,
+        params.fish,
+        room,
+        params.frame_rate_hz,
+        params.fins,
+        _streams(params.seed)[0],
     )
 
 
@@ -53,17 +59,22 @@ def midline_px(params: CarpFilm, poses: Motion, frame: int, fish: int) -> Floats
     )  # fmt: skip
 
 
-def looks(params: CarpFilm) -> list[Look]:
+def looks(params: CarpFilm) -> tuple[Look, ...]:
     """Colours of every fish, at the resolution that the drawing needs."""
-    rngs = _streams(params)[2].spawn(params.fish)
     columns = max(160, round(params.body_length_px * OVERSAMPLE * 1.5))
-    first = int(_streams(params)[4].integers(4))
-    return [look(rng, columns, first + i) for i, rng in enumerate(rngs)]
+    return _looks(params.seed, params.fish, columns)
+
+
+@lru_cache(maxsize=2)  # painting takes as long as drawing some dozen frames
+def _looks(seed: int, fish: int, columns: int) -> tuple[Look, ...]:
+    *_, skins, _, lamp = _streams(seed)
+    first = int(lamp.integers(4))
+    return tuple(look(rng, columns, first + i) for i, rng in enumerate(skins.spawn(fish)))
 
 
 def light(params: CarpFilm) -> Floats:
     """Brightness of the light at each frame: about 1, drifting slowly by ± `light_drift`."""
-    phase = _streams(params)[4].uniform(0, 2 * np.pi, 4)[1:]
+    phase = _streams(params.seed)[4].uniform(0, 2 * np.pi, 4)[1:]
     time_s = np.arange(params.frames) / params.frame_rate_hz
     slow = 0.62 * np.sin(2 * np.pi * time_s / 41.0 + phase[0])
     slow += 0.28 * np.sin(2 * np.pi * time_s / 17.0 + phase[1])
@@ -73,7 +84,7 @@ def light(params: CarpFilm) -> Floats:
 
 def empty_tank(params: CarpFilm) -> Image:
     """The tank without fish or noise at light 1: (height, width, 3), or 1 channel if grey."""
-    empty = floor(params.width_px, params.height_px, _streams(params)[1])
+    empty = floor(params.width_px, params.height_px, _streams(params.seed)[1])
     return empty if params.colour else np.ascontiguousarray((empty @ _GREY)[..., None])
 
 
@@ -145,7 +156,7 @@ def film(params: CarpFilm) -> Iterator[tuple[Picture, list[Row]]]:
     rows : one dictionary a fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
     """
     poses, skins, lamp = motion(params), looks(params), light(params)
-    noise_rng = _streams(params)[3]
+    noise_rng = _streams(params.seed)[3]
     empty = empty_tank(params)
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))
     vignette = np.asarray(vignette / vignette.max(), np.float32)

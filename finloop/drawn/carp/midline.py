@@ -40,6 +40,20 @@ def bend_shape() -> Floats:
 
 
 @cache
+def _ripples() -> tuple[Floats, Floats, Floats]:
+    """Arc length s at the 63 inner points; half a wave, and a whole one, over the body."""
+    s = np.arange(1, SEGMENTS) / SEGMENTS
+    return s, np.sin(np.pi * s), np.sin(2 * np.pi * s)
+
+
+@cache
+def _segment_weights() -> Floats:
+    """Share of the body's mass in each of the 64 segments."""
+    weight = mass_weights()
+    return (weight[1:] + weight[:-1]) / (weight[1:] + weight[:-1]).sum()
+
+
+@cache
 def wave_shape() -> Floats:
     """Angle (radians) that the tail-beat wave bends at each inner point at amplitude 1."""
     s = np.arange(1, SEGMENTS) / SEGMENTS
@@ -62,19 +76,20 @@ def midline(
     mass centre at (x, y) and its mean tangent along `axis`, which makes the head recoil against the
     tail as it does in a fish.
     """
-    s = np.arange(1, SEGMENTS) / SEGMENTS
+    s, once, twice = _ripples()
     joint = (
         amplitude * wave_shape() * np.sin(2 * np.pi * (s / WAVELENGTH - beat))
         + bend * bend_shape()
-        + (ripple[0] * np.sin(np.pi * s) + ripple[1] * np.sin(2 * np.pi * s)) / SEGMENTS
+        + (ripple[0] * once + ripple[1] * twice) / SEGMENTS
     )
-    angle = -np.concatenate([[0.0], np.cumsum(joint)])  # of each segment, pointing to the head
-    weight = mass_weights()
-    of_segment = (weight[1:] + weight[:-1]) / (weight[1:] + weight[:-1]).sum()
-    angle += axis - of_segment @ angle
-    step = np.column_stack([-np.cos(angle), np.sin(angle)]) / SEGMENTS  # towards the tail, y down
-    line = np.vstack([np.zeros(2), np.cumsum(step, axis=0)])
-    return line - weight @ line + (x, y)
+    angle = np.zeros(SEGMENTS)  # of each segment, pointing to the head
+    np.cumsum(joint, out=angle[1:])
+    np.negative(angle, out=angle)
+    angle += axis - _segment_weights() @ angle
+    line = np.zeros((POINTS, 2))
+    np.cumsum(-np.cos(angle) / SEGMENTS, out=line[1:, 0])  # towards the tail, y down
+    np.cumsum(np.sin(angle) / SEGMENTS, out=line[1:, 1])
+    return line - mass_weights() @ line + (x, y)
 
 
 def bend_of(line: Floats) -> float:
