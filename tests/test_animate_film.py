@@ -174,7 +174,7 @@ def random_film(rng, most_rows=24):
 def test_endless_is_what_reaches_a_cycle_of_the_graph():
     rng = np.random.default_rng(0)
     seen = np.zeros(2, int)
-    for _ in range(150):
+    for _ in range(60):
         table, pairs, barred = random_film(rng)
         reel = film_of(table, pairs, barred=barred)
         graph = nx.DiGraph()
@@ -192,12 +192,12 @@ def test_endless_is_what_reaches_a_cycle_of_the_graph():
         wanted = [bool(({row} | nx.descendants(graph, row)) & cyclic) for row in graph]
         assert list(reel.endless) == wanted
         seen += np.bincount(reel.endless, minlength=2)
-    assert seen.min() > 250  # both happen
+    assert seen.min() > 100  # both happen
 
 
 def test_the_film_goes_on_where_the_graph_of_loops_says_so():
     rng = np.random.default_rng(1)
-    for _ in range(100):
+    for _ in range(40):
         table, pairs, _ = random_film(rng)
         track = table["track_id"].to_numpy()
         reel = film_of(table, pairs)
@@ -277,7 +277,7 @@ def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
 def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
     rng = np.random.default_rng(2)
     ends = dict.fromkeys(("none", "touched", "not"), 0)
-    for _ in range(150):
+    for _ in range(50):
         table, pairs, barred = random_film(rng)
         reel = film_of(table, pairs, pose, barred=barred)
         n = len(table)
@@ -301,7 +301,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
             found = value[i], far[i], error[i], ticks[i]
             assert found == pytest.approx(wanted, abs=1e-6)
             ends["none" if np.isinf(value[i]) else "not" if far[i] else "touched"] += 1
-    assert min(ends.values()) > 25  # all three happen
+    assert min(ends.values()) > 10  # all three happen
 
 
 def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_up():
@@ -348,7 +348,7 @@ def test_a_jump_costs_its_seam_its_change_of_speed_and_what_was_just_seen():
 def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
     table, pairs = rich(heading=pose == BODY)
     reel = film_of(table, pairs, pose)
-    found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 1500, 1)
+    found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 900, 1)
     way, number, rot, new, of = flat(found)
     partners = {(int(a), int(b)) for a, b in pairs[["a", "b"]].to_numpy()}
     partners |= {(b, a) for a, b in partners}
@@ -372,7 +372,7 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
 
 
 def test_the_heading_goes_on_over_a_jump():
-    found, table = edit_of(loops_player(), [], 2000, 3)
+    found, table = edit_of(loops_player(), [], 1200, 3)
     way, number, _, new, of = flat(found)
     would = (
         rich_film().heading[number[:-1] + 1] - rich_film().heading[number[:-1]]
@@ -397,10 +397,7 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
     assert wrap_deg(edit["heading_deg"][:stop] - heading) == pytest.approx(0, abs=1e-3)
 
 
-@pytest.mark.parametrize(
-    "stay",
-    [0.05, 2.0, 7.5],
-)
+@pytest.mark.parametrize("stay", [0.05, 7.5])
 def test_two_jumps_are_never_nearer_than_the_stay(stay):
     for mode in (loops_player(stay=stay), hybrid_player(stay=stay)):
         found, _ = edit_of(mode, [Goal("A", 200.0, 200.0)], 2000, 4)
@@ -448,7 +445,7 @@ def with_dead_ends():
 
 def test_a_dead_end_is_never_played_into():
     reel, after = with_dead_ends()
-    for seed in range(6):
+    for seed in range(3):
         found, _ = edit_of(loops_player(reel), [], 2000, seed)
         _, number, _, new, of = flat(found)
         assert after[number].all()
@@ -463,7 +460,7 @@ def test_the_fish_begins_where_the_film_goes_on():
 
 
 def test_the_film_never_stops():
-    for seed in range(6):
+    for seed in range(3):
         found, table = edit_of(loops_player(), [Goal("A", 700.0, 60.0)], 2000, seed)
         _, number, *_, of = flat(found)
         assert (np.diff(number) != 0).all()
@@ -474,7 +471,7 @@ def test_the_film_never_stops():
 @pytest.mark.parametrize("make", [loops_player, hybrid_player])
 def test_never_outside_the_tank(make):
     mode = make()
-    for seed in range(6):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         goals = random_goals(mode.waters, 3, rng)
         _, table = edit_of(mode, goals, 1000, seed)
@@ -496,7 +493,7 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     """Loop ends so rare that between two of them lies more film than a look ahead."""
     reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.end >= 0)).max() > 5 * RATE
-    for seed in range(6):
+    for seed in range(3):
         found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
         way = np.concatenate([stretch.way for stretch in found.stretches])
         assert all(inside(open_tank().legal, x, y) for x, y in way[:, :2])
@@ -506,7 +503,7 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
 def test_goals_are_reached(make):
     mode = make()
     done = []
-    for seed in range(12):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         goals = random_goals(mode.waters, 3, rng)
         found, table = edit_of(mode, goals, 1500, seed)
@@ -561,8 +558,8 @@ def swimmer_of(player):
     ("at", "row"), [((700.0, 300.0), 20), ((400.0, 120.0), 170), ((400.0, 480.0), 320)]
 )
 def test_the_way_that_leads_to_the_goal_is_taken(at, row):
+    player, fish = crossing()
     for seed in range(5):
-        player, fish = crossing()
         found = player.policy.next(fish, spot(*at), np.random.default_rng(seed))
         assert found.number[0] == row and found.new == (row != 20)
         assert found.way[0] == pytest.approx((400 + STEP, 300, 0))
@@ -684,7 +681,7 @@ def test_what_was_on_screen_is_remembered_as_long_as_it_counts():
     player = loops_player()
     state, rng = player.begin(np.random.default_rng(3)), np.random.default_rng(4)
     last = np.full(len(rich_table()), NEVER)
-    for _ in range(300):
+    for _ in range(150):
         tick, (stretch, state) = state.fish.tick, player.step(state, None, rng)
         last[stretch.number] = tick + np.arange(len(stretch.number))
         memory = swimmer_of(player).rules.memory
@@ -744,15 +741,15 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
     player, goal = players_of()[mode], Goal("A", 200.0, 200.0)
     rng = np.random.default_rng(3)
     state, kept = player.begin(rng), []
-    for number in range(120):
-        to = goal if number % 40 > 20 else None
+    for number in range(60):
+        to = goal if number % 20 > 10 else None
         before = repr(state), state.fish.recent.copy()
         kept.append((state, to, rng.bit_generator.state))
         stretch, after_ = player.step(state, to, rng)
         assert (repr(state), state.fish.recent.tolist()) == (before[0], before[1].tolist())
         kept[-1] += (stretch, after_)
         state = after_
-    for begin in (0, 47, 90):
+    for begin in (0, 27, 45):
         state = kept[begin][0]
         again = np.random.default_rng(0)
         again.bit_generator.state = kept[begin][2]

@@ -181,7 +181,7 @@ def test_farther_round_there_are_more_rows():
 
 def test_a_fish_from_sprites_or_from_the_film_goes_on():
     one = swimmer()
-    goal = Spot(400, 300, 10, 5)
+    goal = Spot(400.0, 300.0, 10.0, 5.0)
     for fish in (
         Fish(300, 300, 0.0, 2.0, 0, sprite=7),
         Fish(300, 300, 0.0, 2.0, 5, sprite=-1, row=2999),

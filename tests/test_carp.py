@@ -48,9 +48,9 @@ def carp():
 
 @pytest.fixture(scope="module")
 def long_films():
-    """Six films' motion at the default size and length, with their midlines."""
+    """Four films' motion at the default size and length, with their midlines."""
     films = []
-    for seed in range(6):
+    for seed in range(4):
         params = settings("clip", source="carp", seed=seed)
         poses = motion(params)
         lines = np.array([midline_px(params, poses, k, 0) for k in range(params.frames)])
@@ -250,7 +250,7 @@ def test_it_swims_without_jumps_and_stays_in_the_tank(long_films):
         assert np.abs(np.diff(lines, axis=0)).max() < 0.35 * params.body_length_px
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_it_stays_in_a_small_tank(seed):
     params = settings(
         "clip",
@@ -314,7 +314,7 @@ def test_the_swimming_type_is_that_of_the_turn(long_films):
             assert sign * bend[(start + stop) // 2 - 1] > 0
             angles.append(abs(axis[stop] - axis[start - 1]))
             bends.append(np.abs(bend[start:stop]).max())
-    assert len(angles) > 80
+    assert len(angles) > 60
     assert min(angles) < 50 and 120 < max(angles) < 156
     assert np.corrcoef(angles, bends)[0, 1] > 0.6  # wide turns bend the body more
 
@@ -339,7 +339,7 @@ def test_fins_are_open_the_asked_share_of_the_time(fins):
 
 @pytest.mark.parametrize("fish", [3, 8])
 def test_several_fish_never_touch(fish):
-    params = settings("clip", source="carp", frames=360, fish=fish, seed=2)
+    params = settings("clip", source="carp", frames=180, fish=fish, seed=2)
     assert fits(params)
     poses, skins = motion(params), looks(params)
     clear = np.inf

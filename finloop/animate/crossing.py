@@ -40,7 +40,8 @@ class Crossing:
         if followers is None:
             playable = rows.plays(enters["row"].to_numpy())
             self._enter = {
-                key: tuple(part[name].to_numpy() for name in ("row", "seam", "turn_deg"))
+                # Copies can be written to, as all that kernels are compiled for.
+                key: tuple(part[name].to_numpy(copy=True) for name in ("row", "seam", "turn_deg"))
                 for key, part in enters[playable].groupby(["sprite", "orientation"])
             }
         else:

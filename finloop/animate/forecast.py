@@ -118,7 +118,8 @@ class ForecastSwimmer:
         best = -1
         for other in rows[order[:_TRIES]].tolist():
             left = max(1, most - fish.since - 1) if other == fish.row else most
-            foretold = follow(swum, past, other, min(ticks, left), swum.control[other])[::-1]
+            foretold = follow(swum, past, other, min(ticks, left), swum.control[other])
+            foretold = np.ascontiguousarray(foretold[::-1])  # kernels are compiled for it alone
             whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
             if whole[1] > best:
                 row, states, (way, best, touched) = other, foretold, whole

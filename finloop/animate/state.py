@@ -213,7 +213,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
             since=ticks - 1 if stretch.new else fish.since + ticks,
             waits=fish.waits + ticks if stretch.waits else 0,
             recent=_remembered(fish, stretch, waters),
-            past=None if stretch.past is None else stretch.past[ticks:][::-1],
+            past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
         )  # fmt: skip
     before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
     step = np.hypot(x - before_x, y - before_y) / motion.body_length_px
