@@ -42,8 +42,8 @@ def shot(tmp_path, monkeypatch):
 
 
 def test_zebrafish(shot):
-    numbers, table = shot(ZEBRAFISH, "clip.end_s=2.2")
-    assert numbers["frames"] == 62
+    numbers, table = shot(ZEBRAFISH, "clip.end_s=3")
+    assert numbers["frames"] == 85
     assert numbers["fish_frames"] > 0.95 * 8 * numbers["frames"]  # eight fish, a few touch
     assert numbers["fish_frames_in_tracks_of_60_frames"] > 0.6 * 8 * numbers["frames"]
     assert table.groupby("frame").size().max() == 8
