@@ -120,6 +120,7 @@ def test_stage_makes_what_dvc_expects_the_same_each_time(made, folder):
     assert again == {name: of for name, of in first.items() if "/fig" not in name}
 
 
+@pytest.mark.usefixtures("no_drawing")  # painted they are above
 def test_of_two_fish_the_one_that_beats_its_tail_has_a_gait(folder, monkeypatch):
     figures = stages.gait.figures
     monkeypatch.setattr(  # the dog's, of which it has pictures, are drawn above

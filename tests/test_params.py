@@ -125,10 +125,15 @@ def made(*overrides: str) -> str:
     return composed(["~local", *overrides])
 
 
+@cache
+def made_values(*overrides: str) -> dict[str, Any]:
+    return yaml.load(made(*overrides), yaml.CSafeLoader)
+
+
 def composed_values(word: str, option: str) -> dict[str, Any]:
     usual = {word: option} in yaml.safe_load((ROOT / "conf/config.yaml").read_text())["defaults"]
     asked = [] if usual else [f"{word}={option}", *TO_GIVE.get((word, option), [])]
-    return yaml.safe_load(made(*asked))[word]
+    return made_values(*asked)[word]
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
@@ -219,7 +224,7 @@ def test_params_yaml_is_the_composition_of_conf():
 
 
 def test_the_whole_must_be_there_and_nothing_else():
-    whole = yaml.safe_load(made())
+    whole = dict(made_values())
     assert all_problems(whole) == []
     assert all_problems(whole | {"new": {"key": 1}}) == ["new: unknown"]
     del whole["extract"]
