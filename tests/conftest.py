@@ -80,12 +80,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     need none of those: so nothing is compiled by both.
     """
     order = {f"test_{word}.py": number for number, word in enumerate(SLOW)}
-    items.sort(key=lambda item: order.get(item.path.name, len(SLOW)))
+    items.sort(key=lambda item: (order.get(item.path.name, len(SLOW)), item.path.name))
 
 
-def pytest_configure() -> None:
-    """No looking for garbage amid the imports: a fifth of the time of collecting the tests."""
+def pytest_configure(config: pytest.Config) -> None:
+    """No looking for garbage amid the imports: a fifth of the time of collecting the tests.
+
+    The second worker collects from the last file on, the first one from the first: what each has
+    compiled, the other finds: an eighth of the time in a fresh clone.
+    """
     gc.disable()
+    second = getattr(config, "workerinput", {}).get("workerid") == "gw1"
+    if second and [Path(one).name for one in config.args] == ["tests"]:
+        config.args = sorted(map(str, Path(__file__).parent.glob("test_*.py")), reverse=True)
 
 
 def pytest_collection_finish() -> None:
