@@ -52,7 +52,7 @@ def main() -> None:
         ]
     )
     print(table.to_string(index=False))
-    trials = 3 * 51  # modes, animations each
+    trials = 3 * 51  # modes, animations each: the one that is kept, and `animate.trials`
     print(f"animate: {trials} animations of 60 s and their measures; {len(numbers)} numbers")
     table.to_csv(ROOT / "benchmarks/table2.csv", index=False)
 
