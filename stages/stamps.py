@@ -3,9 +3,9 @@
 A path in params.yaml stays the same when the film at it is replaced, or its folder gets one more.
 So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
 it; `python -m stages.stamps` (`make repro`) renews it.
-"""
 
-from stages.run import run  # isort: skip
+DVC and Hydra import this whenever they compose: what reads films is loaded where one is named.
+"""
 
 import hashlib
 import re
@@ -16,9 +16,7 @@ from typing import Any
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_file
-from finloop.io.footage.listed import listed, stamps
 from stages.settings import FILES, PARAMS, read
 
 
@@ -35,6 +33,8 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
     path = extract.get("tracks_path")
     if extract.get("tracks") != "file" or not path:
         return None
+    from finloop.given_tracks import tracks_of
+
     try:
         films = _films(clip)
         paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
@@ -46,15 +46,24 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 def _films(clip: Mapping[str, Any]) -> list[Path]:
     """The files that `clip` names."""
     paths = clip.get("path")
-    several = [paths] if isinstance(paths, str) else paths or []
+    if not paths:
+        return []
+    from finloop.io.footage.listed import listed
+
+    several = [paths] if isinstance(paths, str) else paths
     named = [one if isinstance(one, str) else one["path"] for one in several]
     return [film for path in named for film in listed(path)]
 
 
 def digest(paths: Iterable[Path]) -> str | None:
     """Of the names, sizes and times of files, or of what is in folders; None if there are none."""
-    seen = [(str(path.absolute()), *stamps(path)) for path in paths]
-    return hashlib.sha256(repr(seen).encode()).hexdigest()[:16] if seen else None
+    files = list(paths)
+    if not files:
+        return None
+    from finloop.io.footage.listed import stamps
+
+    seen = [(str(path.absolute()), *stamps(path)) for path in files]
+    return hashlib.sha256(repr(seen).encode()).hexdigest()[:16]
 
 
 def main() -> None:
@@ -71,4 +80,6 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    from stages.run import run
+
     run(main)
