@@ -13,7 +13,7 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo film test test-kernel setup tracks params repro play sweep lint params-check bench docs clean
+.PHONY: help demo film test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs clean
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22
@@ -76,6 +76,9 @@ $(VENV):
 
 tracks: setup ## install what reads and writes other programs' tracks (the extra `tracks`)
 	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-tracks.lock
+
+cluster: setup ## install Dask, to work on several machines (the extra `cluster`)
+	@python -m pip install --quiet --disable-pip-version-check --no-deps -r requirements-cluster.lock
 
 params: setup ## compose conf/ into params.yaml, after editing conf/
 	@python -m stages.compose $(S)

@@ -50,8 +50,13 @@ def _python(folder: Path, *arguments: str) -> None:
 
 
 def _output(folder: Path, command: list[str]) -> str:
-    env = os.environ | {"PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=folder, env=env, capture_output=True, text=True)
+    done = subprocess.run(command, cwd=folder, env=environment(), capture_output=True, text=True)
     if done.returncode:
         raise SystemExit(f"{' '.join(command)} failed:\n{done.stderr}")
     return done.stdout
+
+
+def environment() -> dict[str, str]:
+    """For a process that imports the program from anywhere."""
+    path = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
+    return dict(os.environ) | {"PYTHONPATH": path}

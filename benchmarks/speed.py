@@ -24,7 +24,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.base.parallel import warm_up
+from finloop.base.parallel import Processes, warm_up
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
@@ -100,7 +100,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
-    found = detections(whole, scene, detector, THREADS)
+    found = detections(whole, scene, detector, Processes(THREADS))
     linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):

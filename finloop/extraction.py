@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from finloop.base.parallel import Workers
 from finloop.extract import film
 from finloop.extract.given import Followed
 from finloop.extract.samples import Verdict, survey
@@ -48,11 +49,15 @@ class Extraction(NamedTuple):
 
 
 def extract(
-    clip: Path, p: Settings, folder: Path, workers: int, advance: Callable[[], None] = lambda: None
+    clip: Path,
+    p: Settings,
+    folder: Path,
+    workers: Workers,
+    advance: Callable[[], None] = lambda: None,
 ) -> Extraction:
     """Write tracks, cut-outs, scene and background of a clip's folder to another folder.
 
-    Each of `workers` processes decodes and measures its own stretches; `advance()` after each
+    Each of `workers` decodes and measures its own stretches; `advance()` after each
     frame. FinloopError if the clip cannot be read, or no fish can be followed.
     """
     facts = load_facts(clip / FACTS_NAME)

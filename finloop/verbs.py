@@ -42,6 +42,7 @@ from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
@@ -151,7 +152,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     """
     p, home = settings("extract", **changes), _folder(folder) / "extract"
     with whole_folder(home) as part:
-        extract(film.folder, p, part, workers)
+        extract(film.folder, p, part, Processes(workers))
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
     named = home / GIVEN_NAME

@@ -21,7 +21,7 @@ from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
 from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
-from finloop.base.settings import WORDS, variants
+from finloop.base.settings import GROUPS, variants
 from stages.experiment import Experiment
 from stages.settings import STAMPS, all_problems, refusal, stamp
 from stages.stamps import film_stamp, tracks_stamp
@@ -75,7 +75,7 @@ def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
     return tracks_stamp(plain(_root_, "clip"), plain(_root_, "extract"))
 
 
-for word in WORDS:
+for word in GROUPS:
     for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))

@@ -1,6 +1,6 @@
 """Stage `animate`: goals become an edit list a mode, with the measures of how good each is."""
 
-from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -20,7 +20,7 @@ from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
 from finloop.animate.swim import Player, random_goals
-from finloop.base.parallel import ordered_map, warm_up
+from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -35,6 +35,7 @@ from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
 from finloop.sprites.orient import SPRITES
+from stages.cluster import workers
 from stages.forecasts import load_forecast
 from stages.poses import load_poses
 from stages.settings import load
@@ -100,13 +101,13 @@ def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, flo
         return {mode: [measured(one, seed) for seed in seeds] for mode, one in plain.items()}
 
 
-def trials(p: Settings) -> Measures:
+def trials(p: Settings, crew: Workers) -> Measures:
     """The measures of further animations of every mode, on average."""
-    most = -(-p.trials // THREADS)
+    most = -(-p.trials // crew.count)
     lots = [range(p.trials)[first : first + most] for first in range(0, p.trials, max(most, 1))]
     numbers: dict[str, list[dict[str, float]]] = {}
     with progress("animate", p.trials, "trials") as advance:
-        results = ordered_map(partial(trials_of, p), lots, THREADS)
+        results = ordered_map(partial(trials_of, p), lots, crew)
         for seeds, measured in zip(lots, results, strict=True):
             for mode, some in measured.items():
                 numbers[mode] = numbers.get(mode, []) + some
@@ -179,11 +180,10 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
 def main() -> None:
     """Make data/animate/, reports/animate/."""
     p: Settings = load("animate")
-    if THREADS > 1:
-        warm_up(WORKERS_NEED)
-    numbers, film_numbers = animations(p)
-    for mode, averages in trials(p).items():
-        numbers[mode] |= averages
+    with workers(WORKERS_NEED) as crew:
+        numbers, film_numbers = animations(p)
+        for mode, averages in trials(p, crew).items():
+            numbers[mode] |= averages
     if LOOPS not in numbers:
         print(
             "animate: the film has no loops to go on by: no mode `loops`, and `hybrid` is the "

@@ -1,6 +1,6 @@
 """Stage `extract`: the normalised clip becomes background, tracks, backbones, cut-outs."""
 
-from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Iterator, Mapping
@@ -13,7 +13,7 @@ import cv2
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import warm_up
+from finloop.base.parallel import Workers
 from finloop.extract.alike import Likeness
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
@@ -25,6 +25,7 @@ from finloop.io.several import FILMS, all_parts, parts_of
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.several import Brought, join_extractions
+from stages.cluster import workers
 from stages.kept import KEY_NAME, code_of, kept_or_made
 from stages.settings import load
 
@@ -36,13 +37,11 @@ WORKERS_NEED = ["finloop.extract.ready", "stages.extract"]  # imported once, for
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and films.csv."""
     settings: Settings = load("extract")
-    if THREADS > 1:
-        warm_up(WORKERS_NEED)
-    with whole_folder(EXTRACT) as folder:
+    with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
-            numbers, films = several(CLIP, settings, folder)
+            numbers, films = several(CLIP, settings, crew, folder)
         else:
-            numbers = one(CLIP, settings, folder)
+            numbers = one(CLIP, settings, crew, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             brought = Brought(name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness())
             films = [of_film(brought)]
@@ -50,11 +49,11 @@ def main() -> None:
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
-def one(clip: Path, settings: Settings, folder: Path) -> dict[str, float]:
+def one(clip: Path, settings: Settings, crew: Workers, folder: Path) -> dict[str, float]:
     """Write what is found in a clip to a folder; its metrics."""
     frames = load_facts(clip / FACTS_NAME).frames
     with progress("extract", frames) as advance:
-        made = extract(clip, settings, folder, THREADS, advance)
+        made = extract(clip, settings, folder, crew, advance)
     for note in said_of_given(made.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     return {"frames": frames, **metrics(made)}
@@ -70,7 +69,7 @@ def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:
 
 
 def several(
-    clip: Path, settings: Settings, folder: Path
+    clip: Path, settings: Settings, crew: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write what is found in several films, each in a folder of its own, and their motion base.
 
@@ -92,7 +91,7 @@ def several(
                 path = tracks_of(Path(part.path), settings.tracks_path)
                 own, tracks = replace(settings, tracks_path=path), stamps(Path(path))
             key = {"extract": asdict(own), "code": code, "clip": made_from, "tracks": tracks}
-            make = partial(one, clip / home, own)
+            make = partial(one, clip / home, own, crew)
             its = kept_or_made(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
         except FinloopError as error:

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
+from uuid import uuid4
 
 from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.io.cutouts import open_cutouts
@@ -36,18 +37,19 @@ class Pictures:
     mode: str
     stage: str
     drawn: Drawn  # with sprites and postures
+    run: str = field(default_factory=lambda: uuid4().hex)  # a worker may outlive it
 
     def __call__(self) -> AbstractContextManager[Gallery]:
         """The pictures, opened."""
         return open_gallery(self.drawn)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _sent, (self.mode, self.stage)
+        return _sent, (self.mode, self.stage, self.run)
 
 
-@cache
-def _sent(mode: str, stage: str) -> Pictures:
-    """What a process makes of that, once."""
+@lru_cache(1)
+def _sent(mode: str, stage: str, run: str) -> Pictures:
+    """What a process makes of that, once in a run."""
     return pictures_of(mode, stage)
 
 

@@ -1,6 +1,6 @@
 """Stage `realism`: can a classifier tell the animation from its film, and what gives it away?"""
 
-from stages.run import THREADS, progress, run, save_metrics  # isort: skip  (before numpy)
+from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
 from collections.abc import Sized
@@ -14,7 +14,7 @@ import pandas as pd
 
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import ordered_map, warm_up
+from finloop.base.parallel import Workers, ordered_map
 from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
@@ -30,6 +30,7 @@ from finloop.realism.lists import Work, animations, filmed
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
 from stages.animate import bring
+from stages.cluster import workers
 from stages.edit import DATA
 from stages.gallery import Pictures, pictures_of
 from stages.settings import load
@@ -46,14 +47,14 @@ def share_of(followed: Sized, work: list[Work]) -> float:
 
 
 def followed(
-    works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument
+    works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument, crew: Workers
 ) -> dict[str, Swimming]:
     """What extraction measures of film and animations, without those that it cannot follow."""
     work = partial(measured, pictures, instrument)
     every = [one for part in works.values() for one in part]
     tables = []
     with progress("realism", sum(len(edit) for edit, _ in every), "ticks") as advance:
-        for (edit, _), table in zip(every, ordered_map(work, every, THREADS), strict=True):
+        for (edit, _), table in zip(every, ordered_map(work, every, crew), strict=True):
             tables.append(table)
             advance(len(edit))
     swum: dict[str, Swimming] = {}
@@ -78,10 +79,10 @@ def _judged(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict |
         return error
 
 
-def judged(sides: Sides, p: Settings) -> dict[str, Verdict]:
+def judged(sides: Sides, p: Settings, crew: Workers) -> dict[str, Verdict]:
     """All comparisons that there are enough windows for."""
     verdicts: dict[str, Verdict] = {}
-    results = ordered_map(partial(_judged, p), sides.items(), THREADS)
+    results = ordered_map(partial(_judged, p), sides.items(), crew)
     for name, result in zip(sides, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
@@ -131,10 +132,12 @@ def save_report(
 
 def main() -> None:
     """Make data/realism/, reports/realism/."""
-    p: Settings = load("realism")
-    q: AnimateSettings = load("animate")
-    if THREADS > 1:
-        warm_up(WORKERS_NEED)
+    with workers(WORKERS_NEED) as crew:
+        compared(load("realism"), load("animate"), crew)
+
+
+def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
+    """Compare film and animations; write what comes of it."""
     facts = load_facts(CLIP / FACTS_NAME)
     rate = facts.frame_rate_hz
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
@@ -150,7 +153,7 @@ def main() -> None:
         pictures.drawn.scene, load("extract"),
         replace(load("features"), delta_s=delta_of(features) / rate), rate,
     )  # fmt: skip
-    swum = followed(works, pictures, instrument)
+    swum = followed(works, pictures, instrument, crew)
     if FILM not in swum:
         raise FinloopError(
             "extraction could follow no fish of the film drawn again",
@@ -159,7 +162,7 @@ def main() -> None:
         )
     sample = compare.sample(swum[FILM], features, rate, p)
     sides = sample.sides({mode: swum[mode] for mode in swum if mode != FILM}, features)
-    verdicts = judged(sides, p)
+    verdicts = judged(sides, p, crew)
     with whole_folder(OUT) as folder:
         shown, seen = examples.Show(sample, works, swum).tables(sides, verdicts)
         save_table(folder / "examples.parquet", shown, examples.EXAMPLES)

@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.base.errors import FinloopError
+from finloop.base.settings import WORDS
 from finloop.io.atomic import whole_file
 from finloop.io.film_small import small_film
 from finloop.io.picture import load_picture
@@ -18,7 +19,7 @@ from finloop.report.figures import CHAPTERS, Chapter, Figure
 from finloop.report.page import WebP, data_uri, rendered, webp
 from finloop.report.settings import Settings
 from finloop.report.tables import Table, headline, measures, number, of_frame, of_numbers
-from stages.settings import STAMPS, load, overrides, read
+from stages.settings import load, overrides, read
 
 REPORTS, CLIP, RENDER = Path("reports"), Path("data/clip"), Path("data/render")
 TIMES = Path("benchmarks/table2.csv")
@@ -83,7 +84,6 @@ def parameters(values: Mapping[str, Any]) -> dict[str, list[tuple[str, str, bool
             for key, value in group.items()
         ]
         for word, group in values.items()
-        if word not in STAMPS
     }
 
 
@@ -108,11 +108,12 @@ def main() -> None:
     """Make reports/index.html, reports/report/."""
     p: Settings = load("report")
     values = read()
+    values = {word: values[word] for word in WORDS}  # what results depend on
     mode, source = values["render"]["mode"], values["clip"]["source"]
     marked = RENDER / f"{mode}_marked.mp4"
     film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
-    numbers = {word: metrics(word) for word in values if word not in (*STAMPS, "report")}
+    numbers = {word: metrics(word) for word in values if word != "report"}
     chapters = list(sections(p))
     changes = "".join(f" -S '{change}'" for change in overrides(values))
     page = {

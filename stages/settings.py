@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from finloop.base.errors import FinloopError
-from finloop.base.settings import WORDS, check, usual_options, values_of, variants
+from finloop.base.settings import GROUPS, check, usual_options, values_of, variants
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
@@ -89,8 +89,8 @@ def _digest(files: Mapping[str, Path]) -> str:
 
 def all_problems(values: Mapping[str, Any]) -> list[str]:
     """Everything that is wrong in a whole params.yaml, by dotted name."""
-    problems = [f"{word}: unknown" for word in values if word not in (*WORDS, *STAMPS)]
-    for word in WORDS:
+    problems = [f"{word}: unknown" for word in values if word not in (*GROUPS, *STAMPS)]
+    for word in GROUPS:
         problems += check(word, variants(word), values.get(word, {}))[1]
     return problems
 

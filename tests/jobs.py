@@ -54,3 +54,24 @@ def is_killed_once(job):
         (folder / "killed").touch()
         os.kill(os.getpid(), signal.SIGKILL)
     return number**2
+
+
+def cannot_read_once(job):
+    folder, number = job
+    if number == 3 and not (folder / "failed").exists():
+        (folder / "failed").touch()
+        raise OSError("the network is away")
+    return number
+
+
+def cannot_read(job):
+    folder, number = job
+    if number == 0:
+        (folder / f"tried-{len(list(folder.glob('tried-*')))}").touch()
+        raise FileNotFoundError(folder / "film")
+    return number
+
+
+def waits(pipe):
+    """Until somebody opens the pipe to write."""
+    return pipe.read_text()

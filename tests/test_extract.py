@@ -29,6 +29,7 @@ import stages.features
 import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract import film as extract
@@ -703,7 +704,7 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
         gc.collect()
         tracemalloc.start()
         film = Film(partial(read, []), length, 25.0)
-        seen = detections(film, scene, detector, 1)
+        seen = detections(film, scene, detector, Processes())
         count = sum(len(found) for _, found in tracks(seen, typical, SETTINGS))
         most = tracemalloc.get_traced_memory()[1]
         tracemalloc.stop()
@@ -799,7 +800,7 @@ def extracted(tmp_path_factory):
     prepare(folder, *FILM)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(stages.extract, "THREADS", 1)
+        patch.setattr(stages.cluster, "THREADS", 1)
         stages.clip.main()
         stages.extract.main()
         stages.plots.extract.main()
@@ -814,7 +815,7 @@ def walked(tmp_path_factory):
     put_clip(folder, walk(24))
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(stages.extract, "THREADS", 1)
+        patch.setattr(stages.cluster, "THREADS", 1)
         stages.extract.main()
     return folder
 
@@ -824,7 +825,7 @@ def here(tmp_path, monkeypatch):
     """An empty folder to work in, with default parameters, and without further processes."""
     prepare(tmp_path, *FILM)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(stages.extract, "THREADS", 1)
+    monkeypatch.setattr(stages.cluster, "THREADS", 1)
     return tmp_path
 
 
@@ -867,7 +868,7 @@ def test_the_same_bytes_with_any_number_of_threads(extracted, here, monkeypatch)
     put = here / "data/clip"
     put.parent.mkdir()
     put.symlink_to(extracted / "data/clip")
-    monkeypatch.setattr(stages.extract, "THREADS", 3)
+    monkeypatch.setattr(stages.cluster, "THREADS", 3)
     stages.extract.main()
     assert content(here / "data/extract") == content(extracted / "data/extract")
 

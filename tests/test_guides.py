@@ -9,14 +9,14 @@ import yaml
 from scratch import prepare
 
 from docs.draw.flow import svg
-from finloop.base.settings import WORDS
+from finloop.base.settings import GROUPS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 PICTURES = DOCS / "pictures"
 GUIDES = [ROOT / "README.md", *(one for one in DOCS.glob("*.md") if one.stem != "equations")]
 STAGES = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
-VALUE = re.compile(rf"\b((?:{'|'.join(WORDS)})\.\w+)=([^\s`\"]+)")
+VALUE = re.compile(rf"\b((?:{'|'.join(GROUPS)})\.\w+)=([^\s`\"]+)")
 
 
 def values(text: str) -> list[tuple[str, str]]:

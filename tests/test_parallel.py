@@ -11,6 +11,8 @@ import pytest
 from conftest import wait_for
 from jobs import (
     after_the_next,
+    cannot_read,
+    cannot_read_once,
     collects_garbage,
     fails_at_five,
     is_killed,
@@ -21,7 +23,7 @@ from jobs import (
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import ordered_map
+from finloop.base.parallel import Processes, ordered_map
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
 
@@ -43,16 +45,18 @@ def no_hanging():
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
 def test_each_item_is_worked_once(workers):
-    assert list(ordered_map(square, range(12), workers)) == [k**2 for k in range(12)]
-    assert list(ordered_map(square, [], workers)) == []
-    assert list(ordered_map(square, [3], workers)) == [9]
+    assert list(ordered_map(square, range(12), Processes(workers))) == [k**2 for k in range(12)]
+    assert list(ordered_map(square, [], Processes(workers))) == []
+    assert list(ordered_map(square, [3], Processes(workers))) == [9]
 
 
 @pytest.mark.parametrize("workers", [2, 3])
 def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
     for even in range(0, 12, 2):
         os.mkfifo(tmp_path / str(even))
-    results = list(ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], workers))
+    results = list(
+        ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], Processes(workers))
+    )
     assert [number for number, _ in results] == list(range(12))
     places = {place for _, place in results}
     assert len(places) >= 2 and os.getpid() not in places
@@ -60,7 +64,7 @@ def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_an_error_in_a_worker_is_the_same_error_here(workers):
-    results = ordered_map(fails_at_five, range(40), workers)
+    results = ordered_map(fails_at_five, range(40), Processes(workers))
     assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
     with pytest.raises(FinloopError) as caught:
         next(results)
@@ -69,7 +73,7 @@ def test_an_error_in_a_worker_is_the_same_error_here(workers):
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path):
-    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), workers)
+    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), Processes(workers))
     for taken in range(1, 20):
         next(results)
         most = taken + workers + 1
@@ -77,7 +81,7 @@ def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path
 
 
 def test_who_stops_early_does_not_wait_for_the_rest(tmp_path):
-    results = ordered_map(noted, [(tmp_path, number) for number in range(500)], 2)
+    results = ordered_map(noted, [(tmp_path, number) for number in range(500)], Processes(2))
     next(results)
     results.close()
     assert len(list(tmp_path.iterdir())) <= 4
@@ -98,19 +102,31 @@ def test_workers_do_not_free_what_their_parent_opened(tmp_path, garbage):
         cycle.append(cycle)
         if garbage:
             del frames, cycle
-        assert list(ordered_map(collects_garbage, range(6), 2)) == list(range(6))
+        assert list(ordered_map(collects_garbage, range(6), Processes(2))) == list(range(6))
     finally:
         gc.enable()
 
 
 def test_what_a_killed_worker_held_is_done_again(tmp_path):
     jobs = [(tmp_path, number) for number in range(6)]
-    assert list(ordered_map(is_killed_once, jobs, 2)) == [number**2 for number in range(6)]
+    assert list(ordered_map(is_killed_once, jobs, Processes(2))) == [
+        number**2 for number in range(6)
+    ]
     assert (tmp_path / "killed").exists()
 
 
 def test_a_worker_that_is_killed_again_and_again_is_one_message(monkeypatch):
     monkeypatch.setattr(parallel, "_TRIES", 2)
     with pytest.raises(FinloopError, match="worker") as caught:
-        list(ordered_map(is_killed, range(9), 2))
+        list(ordered_map(is_killed, range(9), Processes(2)))
     assert "FINLOOP_THREADS=1" in caught.value.do
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_gives_an_error_of_the_system_is_tried_again(workers, tmp_path, monkeypatch):
+    monkeypatch.setattr(parallel, "_PAUSE_S", 0.0)
+    jobs = [(tmp_path, number) for number in range(4)]
+    assert list(ordered_map(cannot_read_once, jobs, Processes(workers))) == [0, 1, 2, 3]
+    with pytest.raises(FileNotFoundError):
+        list(ordered_map(cannot_read, jobs, Processes(workers)))
+    assert len(list(tmp_path.glob("tried-*"))) == parallel._TRIES

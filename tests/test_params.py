@@ -18,7 +18,7 @@ from pydantic import Field
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.settings import WORDS, check, settings, values_of, variants
+from finloop.base.settings import GROUPS, check, settings, values_of, variants
 from stages import settings as door
 from stages.compose import compare, composed
 from stages.experiment import FOLDER
@@ -27,8 +27,8 @@ from stages.stamps import film_stamp, tracks_stamp
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
-GROUPS = {word: variants(word) for word in WORDS}
-EVERY = [(word, option) for word, options in GROUPS.items() for option in options]
+VARIANTS = {word: variants(word) for word in GROUPS}
+EVERY = [(word, option) for word, options in VARIANTS.items() for option in options]
 
 
 @dataclass(frozen=True)
@@ -138,48 +138,48 @@ def composed_values(word: str, option: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_option_composes_into_its_dataclass(word, option):
-    group, none = check(word, GROUPS[word], composed_values(word, option))
+    group, none = check(word, VARIANTS[word], composed_values(word, option))
     assert none == []
-    assert isinstance(group, GROUPS[word][option])
+    assert isinstance(group, VARIANTS[word][option])
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_parameter_is_wanted_typed_and_finite(word, option):
     values = composed_values(word, option)
-    for key, kind in get_type_hints(GROUPS[word][option]).items():
+    for key, kind in get_type_hints(VARIANTS[word][option]).items():
         if key == "source":
             continue
         without = {name: value for name, value in values.items() if name != key}
-        assert check(word, GROUPS[word], without)[1] == [f"{word}.{key}: has no value"]
+        assert check(word, VARIANTS[word], without)[1] == [f"{word}.{key}: has no value"]
         for wrong in ({"a": "group"}, float("nan"), *(["text"] if kind in (int, float) else [])):
-            found = check(word, GROUPS[word], values | {key: wrong})[1]
+            found = check(word, VARIANTS[word], values | {key: wrong})[1]
             assert found, f"{word}.{key} takes {wrong!r}"
             assert all(problem.startswith(f"{word}.{key}") for problem in found)
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_a_group_is_flat_and_has_no_values_of_its_own(word, option):
-    for field in fields(GROUPS[word][option]):
+    for field in fields(VARIANTS[word][option]):
         assert not is_dataclass(field.type)
         assert repr(field.default) == repr(field.default_factory), f"{field.name} has a default"
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_a_parameter_stands_in_two_places(word, option):
-    declared = [field.name for field in fields(GROUPS[word][option])]
+    declared = [field.name for field in fields(VARIANTS[word][option])]
     assert sorted(values_of(word, option)) == sorted(declared)
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)
 def test_every_parameter_says_its_unit_and_meaning_beside_or_above(word, option):
     told = set()
-    for one in filter(is_dataclass, GROUPS[word][option].__mro__):
+    for one in filter(is_dataclass, VARIANTS[word][option].__mro__):
         lines = ["", *inspect.getsource(one).splitlines()]
         for above, line in pairwise(lines):
             field = re.match(r"    (\w+): .*?(  # .+)?$", line)
             if field and (field[2] or above.startswith("    # ")):
                 told.add(field[1])
-    assert told == {field.name for field in fields(GROUPS[word][option])}
+    assert told == {field.name for field in fields(VARIANTS[word][option])}
 
 
 def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, monkeypatch):
@@ -188,7 +188,7 @@ def test_a_library_gets_its_parameters_without_hydra_and_params_yaml(tmp_path, m
     (other,) = {settings("extract", noise_sigmas=6).noise_sigmas} - {usual.noise_sigmas}
     assert other == 6.0 and type(other) is float
     carp = settings("clip", source="carp", frames=50)
-    assert type(carp) is GROUPS["clip"]["carp"] and carp.frames == 50
+    assert type(carp) is VARIANTS["clip"]["carp"] and carp.frames == 50
     for wrong, named in (({"nois_sigmas": 1.0}, "did you mean extract.noise_sigmas"),
                          ({"points": 3.5}, "extract.points: should be a valid integer")):  # fmt: skip
         with pytest.raises(FinloopError, match=named):
@@ -201,8 +201,8 @@ def test_what_is_declared_is_cheap_to_know():
     """DVC imports every declaration while it composes; none may bring its algorithm with it."""
     heavy = ("cv2", "matplotlib", "numba", "pandas", "scipy", "torch", "vtkmodules")
     code = (
-        "import sys; from finloop.base.settings import WORDS, variants\n"
-        "for word in WORDS: variants(word)\n"
+        "import sys; from finloop.base.settings import GROUPS, variants\n"
+        "for word in GROUPS: variants(word)\n"
         f"print(*(set({heavy}) & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -275,7 +275,7 @@ def elsewhere(tmp_path, monkeypatch):
 
 
 def test_load_gives_the_group(elsewhere):
-    for word, options in GROUPS.items():
+    for word, options in VARIANTS.items():
         assert type(load(word)) in options.values()
 
 

@@ -17,7 +17,7 @@ import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive, wait_for
 
-from finloop.base.settings import WORDS
+from finloop.base.settings import GROUPS, WORDS
 from stages.settings import FILES
 
 ROOT = Path(__file__).parents[1]
@@ -102,7 +102,7 @@ def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
     files = closure(module_files(module(word)))
     wanted = {folder(file) for file in files - EMPTY}
     if word == "params":  # looks at every declaration, by name
-        wanted |= {f"finloop/{one}/settings.py" for one in WORDS}
+        wanted |= {f"finloop/{one}/settings.py" for one in GROUPS}
     deps = STAGES[word]["deps"]
     listed = {dep for dep in deps if dep.startswith(("finloop", "stages"))}
     assert sorted(wanted - listed) == [], "imported, but not under deps"
@@ -158,6 +158,11 @@ def test_a_stage_enters_and_leaves_by_the_door(word):
 
 def test_every_group_belongs_to_a_stage():
     assert set(WORDS) == set(STAGES) - {"params", *PLOTS}
+
+
+def test_no_stage_runs_anew_where_the_work_is_done_elsewhere():
+    listed = {group for stage in STAGES.values() for group in stage.get("params", [])}
+    assert {*GROUPS} - {*WORDS} == {"cluster"} and "cluster" not in listed
 
 
 def test_nothing_runs_before_the_parameters_are_checked():

@@ -16,6 +16,7 @@ import stages.plots.realism
 import stages.realism
 from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.base.stretches import spread, stretches
 from finloop.extract.background import Scene
@@ -432,7 +433,6 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
     monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
-    monkeypatch.setattr(stages.realism, "THREADS", 1)
     pictures = pictures_of(NETWORK, "realism")
-    assert stages.realism.followed(works, pictures, instrument_of(carp)) == {}
+    assert stages.realism.followed(works, pictures, instrument_of(carp), Processes()) == {}
     assert "the fish of nn in 0 %" in capsys.readouterr().err

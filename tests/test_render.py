@@ -746,7 +746,7 @@ def extracted(tmp_path_factory):
     folder = tmp_path_factory.mktemp("render")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        patch.setattr(stages.extract, "THREADS", 1)
+        patch.setattr(stages.cluster, "THREADS", 1)
         prepare(folder, *NN, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
         stages.clip.main()
         stages.extract.main()

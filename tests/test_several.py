@@ -180,7 +180,7 @@ def joined(tmp_path_factory):
 def run(home, patch):
     prepare(home, "clip=file", "clip.path=films", f"extract.points={POINTS}", *FEW)
     patch.chdir(home)
-    patch.setattr(stages.extract, "THREADS", 1)
+    patch.setattr(stages.cluster, "THREADS", 1)
     stages.clip.main()
     stages.extract.main()
 

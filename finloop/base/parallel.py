@@ -1,14 +1,17 @@
 """Work on every core with results in order and bounded memory."""
 
-import contextlib
 import multiprocessing
 import signal
+import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
+from dataclasses import dataclass
+from functools import partial
 from multiprocessing import forkserver
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 import cv2
 
@@ -17,11 +20,13 @@ from finloop.base.process import die_with_parent
 
 A = TypeVar("A")
 B = TypeVar("B")
+B_co = TypeVar("B_co", covariant=True)
 
 # Not "fork": a copy of a process whose libraries run threads hangs sooner or later. A server that
 # has only imported things, and is forked for each worker, is safe and nearly as quick.
 _FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
 _TRIES = 3  # once may be bad luck; the same item again and again is not
+_PAUSE_S = 0.2  # before what gave an OSError is tried again
 
 
 def warm_up(modules: Sequence[str]) -> None:
@@ -31,38 +36,88 @@ def warm_up(modules: Sequence[str]) -> None:
         forkserver.ensure_running()
 
 
-def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Iterator[B]:
-    """`work(item)` for every item, in the items' order, on `workers` processes.
+class Handed(Protocol[B_co]):
+    """A piece of work in a worker's hands."""
 
-    At most `workers` + 1 results are kept at a time. With one worker, or one item, the work is done
-    in this process. Exceptions of `work` are raised here. `work`, items and results are pickled.
-    What was in the hands of the processes when one is killed is done again by new ones.
+    def result(self) -> B_co:
+        """Wait for what comes of it; raise what `work` raised."""
+        ...
+
+
+class Workers(Protocol):
+    """Who works: processes of this machine, `Processes`, or a cluster's (room `cluster`).
+
+    Either gives the same bytes.
+    """
+
+    @property
+    def count(self) -> int:
+        """How many work at a time; a cluster's may become more or fewer."""
+        ...
+
+    @property
+    def alone(self) -> bool:
+        """Whether the work is done in this process itself."""
+        ...
+
+    def employ(self, work: Callable[[A], B]) -> AbstractContextManager[Callable[[A], Handed[B]]]:
+        """For a block, a function that hands one item out to be worked, and returns at once.
+
+        It or `result` raise BrokenProcessPool where all that is handed out is lost.
+        """
+        ...
+
+
+@dataclass(frozen=True)
+class Processes:
+    """Processes of this machine; with one the work is done in this process itself."""
+
+    count: int = 1
+
+    @property
+    def alone(self) -> bool:
+        """As in `Workers`."""
+        return self.count < 2
+
+    @contextmanager
+    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+        """As in `Workers`."""
+        start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
+        with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
+            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+            yield lambda item: pool.submit(work, item)
+
+
+def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:
+    """`work(item)` for every item, in the items' order, by `workers`.
+
+    At most `workers.count` + 1 results are kept at a time. One item is worked in this process.
+    Exceptions of `work` are raised here; an OSError, as where a network's folder is away for a
+    moment, only when it comes `_TRIES` times at the same item. `work`, items and results are
+    pickled. What was in the hands of the processes when one is killed is done again by new ones.
 
     Raises FinloopError where a worker is killed `_TRIES` times at the same item.
     """
     todo = deque(items)
-    if workers < 2 or len(todo) < 2:
+    work = partial(_persist, work)
+    if workers.alone or len(todo) < 2:
         yield from map(work, todo)
         return
-    start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
-    given: deque[A] = deque()  # to the processes, and no result is taken yet
+    given: deque[A] = deque()  # to the workers, and no result is taken yet
     killed = 0
     while todo or given:
-        with ProcessPoolExecutor(workers, start, _begin) as pool, contextlib.ExitStack() as stack:
-            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-            results: deque[Future[B]] = deque()
+        with workers.employ(work) as hand:
+            results: deque[Handed[B]] = deque()
             while todo or given:
-                while todo and len(given) < workers + 1:
+                while todo and len(given) < workers.count + 1:
                     given.append(todo.popleft())
                 try:
-                    results += [
-                        pool.submit(work, given[k]) for k in range(len(results), len(given))
-                    ]
+                    results += [hand(given[k]) for k in range(len(results), len(given))]
                     result = results[0].result()
                 except BrokenProcessPool as error:
                     killed += 1
                     if killed == _TRIES:
-                        raise _ended(workers) from error
+                        raise ended(workers.count) from error
                     break
                 results.popleft()
                 given.popleft()
@@ -70,11 +125,21 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: int) -> Ite
                 yield result
 
 
-def _ended(workers: int) -> FinloopError:
+def _persist(work: Callable[[A], B], item: A) -> B:
+    """`work(item)`, again where that gives an OSError."""
+    for _ in range(_TRIES - 1):
+        with suppress(OSError):
+            return work(item)
+        time.sleep(_PAUSE_S)
+    return work(item)
+
+
+def ended(workers: int) -> FinloopError:
+    """What to raise where workers are killed again and again at the same piece."""
     return FinloopError(
         f"worker processes were ended from outside, {_TRIES} times, perhaps for want of memory",
         f"{workers} processes that each hold a stretch of the film",
-        "run again; with FINLOOP_THREADS=1 in the environment one process does it all",
+        "run again; without a cluster and with FINLOOP_THREADS=1 one process does it all",
     )
 
 

@@ -40,6 +40,8 @@ WORDS = (
     "gait", "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""
+GROUPS = (*WORDS, "cluster")
+"""All groups of parameters: of the stages, and where their work is done, which no result shows."""
 CONF = Path(__file__).parents[2] / "conf"
 
 

@@ -19,7 +19,7 @@ import pandas as pd
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import ordered_map
+from finloop.base.parallel import Workers, ordered_map
 from finloop.extract.background import (
     Scene,
     in_light_of,
@@ -117,16 +117,18 @@ class Film(NamedTuple):
     stride: int = 1
 
 
-def detections(film: Film, scene: Scene, detector: Detector, workers: int) -> Iterator[Detections]:
-    """Detections of every frame in order, computed in `workers` processes.
+def detections(
+    film: Film, scene: Scene, detector: Detector, workers: Workers
+) -> Iterator[Detections]:
+    """Detections of every frame in order, computed by `workers`.
 
-    Each process reads its own stretches of the clip. They begin at key frames, so that no frame is
+    Each reads its own stretches of the clip. They begin at key frames, so that no frame is
     decoded in vain. A background by MOG2 depends on all frames before: then one process reads all.
     """
     if detector.settings.background == "mog2":
         frames = film.read(start=0, stop=film.frames)
         return (detector(*seen) for seen in follow(frames, scene, film.rate_hz))
-    length = min(_STRETCH, max(1, film.frames // (4 * workers)))
+    length = min(_STRETCH, max(1, film.frames // (4 * workers.count)))
     length = max(1, length // film.stride) * film.stride
     starts = range(0, film.frames, length)
     spans = [(start, min(start + length, film.frames)) for start in starts]

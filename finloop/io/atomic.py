@@ -66,6 +66,18 @@ def whole_folder(path: Path) -> Iterator[Path]:
     _to_disk(path.parent)
 
 
+@contextmanager
+def passing_file(path: Path) -> Iterator[Path]:
+    """Yield a hidden path beside `path` for a file that is needed during the block alone."""
+    part = path.with_name(f".{path.name}.{_own()}.part")
+    path.parent.mkdir(parents=True, exist_ok=True)
+    _remove_left(path.parent)
+    try:
+        yield part
+    finally:
+        part.unlink(missing_ok=True)
+
+
 def _own() -> str:
     """This process: its machine, as others may write into the same folder, and its number."""
     return f"{socket.gethostname().partition('.')[0]}-{os.getpid()}"

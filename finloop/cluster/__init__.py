@@ -1,0 +1,14 @@
+"""Work done by the workers of a Dask cluster, on this machine or on many.
+
+`base.parallel` hands pieces out and takes their results in order; here are the workers that it
+hands them to. They share a folder with whoever asks, and are reached by the scheduler's address. A
+piece is worked in that folder, by the same code, packages and thread counts, so that it gives the
+same bytes as on a process of this machine; a worker that is otherwise is refused. Needs the extra
+`cluster` (`make cluster`).
+"""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "piece": ["Home"], "workers": ["DaskWorkers", "dask_workers"],
+})  # fmt: skip

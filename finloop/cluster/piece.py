@@ -1,0 +1,132 @@
+"""What a worker of a cluster does with a piece of work: it looks where and what it is, then works.
+
+A scheduler need not have this program: it is handed a call as bytes, and `pickle.loads`, which is
+everywhere and makes the call.
+"""
+
+import hashlib
+import os
+import pickle
+import platform
+import socket
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import cache, lru_cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import cv2
+
+from finloop.base.errors import FinloopError
+
+_ROOT = Path(__file__).parents[2]
+_PACKAGES = (
+    "av", "faiss-cpu", "numba", "numpy", "opencv-contrib-python-headless", "pandas", "pyarrow",
+    "scikit-image", "scikit-learn", "scipy", "torch",
+)  # fmt: skip
+"""What results are computed with."""
+
+
+@dataclass(frozen=True)
+class Home:
+    """Where a piece is worked, and by what: two that are the same give the same bytes.
+
+    folder: absolute, of the stage, shared by all; start: the command that starts a worker there;
+    facts: of code, packages and thread counts, by name.
+    """
+
+    folder: str
+    start: str
+    facts: Mapping[str, str]
+
+    @classmethod
+    def here(cls, folder: Path, start: str, variables: Iterable[str]) -> "Home":
+        """Of this process. variables: of the environment, such as hold thread counts."""
+        return cls(str(folder.absolute()), start, _facts(tuple(variables)))
+
+    def refuse_other(self) -> None:
+        """FinloopError where this process is not of the same facts."""
+        own = _facts(tuple(name for name in self.facts if name.isupper()))
+        other = [
+            f"{name}: {own.get(name)} there, {value} here"
+            for name, value in self.facts.items()
+            if own.get(name) != value
+        ]
+        if other:
+            raise FinloopError(
+                f"{_worker()} is not what this program is: " + "; ".join(other),
+                "the same code, packages and thread counts, for the same results",
+                f"end it, and start it in {self.folder}: {self.start}",
+            )
+
+
+def _worker() -> str:
+    return f"worker process {os.getpid()} of {socket.gethostname()}, in {_ROOT},"
+
+
+@cache  # as they were when this process began: its modules are not imported anew
+def _facts(variables: tuple[str, ...]) -> dict[str, str]:
+    """Facts of this process, by name; names of variables of the environment are in capitals."""
+    return {
+        "code": _code(),
+        "python": platform.python_version(),
+        **{name: _version(name) for name in _PACKAGES},
+        **{name: os.environ.get(name, "not set") for name in variables},
+    }
+
+
+@cache
+def _code() -> str:
+    """A digest of the program's code."""
+    digest = hashlib.sha256()
+    for room in ("finloop", "stages"):
+        for path in sorted((_ROOT / room).rglob("*.py")):
+            digest.update(f"{path.relative_to(_ROOT)}\n".encode() + path.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"
+
+
+class Call:
+    """A call that is made where it is unpickled."""
+
+    def __init__(self, what: Callable[..., Any], *arguments: Any) -> None:
+        self._call = what, arguments
+
+    def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
+        return self._call
+
+
+def piece(home: Home, work: str, item: bytes) -> bytes:
+    """The pickled result of one pickled item.
+
+    work: file in the shared folder that holds the pickled function. FinloopError where this worker
+    is another, or does not see the file.
+    """
+    return pickle.dumps(ready(home, work)(pickle.loads(item)))
+
+
+def ready(home: Home, work: str) -> Callable[[Any], Any]:
+    """What is to be done, by a process that has become like the one that asks."""
+    home.refuse_other()
+    try:
+        os.chdir(home.folder)
+        return _read(work)
+    except FileNotFoundError as error:
+        raise FinloopError(
+            f"{_worker()} does not see {home.folder}, or sees another folder there",
+            "a folder that all workers share, at the same path",
+            f"share {home.folder} (NFS, for instance), and start the worker there: {home.start}",
+        ) from error
+
+
+@lru_cache(1)  # the same for every item, and as large as a few frames
+def _read(work: str) -> Callable[[Any], Any]:
+    cv2.setNumThreads(1)
+    return pickle.loads(Path(work).read_bytes())

@@ -1,0 +1,228 @@
+"""The workers of a Dask cluster, as `base.parallel.Workers`.
+
+Dask's scheduler keeps what is handed out: a worker that goes leaves its pieces to the others, and a
+result that went with it is computed again.
+"""
+
+import logging
+import pickle
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import partial
+from importlib import import_module
+from itertools import count
+from pathlib import Path
+from typing import Any, TypeVar
+from uuid import uuid4
+
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import ended
+from finloop.cluster.piece import Call, Home, piece, ready
+from finloop.cluster.settings import Local, Settings
+from finloop.io.atomic import passing_file
+
+A = TypeVar("A")
+B = TypeVar("B")
+Client = Any  # distributed.Client, which is there only with the extra
+
+_CONNECT_S = 5.0  # to reach a scheduler
+_JOIN_S = 30.0  # for a first worker to come, and for one to come back where none is left
+_LOOK_S = 5.0  # between two looks whether somebody still works
+_SHARED = "data"  # below the stage's folder: where the work lies for the workers
+
+
+@contextmanager
+def dask_workers(
+    p: Settings, home: Home, processes: int, need: Sequence[str] = ()
+) -> Iterator["DaskWorkers"]:
+    """The workers of the cluster that the parameters name; of a local one `processes`.
+
+    need: modules that they import at once. FinloopError where Dask is not installed, no scheduler
+    or worker answers, or a worker has another folder or other code.
+    """
+    distributed = _distributed()
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what matters is said by us
+    with ExitStack() as stack:
+        address: Any = p.source
+        if isinstance(p, Local):
+            where = stack.enter_context(
+                distributed.LocalCluster(
+                    n_workers=processes,
+                    threads_per_worker=1,
+                    dashboard_address="127.0.0.1:0",
+                    silence_logs=logging.CRITICAL,
+                )
+            )
+        else:
+            where = address = p.address
+        try:
+            client = distributed.Client(where, timeout=_CONNECT_S, set_as_default=False)
+            stack.enter_context(client)
+            client.wait_for_workers(1, _JOIN_S)
+        except (OSError, ValueError) as error:  # TimeoutError is an OSError
+            raise FinloopError(
+                f"no scheduler with workers answers at {address} ({error})",
+                "Dask's scheduler there, and workers that have joined it",
+                f"start them (dask scheduler; {home.start}), or correct cluster.address",
+            ) from error
+        workers = DaskWorkers(client, home, str(address))
+        workers.check(need)
+        yield workers
+
+
+@dataclass(frozen=True)
+class DaskWorkers:
+    """Workers of one thread each that a client of Dask reaches."""
+
+    client: Client
+    home: Home
+    address: str
+    alone = False
+
+    @property
+    def count(self) -> int:
+        """How many there are now, 1 where there is none; FinloopError where one does not fit."""
+        threads = self.threads()
+        if several := [worker for worker, number in threads.items() if number != 1]:
+            raise FinloopError(
+                f"worker {several[0]} works with {threads[several[0]]} threads",
+                "processes of one thread, as many as a machine has cores",
+                f"end it, and start it in {self.home.folder}: {self.home.start}",
+            )
+        return max(1, len(threads))
+
+    def threads(self) -> dict[str, int]:
+        """Of every worker, by address; FinloopError where the scheduler does not answer."""
+        try:
+            return dict(self.client.nthreads())
+        except (OSError, CancelledError) as error:
+            raise self.gone() from error
+
+    @property
+    def dashboard(self) -> str:
+        """Where Dask shows what the workers do; empty where it shows nothing."""
+        return self.client.dashboard_link or ""
+
+    @contextmanager
+    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Handed"]]:
+        """As in `base.parallel.Workers`."""
+        name, number = uuid4().hex, count()
+        with self._shared(work) as path:
+
+            def hand(item: A) -> _Handed:
+                call = pickle.dumps(Call(piece, self.home, path, _pickled(item)))
+                key = f"piece-{name}-{next(number)}"
+                try:
+                    future = self.client.submit(pickle.loads, call, key=key, pure=False)
+                except (OSError, RuntimeError) as error:
+                    raise self.gone() from error
+                return _Handed(self, future)
+
+            yield hand
+
+    def check(self, need: Sequence[str] = ()) -> None:
+        """Let every worker look whether it is as it should be, and import what it will need.
+
+        FinloopError where one is not; it names all of them.
+        """
+        with self._shared(_nothing) as path:
+            call = pickle.dumps(Call(partial(_fit, need), self.home, path))
+            told = self.client.run(pickle.loads, call, on_error="return")
+        refused = [self.refusal(one) for one in told.values() if isinstance(one, Exception)]
+        if refused:
+            came = "\n    ".join(sorted({one.came for one in refused}))
+            raise FinloopError(came, refused[0].wanted, refused[0].do)
+
+    @contextmanager
+    def _shared(self, work: Callable[[A], B]) -> Iterator[str]:
+        """A file in the shared folder that holds `work` for the workers."""
+        with passing_file(Path(self.home.folder) / _SHARED / f"cluster-{uuid4().hex}") as path:
+            path.write_bytes(_pickled(work))
+            yield str(path)
+
+    def refusal(self, error: Exception) -> FinloopError:
+        """What to say of an exception that came while a worker made itself ready; or itself."""
+        if isinstance(error, FinloopError):
+            return error
+        if isinstance(error, ImportError | AttributeError):
+            return FinloopError(
+                f"a worker at {self.address} lacks the program: {error}",
+                f"workers that were started in {self.home.folder}",
+                f"end it, and start it there: {self.home.start}",
+            )
+        raise error
+
+    def gone(self) -> FinloopError:
+        """What to raise where the scheduler does not answer any more."""
+        return FinloopError(
+            f"the scheduler at {self.address} does not answer any more",
+            "a scheduler that runs until the stage has ended",
+            "start it and its workers again, then run the same command again",
+        )
+
+    def deserted(self) -> FinloopError:
+        """What to raise where nobody works any more."""
+        return FinloopError(
+            f"the scheduler at {self.address} has had no worker for {_JOIN_S:.0f} s",
+            "at least one worker",
+            f"start one in {self.home.folder}: {self.home.start}; then run the same command again",
+        )
+
+
+@dataclass(frozen=True)
+class _Handed:
+    """A piece that Dask's scheduler has."""
+
+    workers: DaskWorkers
+    future: Any
+
+    def result(self) -> Any:
+        """As in `base.parallel.Handed`; FinloopError where nobody is left to work."""
+        distributed = _distributed()
+        alone_s = 0.0
+        while not self.future.done():
+            try:
+                with self.workers.client.as_current():
+                    distributed.wait([self.future], timeout=_LOOK_S)
+            except CancelledError:
+                break
+            except TimeoutError as error:
+                alone_s = 0.0 if self.workers.threads() else alone_s + _LOOK_S
+                if alone_s >= _JOIN_S:
+                    raise self.workers.deserted() from error
+        try:
+            return pickle.loads(self.future.result())
+        except distributed.KilledWorker as error:
+            raise ended(self.workers.count) from error
+        except CancelledError as error:
+            raise self.workers.gone() from error
+        except ImportError as error:
+            raise self.workers.refusal(error) from error
+
+
+def _fit(need: Sequence[str], home: Home, work: str) -> None:
+    """On a worker: is it ready? Then it imports what it will need."""
+    ready(home, work)
+    for name in need:
+        import_module(name)
+
+
+def _nothing(_: Any) -> None:
+    """The work of a check."""
+
+
+def _pickled(what: Any) -> bytes:
+    """As bytes; what the program's main module defines goes with its code."""
+    return import_module("cloudpickle").dumps(what)
+
+
+def _distributed() -> Any:
+    """The package; FinloopError where it is not installed."""
+    try:
+        return import_module("distributed")
+    except ImportError as error:
+        raise FinloopError(
+            f"Dask is not installed ({error})", "the extra `cluster`", "make cluster"
+        ) from error

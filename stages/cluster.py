@@ -1,0 +1,63 @@
+"""Where a stage's work is done: processes of this machine, or the workers that conf/cluster/ names.
+
+`python -m stages.cluster tcp://host:8786 [--count N]` starts workers of a Dask scheduler on this
+machine, in this folder. No stage has the parameters `cluster` under `params` in dvc.yaml: results
+are the same bytes, so that nothing runs anew when they change. A stage reads them from params.yaml.
+"""
+
+from stages.run import THREAD_VARIABLES, THREADS, run  # isort: skip  (before numpy)
+
+import argparse
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes, Workers, warm_up
+from finloop.cluster.settings import Default, Settings
+from stages.settings import load
+
+START = "python -m stages.cluster {}"
+
+
+@contextmanager
+def workers(need: Sequence[str]) -> Iterator[Workers]:
+    """Who works for a stage. need: modules that they load first.
+
+    FinloopError if a cluster is wanted that is not there, or does not fit.
+    """
+    p: Settings = load("cluster")
+    if isinstance(p, Default) and p.address is None:
+        if THREADS > 1:
+            warm_up(need)
+        yield Processes(THREADS)
+        return
+    from finloop.cluster import Home, dask_workers  # loads packages of the extra `cluster`
+
+    start = START.format(p.address if isinstance(p, Default) else "")
+    home = Home.here(Path.cwd(), start, THREAD_VARIABLES)
+    with dask_workers(p, home, THREADS, need) as cluster:
+        watch = f"; watch them at {cluster.dashboard}" if cluster.dashboard else ""
+        print(f"finloop: {cluster.count} workers of Dask{watch}", file=sys.stderr)
+        yield cluster
+
+
+def main() -> None:
+    """Become the workers of a scheduler."""
+    parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
+    parser.add_argument("address", help="of Dask's scheduler: tcp://host:8786")
+    parser.add_argument("--count", type=int, default=THREADS, help="workers, of one thread each")
+    given = parser.parse_args()
+    if not find_spec("distributed"):
+        raise FinloopError("Dask is not installed", "the extra `cluster`", "make cluster")
+    command = (sys.executable, "-m", "dask", "worker", given.address)
+    counts = ("--nthreads", "1", "--nworkers", str(given.count))
+    path = os.pathsep.join(filter(None, (str(Path.cwd()), os.environ.get("PYTHONPATH"))))
+    os.execve(sys.executable, (*command, *counts), os.environ | {"PYTHONPATH": path})
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,212 @@
+"""Work done by a cluster: the same bytes as by processes, and what is refused before it begins.
+
+What a worker does is tested in this process; a cluster wants the extra `cluster`.
+"""
+
+import os
+import pickle
+import sys
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+from conftest import TINY_CARP
+from jobs import fails_at_five, is_killed, is_killed_once, noted, square, waits
+from scratch import content, prepare
+
+import stages.clip
+import stages.cluster
+import stages.extract
+from finloop.base.errors import FinloopError
+from finloop.base.parallel import Processes, ordered_map
+from finloop.base.settings import settings
+from finloop.cluster import piece as at_worker
+from finloop.cluster import workers as at_client
+from finloop.cluster.piece import Call, Home, piece
+from finloop.cluster.workers import dask_workers
+
+START = "the command"
+needs_dask = pytest.mark.skipif(
+    find_spec("distributed") is None, reason="the extra `cluster` is not installed: make cluster"
+)
+
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """The facts of this process, and its folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").mkdir()
+    return Home.here(tmp_path, START, ["PATH"])
+
+
+# --- a worker, in this process
+
+
+def put(folder: Path, work) -> str:
+    (folder / "work").write_bytes(pickle.dumps(work))
+    return str(folder / "work")
+
+
+def test_unpickling_a_call_makes_it(home, tmp_path):
+    call = Call(piece, home, put(tmp_path, square), pickle.dumps(7))
+    assert pickle.loads(pickle.loads(pickle.dumps(call))) == 49
+
+
+def test_a_piece_is_worked_in_the_folder_of_who_asks(home, tmp_path, monkeypatch):
+    work = put(tmp_path, Path.resolve)
+    monkeypatch.chdir("/")
+    assert pickle.loads(piece(home, work, pickle.dumps(Path("here")))) == tmp_path / "here"
+
+
+@pytest.mark.parametrize("fact", ["code", "python", "numpy", "PATH"])
+def test_a_worker_of_other_facts_is_refused_by_name(home, tmp_path, fact):
+    other = Home(home.folder, home.start, {**home.facts, fact: "other"})
+    with pytest.raises(FinloopError) as caught:
+        piece(other, put(tmp_path, square), pickle.dumps(7))
+    assert f"{fact}: {home.facts[fact]} there, other here" in caught.value.came
+    assert START in caught.value.do
+
+
+def test_the_facts_tell_versions_of_the_code_apart(tmp_path, monkeypatch):
+    codes = set()
+    for text in ("a", "b"):
+        (tmp_path / "finloop").mkdir(exist_ok=True)
+        (tmp_path / "finloop/x.py").write_text(text)
+        monkeypatch.setattr(at_worker, "_ROOT", tmp_path)
+        codes.add(at_worker._code.__wrapped__())
+    assert len(codes) == 2
+
+
+@pytest.mark.parametrize("gone", ["folder", "file"])
+def test_a_worker_that_does_not_see_the_folder_is_refused(home, tmp_path, gone):
+    folder = str(tmp_path / "elsewhere") if gone == "folder" else home.folder
+    with pytest.raises(FinloopError) as caught:
+        piece(Home(folder, START, home.facts), str(tmp_path / "work"), pickle.dumps(7))
+    assert folder in caught.value.came and START in caught.value.do
+
+
+def test_no_dask_is_one_message(home, monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(FinloopError) as caught, dask_workers(LOCAL, home, 2):
+        pass
+    assert caught.value.do == "make cluster"
+
+
+def test_processes_work_where_no_cluster_is_named(tmp_path, monkeypatch):
+    prepare(tmp_path, *TINY_CARP)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.cluster, "THREADS", 1)
+    with stages.cluster.workers([]) as crew:
+        assert crew == Processes(1) and crew.alone
+
+
+# --- a cluster
+
+LOCAL = settings("cluster", source="local")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("shared")
+    (folder / "data").mkdir()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cluster(folder):
+    """Two workers of Dask."""
+    with dask_workers(LOCAL, Home.here(folder, START, []), 2, ["jobs"]) as crew:
+        yield crew
+
+
+def of_address(cluster):
+    """The parameters that name the scheduler of a cluster that runs."""
+    return settings("cluster", address=cluster.client.scheduler.address)
+
+
+@needs_dask
+def test_each_item_is_worked_once_in_order(cluster, folder):
+    assert cluster.count == 2 and not cluster.alone
+    assert list(ordered_map(square, range(12), cluster)) == [k**2 for k in range(12)]
+    assert not list((folder / "data").iterdir())
+
+
+@needs_dask
+def test_an_error_in_a_worker_is_the_same_error_here(cluster):
+    results = ordered_map(fails_at_five, range(40), cluster)
+    assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
+    with pytest.raises(FinloopError) as caught:
+        next(results)
+    assert (caught.value.came, caught.value.do) == ("five came", "take another")
+
+
+@needs_dask
+def test_no_more_is_worked_ahead_than_a_result_for_each_worker(cluster, tmp_path):
+    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), cluster)
+    for taken in range(1, 20):
+        next(results)
+        assert len(list(tmp_path.iterdir())) <= taken + cluster.count + 1
+
+
+@needs_dask
+def test_what_a_killed_worker_held_is_done_again(cluster, tmp_path):
+    jobs = [(tmp_path, number) for number in range(6)]
+    assert list(ordered_map(is_killed_once, jobs, cluster)) == [k**2 for k in range(6)]
+    assert (tmp_path / "killed").exists()
+
+
+@needs_dask
+def test_a_piece_that_kills_every_worker_is_one_message(cluster):
+    with pytest.raises(FinloopError, match="worker processes were ended"):
+        list(ordered_map(is_killed, range(2, 9), cluster))
+    cluster.client.wait_for_workers(2)
+
+
+@needs_dask
+def test_a_cluster_of_other_code_or_folder_is_refused_before_it_works(cluster, folder, monkeypatch):
+    home = Home.here(folder, START, [])
+    other = Home(home.folder, START, {**home.facts, "code": "other"})
+    with pytest.raises(FinloopError, match="code: ") as caught:
+        with dask_workers(of_address(cluster), other, 2):
+            pass
+    assert START in caught.value.do
+
+
+@needs_dask
+def test_no_scheduler_is_one_message(home, monkeypatch):
+    monkeypatch.setattr(at_client, "_CONNECT_S", 0.2)
+    with pytest.raises(FinloopError, match="no scheduler") as caught:
+        with dask_workers(settings("cluster", address="tcp://127.0.0.1:9"), home, 2):
+            pass
+    assert START in caught.value.do
+
+
+@needs_dask
+def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch):
+    monkeypatch.setattr(at_client, "_LOOK_S", 0.05)
+    monkeypatch.setattr(at_client, "_JOIN_S", 0.1)
+    monkeypatch.setattr(type(cluster), "threads", lambda self: {})
+    pipes = [tmp_path / "a", tmp_path / "b"]
+    for pipe in pipes:
+        os.mkfifo(pipe)
+    with pytest.raises(FinloopError, match="no worker"):
+        list(ordered_map(waits, pipes, cluster))
+    for pipe in pipes:
+        with suppress(OSError):  # ENXIO: nobody reads
+            os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
+
+
+@needs_dask
+def test_extract_gives_the_same_bytes(cluster, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.cluster, "THREADS", 1)
+    made = {}
+    address = of_address(cluster).address
+    for where in ([], [f"cluster.address={address}"]):
+        prepare(tmp_path, *TINY_CARP, "clip.frames=60", *where)
+        if not made:
+            stages.clip.main()
+        stages.extract.main()
+        made[len(where)] = content(tmp_path / "data/extract"), content(tmp_path / "reports")
+    assert made[0] == made[1]
