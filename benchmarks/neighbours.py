@@ -1,0 +1,146 @@
+"""The 20 nearest neighbours of all rows of a film, beside other libraries, at equal recall.
+
+`python -m benchmarks.neighbours DATA …`, each a data/ folder in which `pose` has run (the film's
+own; `python -m benchmarks.scale 100000 --stages features pose --keep DIR` makes a larger one).
+hnswlib and pynndescent are no requirements of finloop: `pip install hnswlib pynndescent` first.
+
+Every library has some settings, from the quickest on; the first whose recall is as wanted counts,
+building and searching together. Recall is that of 1,000 rows, against the exact answer.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from contextlib import chdir
+from functools import partial
+from pathlib import Path
+
+import faiss
+import hnswlib
+import numpy as np
+import pandas as pd
+from pynndescent import NNDescent
+
+from benchmarks.pipeline import ROOT
+from finloop.base.arrays import Ints
+from finloop.base.settings import settings
+from finloop.base.stretches import spread
+from finloop.features.table import FEATURES
+from finloop.io.cutouts import open_cutouts
+from finloop.io.table import load_table
+from finloop.jumps.signature import parts, signatures
+from finloop.nearest import Nearest, Vectors
+from finloop.reel import Reel
+from stages.poses import load_poses
+from stages.run import THREADS
+
+NEAREST, TRIED, RECALL = 20, 1000, 0.99
+
+Search = Callable[[Vectors], Ints]
+
+
+def vectors_of(data: Path) -> Vectors:
+    """What the stage `jumps` compares rows by, (n, d)."""
+    p = settings("jumps")
+    with chdir(data.parent), open_cutouts(Path("data/extract/cutouts.arrow")) as film:
+        features = load_table(Path("data/features/features.parquet"), FEATURES)
+        reel, poses = Reel(features, film), load_poses(features)
+        return signatures(parts(reel, poses, p), reel.step_ends, p)[0].astype(np.float32)
+
+
+def ours() -> Iterator[tuple[str, Search]]:
+    """finloop, which takes its own settings from the vectors."""
+    yield "cells or all", lambda v: Nearest.of(v).search(v, NEAREST + 1)
+
+
+def flat() -> Iterator[tuple[str, Search]]:
+    """faiss, every vector compared with every other."""
+
+    def search(vectors: Vectors) -> Ints:
+        index = faiss.IndexFlatL2(vectors.shape[1])
+        index.add(vectors)
+        return index.search(vectors, NEAREST + 1)[1]
+
+    yield "IndexFlatL2", search
+
+
+def graph() -> Iterator[tuple[str, Search]]:
+    """hnswlib: a navigable graph."""
+
+    def search(vectors: Vectors, links: int, built: int, wide: int) -> Ints:
+        index = hnswlib.Index("l2", vectors.shape[1])
+        index.init_index(len(vectors), M=links, ef_construction=built, random_seed=0)
+        index.set_num_threads(THREADS)
+        index.add_items(vectors)
+        index.set_ef(wide)
+        return index.knn_query(vectors, NEAREST + 1)[0].astype(np.int64)
+
+    for links, built, wide in ((8, 40, 22), (12, 60, 25), (16, 100, 30), (16, 200, 60)):
+        yield f"M {links}, ef {built}, {wide}", partial(search, links=links, built=built, wide=wide)
+
+
+def descent() -> Iterator[tuple[str, Search]]:
+    """pynndescent: neighbours of neighbours."""
+
+    def search(vectors: Vectors, count: int) -> Ints:
+        made = NNDescent(vectors, n_neighbors=count, random_state=0, n_jobs=THREADS)
+        return made.neighbor_graph[0].astype(np.int64)
+
+    for count in (NEAREST + 1, 30, 45):
+        yield f"{count} neighbours", partial(search, count=count)
+
+
+LIBRARIES = {"finloop": ours, "faiss, flat": flat, "hnswlib": graph, "pynndescent": descent}
+
+
+def recall(found: Ints, rows: Ints, true: list[Ints]) -> float:
+    """Share of the true nearest of rows (k,) that are among the found (n, m)."""
+    own = others(found[rows], rows)
+    return float(
+        np.mean([np.isin(one, other).mean() for one, other in zip(true, own, strict=True)])
+    )
+
+
+def others(near: Ints, rows: Ints) -> list[Ints]:
+    """The nearest (20,) of each row without the row itself; near: (k, 21 or more)."""
+    return [one[one != row][:NEAREST] for one, row in zip(near, rows, strict=True)]
+
+
+def measured(vectors: Vectors) -> pd.DataFrame:
+    """A row a library: its setting, recall, seconds and processor seconds."""
+    rows = spread(np.arange(len(vectors)), TRIED)
+    true = others(faiss.knn(vectors[rows], vectors, NEAREST + 1)[1], rows)
+    table = []
+    for library, ways in LIBRARIES.items():
+        for setting, search in ways():
+            search(vectors[:500])  # what is compiled is compiled now
+            clock, work = time.perf_counter(), time.process_time()
+            found = search(vectors)
+            took, worked = time.perf_counter() - clock, time.process_time() - work
+            share = recall(found, rows, true)
+            print(f"{len(vectors)} {library}, {setting}: {share:.4f} in {worked:.1f} s", flush=True)
+            if share >= RECALL:
+                break
+        table.append({
+            "pictures": len(vectors), "numbers": vectors.shape[1], "library": library,
+            "setting": setting, "recall": share, "seconds": took, "processor_s": worked,
+        })  # fmt: skip
+    return pd.DataFrame(table).assign(
+        to_fastest=lambda t: t["processor_s"] / t.loc[t["recall"] >= RECALL, "processor_s"].min()
+    )
+
+
+def main() -> None:
+    """Measure, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", nargs="*", type=Path, default=[ROOT / "data"])
+    folders = parser.parse_args().data
+    table = pd.concat([measured(vectors_of(one.resolve())) for one in folders], ignore_index=True)
+    print(table.round(3).to_string(index=False))
+    table.round(3).to_csv(ROOT / "benchmarks/neighbours.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()
