@@ -291,7 +291,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     film = tracks.film
     made = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
-        similar.facts, loops, jumps.jumps, gateways, poses, forecast,
+        similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
     )  # fmt: skip
     plans = planner(made, settings("animate", **changes))
     if mode not in plans.players:

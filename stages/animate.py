@@ -70,6 +70,7 @@ def bring(p: Settings) -> Iterator[Planner]:
             np.stack(load_lists(DATA / "extract/tracks.parquet", schema, *OUTLINE), -1),
             load_record(DATA / "bpn/model.json", motion_model, "bpn"),
             load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
+            load_table(DATA / "distance/steps.parquet", STEPS),
             load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
             load_table(DATA / "jumps/jumps.parquet", JUMPS),
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),

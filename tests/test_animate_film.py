@@ -479,6 +479,18 @@ def test_never_outside_the_tank(make):
         assert measures.outside(table, mode) == 0
 
 
+def test_a_fish_in_the_film_shows_less_of_what_is_dear():
+    table, pairs = rich()
+    dear = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
+    shown = []
+    for share in (0.0, 1.0):
+        player = loops_player(film_of(table, pairs, dear=(share * dear).cumsum()))
+        found, _ = edit_of(player, [], 1500, 5)
+        rows = np.concatenate([one.number for one in found.stretches])
+        shown.append(dear[rows % len(dear)].mean())
+    assert shown[1] < shown[0] - 0.1
+
+
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
     mode = loops_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))

@@ -14,6 +14,7 @@ from finloop.animate.forecast import ForecastSwimmer, endless, farther
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FORECAST
 from finloop.animate.policies import Policy
+from finloop.animate.rare import Rarity
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player, swim
 from finloop.forecast.film import film_states
@@ -47,9 +48,10 @@ def waters(mirrored=True, barred=()):
     return replace(plain, film=plain.film._replace(rows=rows))
 
 
-def swimmer(**film):
+def swimmer(rarity=None, **film):
     here = waters(**film)
-    return ForecastSwimmer(here, endless(sample(), here.film.more), np.arange(60))
+    none = Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
+    return ForecastSwimmer(here, endless(sample(), here.film.more), np.arange(60), rarity or none)
 
 
 def player(**film):
@@ -191,3 +193,25 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
         later = after(fish, stretch, one.waters)
         assert later.past is not None
         assert State(later, np.zeros(2)).fish.row == stretch.number[-1]
+
+
+def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_brisk_one():
+    """Held up by walls it does not try another row at every tick."""
+    one = swimmer()
+    legal, most = one.waters.tank.legal, one.waters.motion.brisk_deg
+    y, x = np.argwhere(legal).min(0)
+    goal, joined, ticks = Spot(400.0, 300.0, 10.0, 5.0), 0, 0
+    for seed in range(30):
+        rng = np.random.default_rng(seed)
+        fish = Fish(float(x), float(y), 135.0, 2.0, FORECAST, sprite=-1, row=100 + 20 * seed)
+        for _ in range(6):
+            stretch = one.next(fish, goal, rng)
+            way = np.rint(stretch.way[:, :2]).astype(int)
+            assert legal[way[:, 1], way[:, 0]].all()
+            own = np.degrees(stretch.past[-len(stretch.way) :, -1]) / RATE
+            turned = np.diff(stretch.way[:, 2], prepend=fish.heading)
+            turned = (turned + 180) % 360 - 180
+            assert (np.abs(turned) <= np.maximum(np.abs(own), most) + 1e-6).all()
+            joined, ticks = joined + stretch.new, ticks + len(stretch.way)
+            fish = after(fish, stretch, one.waters)
+    assert joined < 0.5 * ticks

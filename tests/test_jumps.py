@@ -173,7 +173,7 @@ def both_sides():
     )
     ways = neighbour_jumps(jumps, n)
     motion = waters_of().motion
-    return table, jumps, film(table, ways, motion, BODY, np.zeros(n, bool))
+    return table, jumps, film(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n))
 
 
 def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
@@ -195,7 +195,9 @@ def test_without_mirror_images_the_film_is_no_longer():
     table, jumps, _ = both_sides()
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.end) == len(table)
-    made = film(table, ways, waters_of().motion, BODY, np.zeros(len(table), bool))
+    made = film(
+        table, ways, waters_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
+    )
     assert made.filmed == len(made.rows)
 
 

@@ -20,16 +20,18 @@ from finloop.loops.graph import LoopGraph, endless_rows
 ROW = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
-        ("area", "f8"), ("scale", "f8"), ("end", "i4"), ("more", "?"), ("endless", "?"),
+        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("end", "i4"), ("more", "?"),
+        ("endless", "?"),
     ],
     align=True,
 )  # fmt: skip
 """A row of the feature table to swim by.
 
 x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
-degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; end:
-number of the loop end at the row, −1 for none; more: whether there is a next row to play; endless:
-whether playing on from the row need never stop."""
+degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; dear:
+ticks that showing all rows up to it costs; end: number of the loop end at the row, −1 for none;
+more: whether there is a next row to play; endless: whether playing on from the row need never
+stop."""
 
 
 class Film(NamedTuple):
@@ -107,13 +109,13 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
 
 
 def film(
-    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask
-) -> Film:  # fmt: skip
+    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats
+) -> Film:
     """Arrange a feature table (n rows) and where it can go on.
 
-    barred (n,): rows that must not be shown. Where `jumps` has mirror images, row n + i is that of
-    row i: the film upside down. Jumps to barred rows are left out, and those after which the film
-    would have to stop.
+    barred (n,): rows that must not be shown; dear (n,): of `ROW`. Where `jumps` has mirror images,
+    row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and those
+    after which the film would have to stop.
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
@@ -128,7 +130,7 @@ def film(
     rows["dx"], rows["dy"] = moved.T
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
-    rows["scale"], rows["more"] = scale, more
+    rows["scale"], rows["more"], rows["dear"] = scale, more, dear
     if len(jumps.end) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)

@@ -14,8 +14,9 @@ import scipy
 
 from finloop.animate.arena import inside
 from finloop.animate.edit_list import FORETOLD, FRAME
-from finloop.animate.kinematics import Spot, ahead, bearing, touches, wrap
+from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST
+from finloop.animate.rare import Rarity
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
@@ -32,7 +33,8 @@ class Pace(NamedTuple):
     """How ways are followed and compared.
 
     px: per tick at one body length/s; turn_deg: per tick at one rad/s; horizon: ticks looked ahead;
-    speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick at a wall costs.
+    speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick at a wall costs;
+    dear (n,): ticks that showing the rows up to each costs, summed up.
     """
 
     px: float
@@ -41,6 +43,7 @@ class Pace(NamedTuple):
     speed: float
     turning: float
     wall: float
+    dear: Floats
 
 
 class Recall(NamedTuple):
@@ -58,12 +61,16 @@ class Recall(NamedTuple):
 
 
 class ForecastSwimmer:
-    """Swims as is foretold. sampler: of `endless`; sprite_rows (s,): behind sprites."""
+    """Swims as is foretold.
 
-    def __init__(self, waters: Waters, sampler: Sampler, sprite_rows: Ints) -> None:
+    sampler: of `endless`; sprite_rows (s,): behind sprites; rarity: of the film's rows.
+    """
+
+    def __init__(self, waters: Waters, sampler: Sampler, sprite_rows: Ints, rarity: Rarity) -> None:
         motion, p = waters.motion, waters.settings
         self.waters = waters
         self.sampler = sampler
+        self._rarity = rarity
         self._sprite_rows = sprite_rows
         usable = np.flatnonzero(sampler.usable)
         speed = sampler.states[usable][:, -MOTION:]
@@ -73,6 +80,7 @@ class ForecastSwimmer:
             px, turn_deg, max(2, waters.ticks(p.ahead)),
             float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), 0.75)) * px,
             max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
+            waters.film.dear.copy(),
         )  # fmt: skip
         rows = np.arange(len(sampler.usable))
         leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
@@ -94,6 +102,20 @@ class ForecastSwimmer:
         row = int(self._near[row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
+    def _look(
+        self,
+        fish: Fish,
+        rows: Ints,
+        start: Floats,
+        towards: tuple[Spot, Spot, Pace],
+        recall: Recall,
+    ) -> tuple[Floats, Mask]:
+        """`look`, and what it costs to join on at each row."""
+        codes = self.sampler.states[:, :-MOTION]
+        far = np.linalg.norm(codes[rows] - codes[fish.row], axis=1)
+        costs, free = look(self.sampler, self.waters.tank.legal, rows, start, towards, recall)
+        return costs + self._rarity.of_joins(rows, far), free
+
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, past = self._with_past(fish)
@@ -107,10 +129,12 @@ class ForecastSwimmer:
         most = max(1, self.waters.ticks(p.follow_most))
         if fish.since + 1 >= most and len(rows) > 1:
             chance[-1] = 0.0
-        costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
+        costs, free = self._look(fish, rows, start, towards, recall)
         if not free.any():  # a wall is ahead: look farther round
-            rows, chance = farther(swum, rows)
-            costs, free = look(swum, self.waters.tank.legal, rows, start, towards, recall)
+            more, likely = farther(swum, rows)
+            theirs, away = self._look(fish, more, start, towards, recall)
+            if away.any():
+                rows, chance, costs = more, likely, theirs
         with np.errstate(divide="ignore"):
             liked = np.log(chance) - costs / self.waters.ticks(p.chance)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
@@ -126,12 +150,9 @@ class ForecastSwimmer:
             if min(touched, len(way) - 1) < best:
                 break
         if best == 0:  # a wall holds it up: along it, and round to the aim
-            error = wrap(bearing(fish.x, fish.y, aim.x, aim.y) - way[0, 2])
-            way[0, :2] = self.waters.tank.into(*way[0, :2])
-            most_deg = self.waters.spot_deg
-            way[0, 2] += min(max(error, -most_deg), most_deg)
-            there = not goal.free and touches(way[0, 0], way[0, 1], way[0, 2], goal)
-            best, touched = 1, 0 if there else len(way)
+            tank, most_deg = self.waters.tank, self.waters.motion.brisk_deg
+            way, touched = held(tank.legal, tank.nearest, states, start, towards, most_deg)
+            best = len(way)
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
         decision = Decision(FORETOLD, value_s=float(costs.min()) / self.waters.motion.rate_hz)
@@ -204,6 +225,7 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
                 costs[k] += pace.wall
             place, row, t = later, row + 1, t + 1
             touched = not goal.free and touches(place[0], place[1], place[2], goal)
+        costs[k] += pace.dear[row] - pace.dear[rows[k]]
         if not goal.free:
             costs[k] += t
             if not touched:
@@ -213,6 +235,31 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
         last = last_on_screen(recall.recent, rows[k] + 1, rows[k] + recall.soon)
         costs[k] += again_cost(recall.tick - last, recall.again, recall.memory)
     return costs, free
+
+
+@kernel
+def held(legal, nearest, states, start, towards, most_deg):  # type: ignore[no-untyped-def]
+    """The way (n, 3) of states (n, d) along a wall, and the tick of the touch, n for none.
+
+    Every tick turns towards the aim, by `most_deg` at most; no tick turns faster for it than that,
+    or than the state itself. nearest: of `Tank`; start, towards: as for `look`.
+    """
+    goal, aim, pace = towards
+    n = len(states)
+    way = np.empty((n, 3))
+    x, y, heading, reached = start[0], start[1], start[2], n
+    for t in range(n):
+        to_x, to_y, turned = moved((x, y, heading), states[t], pace)
+        if not inside(legal, to_x, to_y):
+            row = min(max(round(to_y), 0), legal.shape[0] - 1)
+            column = min(max(round(to_x), 0), legal.shape[1] - 1)
+            to_x, to_y = float(nearest[1, row, column]), float(nearest[0, row, column])
+        x, y = to_x, to_y
+        heading += towards_by(turned - heading, bearing(x, y, aim.x, aim.y) - heading, most_deg)
+        way[t, 0], way[t, 1], way[t, 2] = x, y, heading
+        if reached == n and not goal.free and touches(x, y, heading, goal):
+            reached = t
+    return way, reached
 
 
 @kernel

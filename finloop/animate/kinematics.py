@@ -62,6 +62,18 @@ def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
 
 
 @kernel
+def towards_by(own: float, error: float, most: float) -> float:
+    """By how much a fish turns that its pictures turn by `own`, and whose heading is `error` off.
+
+    Beside its own turn it turns by `most` at most, and by both not faster than by either.
+    """
+    rest = wrap(error - own)
+    both = own + min(max(rest, -most), most)
+    fastest = max(abs(own), most)
+    return min(max(both, -fastest), fastest)
+
+
+@kernel
 def ahead(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
     """Where one comes to, `forward` along the heading and `sideways` to its left."""
     angle = np.radians(heading)

@@ -119,7 +119,7 @@ class FilmSwimmer:
 
     def _on_the_spot(self, fish: Fish, aim: Spot) -> Stretch:
         """No way within the tank: turn towards the aim where it is, while the film goes on."""
-        film, spot_deg = self.waters.film, self.waters.spot_deg
+        film, most_deg = self.waters.film, self.waters.motion.brisk_deg
         ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1
         rot = fish.rot
@@ -129,11 +129,15 @@ class FilmSwimmer:
         next_row = np.minimum(rows[:-1] + 1, last)
         goes_on = film.more[next_row] & film.endless[np.minimum(next_row + 1, last)]
         rows = rows[: 1 + int(np.argmin(np.append(goes_on, False)))]
-        error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
-        turn = np.clip(error / len(rows), -spot_deg, spot_deg)
-        rots = rot + turn * np.arange(1, len(rows) + 1)
+        filmed = film.heading[rows] + rot
         way = np.empty((len(rows), 3))
-        way[:, 0], way[:, 1], way[:, 2] = fish.x, fish.y, film.heading[rows] + rots
+        way[:, 0], way[:, 1] = fish.x, fish.y
+        bearing = step.bearing(fish.x, fish.y, aim.x, aim.y)
+        before = heading = fish.heading
+        for k, own in enumerate(filmed):
+            heading += step.towards_by(step.wrap(own - before), bearing - heading, most_deg)
+            way[k, 2], before = heading, own
+        rots = way[:, 2] - film.heading[rows]
         return Stretch(
             FILM, way, rows, begin != fish.row + 1, aim, False, Decision(SPOT), FRAME, rots
         )  # fmt: skip

@@ -71,6 +71,7 @@ class Motion:
     """All that a fish needs to know to swim as the film does.
 
     straight_ticks: how long it swam between two turns. low, high: the range of its speeds.
+    brisk_deg: by how much it turns in a tick where it turns briskly, over Δ.
     """
 
     phases: Phases
@@ -78,6 +79,7 @@ class Motion:
     straight_ticks: NDArray[np.int32]
     low: float
     high: float
+    brisk_deg: float
     rate_hz: float
     delta: int
     body_length_px: float
@@ -142,6 +144,8 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
     beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in courses])
     speeds = np.concatenate([c.speed for c in courses])
     low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
+    turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in courses]
+    brisk = float(np.quantile(np.concatenate(turned), settings.brisk))
     runs = [(c, *run) for c in courses for run in _runs(c.kind)]
     straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
     still = settings.still * float(np.quantile(beating, 0.9))
@@ -151,7 +155,7 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
     if turns is None:
         raise _too_little("turning")
     between = np.array([last - first for _, _, first, last in straight], np.int32)
-    return Motion(phases, turns, between, float(low), float(high), rate_hz, delta, length)
+    return Motion(phases, turns, between, float(low), float(high), brisk, rate_hz, delta, length)
 
 
 def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:

@@ -21,6 +21,7 @@ from finloop.animate.motion import learn
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
+from finloop.animate.rare import Rarity
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
@@ -28,7 +29,7 @@ from finloop.animate.swim import Cast, Player, Swim, swim
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
 from finloop.bpn.model import MotionModel
-from finloop.distance.map import MapFacts
+from finloop.distance.map import MapFacts, mapped
 from finloop.distance.picture import BODY, distance
 from finloop.features.table import delta_frames
 from finloop.forecast.sampling import Sampler
@@ -44,7 +45,7 @@ class Material(NamedTuple):
     """What has been made of a film.
 
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
-    as filmed of its n rows; loops, jumps, gateways: columns of `LOOPS`,
+    as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
     little for one.
     """
@@ -55,6 +56,7 @@ class Material(NamedTuple):
     outline_px: Reals
     model: MotionModel
     map_facts: MapFacts
+    steps: pd.DataFrame
     loops: pd.DataFrame
     jumps: pd.DataFrame
     gateways: pd.DataFrame
@@ -109,7 +111,11 @@ def planner(made: Material, p: Settings) -> Planner:
         jumps, pose = loop_jumps(graph, len(features), facts.step_median), facts.pose
     else:
         jumps, pose = neighbour_jumps(made.jumps, len(features)), BODY
-    way = film(features, jumps, motion, pose, barred)
+    how = joins(p, bodies, motion.delta, pictures.helps)
+    seen = np.full(len(features), np.nan)
+    seen[mapped(features, made.steps)] = made.steps["as_filmed"]
+    rarity = Rarity.of(made.poses, reel.goes_on, seen, how.spring()[0], p.rare)
+    way = film(features, jumps, motion, pose, barred, rarity.dear)
     head = np.hypot(
         features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
     ).median()
@@ -119,12 +125,10 @@ def planner(made: Material, p: Settings) -> Planner:
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
-    company = players(
-        waters, cast, made.model, gates, joins(p, bodies, motion.delta, pictures.helps)
-    )
+    company = players(waters, cast, made.model, gates, how)
     swum = None if made.forecast is None else endless(made.forecast, way.more)
     if swum is not None and swum.usable.any() and p.sprites == "learned":
-        swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy())
+        swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy(), rarity)
         for mode in (NETWORK, HYBRID):
             policy = replace(company[mode].policy, forecast=swimmer)
             company[mode] = replace(company[mode], policy=policy)

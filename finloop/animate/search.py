@@ -154,7 +154,8 @@ def look(
     """Follow every candidate through the film and its loops: a beam search.
 
     At loop ends ways are both kept to and left, as far as the horizon. A way costs its ticks, what
-    its jumps cost, and what remains to the aim. After every leg the best `rules.beam` ways go on.
+    its jumps cost, what its first leg shows, and what remains to the aim. After every leg the best
+    `rules.beam` ways go on.
     """
     count = candidates.rows.size
     found = Found(
@@ -177,7 +178,7 @@ def look(
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
             way = ways[s]
-            most = max(rules.horizon - way.ticks, 1)
+            most, shown = max(rules.horizon - way.ticks, 1), way.row
             way.x, way.y, way.row, ticks, touched = leg(
                 film.rows, legal, way, aim, most, rules.stride
             )
@@ -187,6 +188,8 @@ def look(
                 found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
             if way.row < 0 or not film.rows[way.row].endless:
                 continue
+            if way.ticks == ticks:  # the first leg; the next ones are decided anew
+                way.cost += film.rows[way.row].dear - film.rows[shown].dear
             if touched or way.ticks >= rules.horizon:
                 _finish(film, way, touched, found, aim, rules)
             else:

@@ -48,6 +48,12 @@ class Settings:
     phase_least: NotNegative  # Δ; shorter phases belong to the one before
     speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
     speed_high: Share  # ... and the upper one
+    # quantile of its turn rates; a fish without a way turns on the spot at most so fast
+    brisk: Share
+
+    # of the time for which the film shows no step from picture to picture as large, on average,
+    # that showing one costs
+    rare: NotNegative
 
     # Network mode: as is foretold (`finloop.forecast`), or by the paper's sprites and network (Fig.
     # 18), as also where the film shows too little to foretell by
@@ -92,7 +98,6 @@ class Settings:
     free: Positive  # Δ; ways whose cost differs by about so much are equally good
     # degrees, third test of Fig. 19: a way must not end heading farther off the goal
     most_error_deg: Annotated[float, Field(ge=0, le=180)]
-    spot_deg: Positive  # degrees in a Δ; a fish without a way turns on the spot at most so fast
 
     # Hybrid mode (Fig. 19).
     # Δ that a fish stays in network mode at least, and waits for a gateway

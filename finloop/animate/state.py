@@ -45,11 +45,6 @@ class Waters:
         """Ticks of the animation."""
         return round(self.settings.seconds * self.motion.rate_hz)
 
-    @property
-    def spot_deg(self) -> float:
-        """How many degrees a tick a fish without a way turns where it is, at most."""
-        return self.settings.spot_deg / self.motion.delta
-
     def aim(self, fish: "Fish", goal: Spot, near_px: float) -> Spot:
         """The point to head for: where the goal is nearest, or what is in sight of the way there.
 

@@ -1,0 +1,68 @@
+"""What a step costs that the film seldom shows: laws, and what a fish makes of it."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from finloop.animate.kinematics import towards_by, wrap
+from finloop.animate.rare import Rarity, movement
+from finloop.puppet import Pose
+
+SPRING = np.array([1.0, 0.7, 0.3, 0.1])
+
+
+def poses_of(heading_deg, bend):
+    """Fish of two straight halves, bent by `bend` (n,) radians between, codes as bent."""
+    n = len(bend)
+    posture = np.zeros((n, 6))
+    posture[:, 0], posture[:, 4:] = 0.5, 0.5
+    posture[:, 3] = bend
+    zero = np.zeros(n)
+    pose = Pose(zero, zero, np.radians(heading_deg), zero + 1, posture)
+    return SimpleNamespace(pose=pose, codes=bend[:, None])
+
+
+def rarity_of(heading_deg, bend, seen=np.nan, share=0.1):
+    goes_on = np.arange(len(bend)) < len(bend) - 1
+    seen = np.full(len(bend), seen) if np.ndim(seen) == 0 else seen
+    return Rarity.of(poses_of(heading_deg, bend), goes_on, seen, SPRING, share)
+
+
+def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_one():
+    seen = np.array([4.0, 1.0, 2.0, 2.0, np.nan])
+    made = rarity_of(np.zeros(5), np.linspace(0, 0.4, 5), seen, share=0.5)
+    assert made.steps == pytest.approx([0, 4, 1, 2, 2])
+    assert made.price(np.array([0.5, 1, 2, 3, 4, 9])) == pytest.approx(
+        [0.5, 0.5, 0.5 * 4 / 3, 2, 2, 2]
+    )
+    assert made.dear[-1] == pytest.approx(0)  # on average over the film nothing
+
+
+def test_where_a_step_is_not_known_the_bodys_movement_stands_in():
+    rng = np.random.default_rng(0)
+    heading, bend = rng.normal(0, 20, 40).cumsum(), rng.normal(0, 0.2, 40)
+    moved = movement(poses_of(heading, bend).pose, turns=True)
+    seen = np.append(3 * moved, np.nan)
+    seen[10:30] = np.nan
+    assert rarity_of(heading, bend, seen).steps[1:] == pytest.approx(3 * moved)
+    assert movement(poses_of(heading, bend).pose, turns=False).max() < moved.max()
+    turned = poses_of(heading + 70, bend).pose
+    assert movement(turned, turns=True) == pytest.approx(moved)
+
+
+def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():
+    rng = np.random.default_rng(1)
+    made = rarity_of(rng.normal(0, 20, 60).cumsum(), rng.normal(0, 0.2, 60), 1.0 + rng.random(60))
+    rows = np.array([5, 5, 5, 65])  # 65: the mirror image of row 5
+    near, middle, far, image = made.of_joins(rows, np.array([0.0, 0.5, 1.0, 1.0]))
+    assert near == 0 < middle <= far == image
+
+
+def test_a_fish_on_the_spot_turns_no_faster_than_its_pictures_or_than_it_may():
+    rng = np.random.default_rng(2)
+    for own, error, most in rng.uniform((-20, -150, 0), (20, 150, 12), (300, 3)):
+        turn = towards_by(own, error, most)
+        assert abs(turn) <= max(abs(own), most) + 1e-9
+        assert abs(turn - own) <= most + 1e-9
+        assert abs(wrap(error - turn)) <= abs(wrap(error - own)) + 1e-9
