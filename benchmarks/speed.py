@@ -33,6 +33,7 @@ from finloop.extract.film import (
     Film,
     batches,
     cutouts,
+    decoded,
     detections,
     rows,
     sample_frames,
@@ -101,7 +102,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
     found = detections(whole, scene, detector, Processes(THREADS))
-    linked = tracks(found, typical, how, [start for start, _ in facts.segments[1:]])
+    linked = tracks(decoded(found, []), typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
             write(rows(lot), cutouts(lot))

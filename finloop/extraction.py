@@ -5,13 +5,16 @@ this way.
 """
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
+from finloop.base.arrays import Picture
+from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Workers
 from finloop.extract import film
 from finloop.extract.given import Followed
@@ -19,33 +22,42 @@ from finloop.extract.samples import Verdict, survey
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.given_tracks import check_given, given_metrics, load_given, save_given
+from finloop.io.cutouts import packed_size
 from finloop.io.film_writer import film_writer
 from finloop.io.picture import save_picture
+from finloop.io.pieces import Pieces, packed
 from finloop.io.record import save_record
+from finloop.io.space import refuse_small
+from finloop.io.table import arrow_table
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
     FACTS_NAME,
     KEY_FRAME_EVERY,
+    VideoFacts,
     load_facts,
     load_mask,
     read_frames,
     read_spread,
+    refuse_other_length,
 )
 
 SCENE_NAME, BACKGROUND_NAME = "scene.json", "background.png"
+_LOOKED_AT = 8  # frames, at most, by which the room on the disk is estimated
 
 
 class Extraction(NamedTuple):
     """What was found in a clip: its scene, how silhouettes were judged, frames of each track.
 
     given: what became of the places in a file of tracks, see `given_metrics`; empty without one.
+    lost: numbers of the frames that could not be decoded.
     """
 
     scene: SceneFacts
     verdicts: Counter[Verdict]
     lengths: Counter[int]
     given: dict[str, float]
+    lost: list[int]
 
 
 def extract(
@@ -54,32 +66,36 @@ def extract(
     folder: Path,
     workers: Workers,
     advance: Callable[[], None] = lambda: None,
+    pieces: Pieces | None = None,
 ) -> Extraction:
     """Write tracks, cut-outs, scene and background of a clip's folder to another folder.
 
-    Each of `workers` decodes and measures its own stretches; `advance()` after each
-    frame. FinloopError if the clip cannot be read, or no fish can be followed.
+    Each of `workers` decodes and measures its own stretches; `advance()` after each frame. A frame
+    that cannot be decoded is as one without fish. `pieces`: where what is found in stretches is
+    kept. FinloopError if the clip cannot be read, the disk has too little room, or no fish can be
+    followed.
     """
     facts = load_facts(clip / FACTS_NAME)
     told = load_given(clip, facts, p) if p.tracks == "file" else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
-    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    sample = film.sample_frames(p.samples, facts.frames, shape, KEY_FRAME_EVERY)
-    frames = list(read_spread(clip / CLIP_NAME, sample, colour=facts.colour))
+    frames = _sample(clip / CLIP_NAME, facts, p.samples)
     scene, typical = survey(frames, arena, p)
     # One thread each: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
-    whole = film.Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
+    whole = film.Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
     detector = film.Detector(arena, typical, p)
+    looked = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
+    _refuse_small_disk(folder, facts.frames, list(looked), pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
+    lost: list[int] = []
     found = check_given(told, clip, facts, scene, detector) if told else None
     followed = Followed(told.given, typical.length_px, p.least_frames) if told else None
 
     def tracked() -> Iterator[list[film.TrackedFish]]:
-        seen = film.detections(whole, scene, detector, workers)
+        seen = film.decoded(film.detections(whole, scene, detector, workers), lost)
         linked = followed.tracks(seen, cuts) if followed else film.tracks(seen, typical, p, cuts)
         for judged, fish in linked:
             verdicts.update(judged)
@@ -99,4 +115,45 @@ def extract(
     if told and followed and found:
         save_given(folder, told.given, p.points)
         given = given_metrics(told, followed, found)
-    return Extraction(tank, verdicts, lengths, given)
+    return Extraction(tank, verdicts, lengths, given, lost)
+
+
+def _sample(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
+    """Frames spread over a clip, those that can be decoded; UndecodableError where none can."""
+    refuse_other_length(path, facts.frames)
+    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
+    sample = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
+    try:
+        return list(read_spread(path, sample, colour=facts.colour))
+    except UndecodableError:
+        frames: list[Picture] = []
+        for number in sample:
+            with suppress(UndecodableError):
+                frames += read_spread(path, [number], colour=facts.colour)
+        if not frames:
+            raise
+        return frames
+
+
+def _refuse_small_disk(
+    folder: Path, frames: int, sample: Sequence[film.Detections], pieces: Pieces | None
+) -> None:
+    """FinloopError where a disk has too little room for all that is written of a film.
+
+    sample: what is detected in frames of it. Table and cut-outs are there twice when they are put
+    in order, beside the pieces.
+    """
+    kept = [one for seen in sample for one in seen.fish if one is not None]
+    fish = [film.TrackedFish(0, number, one) for number, one in enumerate(kept)]
+    size = 0.0
+    if fish:
+        table = arrow_table(
+            film.rows(fish), tracks_schema(len(fish[0].fish.backbone.points_px)), ""
+        )
+        size = 2 * (table.nbytes + sum(map(packed_size, film.cutouts(fish))))
+    written = 0
+    if pieces is not None:
+        size += len(packed(list(sample)))
+        written = pieces.size()
+    wanted = size / len(sample) * frames - written
+    refuse_small(folder, wanted, f"what is found in {frames} frames", "take a shorter film")

@@ -25,6 +25,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.io.footage import Loss, Numbered, Timing, nearest_in_time, open_footage, segments_of
 from finloop.io.footage.fields import Order
 from finloop.io.movie import VideoWriter
+from finloop.io.space import refuse_small
 from finloop.io.table import save_table, table_writer
 from finloop.io.video import (
     ARENA_NAME,
@@ -32,6 +33,7 @@ from finloop.io.video import (
     FACTS_NAME,
     FRAMES,
     FRAMES_NAME,
+    KEY_FRAME_EVERY,
     TRUTH_NAME,
     VideoFacts,
     load_mask,
@@ -40,6 +42,7 @@ from finloop.io.video import (
 )
 from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
 
+_LOOKED_AT = 2 * KEY_FRAME_EVERY  # frames by which the size of the clip is estimated
 _ROWS = 512  # of truth that gather before they are written
 WriteRows = Callable[[pd.DataFrame], None]
 
@@ -169,6 +172,8 @@ def _record(
             writer.write(frame)
             shown.append(number)
             tally.add(frame)
+            if tally.frames == _LOOKED_AT:
+                _refuse_small_disk(writer, source.facts.frames)
             if truth and len(source.truth) >= _ROWS:
                 source.flush(truth)
             advance()
@@ -188,6 +193,17 @@ def _record(
             do="check the camera's cap, exposure and file; or choose another range of time",
         )
     return timing, tally, shown
+
+
+def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
+    """FinloopError where the rest of the clip, as large as its beginning, has no room."""
+    wanted = writer.bytes / writer.frames * (frames - writer.frames)
+    refuse_small(
+        writer.path.parent,
+        wanted,
+        f"the clip of {frames} frames",
+        "take a shorter film (clip.end_s)",
+    )
 
 
 def _arena(p: Settings, width: int, height: int) -> np.ndarray:

@@ -3,33 +3,38 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 import cv2
+import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers
 from finloop.extract.alike import Likeness
+from finloop.extract.film import FollowedNoneError
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
 from finloop.extraction import Extraction, extract
 from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
-from finloop.io.footage.listed import stamps
-from finloop.io.several import FILMS, all_parts, parts_of
+from finloop.io.footage.listed import Stamp, stamps
+from finloop.io.pieces import Pieces, keep_only
+from finloop.io.several import FILMS, Part, all_parts, parts_of
 from finloop.io.table import save_csv
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 from finloop.several import Brought, join_extractions
 from stages.cluster import workers
-from stages.kept import KEY_NAME, code_of, kept_or_made
+from stages.kept import KEY_NAME, code_of, kept_or_made, name_of
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
+PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
 LONG = 60  # frames of a long track
 WORKERS_NEED = ["finloop.extract.ready", "stages.extract"]  # imported once, for all workers
 
@@ -41,22 +46,58 @@ def main() -> None:
         if parts_of(CLIP):
             numbers, films = several(CLIP, settings, crew, folder)
         else:
-            numbers = one(CLIP, settings, crew, folder)
+            pieces = Pieces(PIECES / name_of(made_from(CLIP, settings)))
+            keep_only(PIECES, [pieces.folder.name])
+            numbers = one(CLIP, settings, crew, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
             brought = Brought(name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness())
             films = [of_film(brought)]
+    keep_only(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
 
 
-def one(clip: Path, settings: Settings, crew: Workers, folder: Path) -> dict[str, float]:
+def made_from(clip: Path, own: Settings) -> dict[str, Any]:
+    """All that the tracks of a clip's folder are made from."""
+    key = clip / KEY_NAME  # of one of several films
+    film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
+    tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
+    return {"extract": asdict(own), "code": code_of("extract"), "clip": film, "tracks": tracks}
+
+
+def stamps_of(path: Path) -> list[Stamp] | None:
+    """The stamps of a file or of a folder's files; None where there is nothing."""
+    return stamps(path) if path.exists() else None
+
+
+def one(
+    clip: Path, settings: Settings, crew: Workers, pieces: Pieces, folder: Path
+) -> dict[str, float]:
     """Write what is found in a clip to a folder; its metrics."""
-    frames = load_facts(clip / FACTS_NAME).frames
-    with progress("extract", frames) as advance:
-        made = extract(clip, settings, folder, crew, advance)
+    facts = load_facts(clip / FACTS_NAME)
+    if pieces.size():
+        print("finloop: goes on from what an interrupted run has found", file=sys.stderr)
+    try:
+        with progress("extract", facts.frames) as advance:
+            made = extract(clip, settings, folder, crew, advance, pieces)
+    except FollowedNoneError:
+        pieces.remove()  # there would be nothing again
+        raise
     for note in said_of_given(made.given):
         print(f"finloop: note: {note}", file=sys.stderr)
-    return {"frames": frames, **metrics(made)}
+    if made.lost:
+        print(f"finloop: WARNING: {said_of_lost(made.lost, facts)}", file=sys.stderr)
+    return {"frames": facts.frames, **metrics(made)}
+
+
+def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
+    """Which frames could not be decoded, by number and time."""
+    runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
+    named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
+    return (
+        f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}. To "
+        "make the clip again: `dvc repro --force clip`"
+    )
 
 
 def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:
@@ -77,26 +118,25 @@ def several(
     found in the same clip, with the same parameters and code, is taken over. Returns metrics, and
     a row for each film.
     """
-    code, numbers, every = code_of("extract"), dict[str, float](), all_parts(clip)
+    numbers, every = dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
+    todo = []
     for part in every:
-        if part.name in errors:
-            continue
+        if part.name not in errors:
+            with left_out(part, errors):
+                own = settings
+                if settings.tracks_path:
+                    path = tracks_of(Path(part.path), settings.tracks_path)
+                    own = replace(settings, tracks_path=path)
+                todo.append((part, own, made_from(clip / FILMS / part.name, own)))
+    keep_only(PIECES, [name_of(key) for _, _, key in todo])
+    for part, own, key in todo:
         home = Path(FILMS) / part.name
-        made_from = (clip / home / KEY_NAME).read_text(encoding="utf-8")
         print(f"finloop: {part.name}", file=sys.stderr)
-        try:
-            own, tracks = settings, None
-            if settings.tracks_path:
-                path = tracks_of(Path(part.path), settings.tracks_path)
-                own, tracks = replace(settings, tracks_path=path), stamps(Path(path))
-            key = {"extract": asdict(own), "code": code, "clip": made_from, "tracks": tracks}
-            make = partial(one, clip / home, own, crew)
+        with left_out(part, errors):
+            make = partial(one, clip / home, own, crew, Pieces(PIECES / name_of(key)))
             its = kept_or_made(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
-        except FinloopError as error:
-            print(f"finloop: WARNING: {part.path} is left out: {error}", file=sys.stderr)
-            errors[part.name] = error.came
     brought = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(one.rows for one in brought)
@@ -106,6 +146,16 @@ def several(
         *map(of_film, brought),
         *({"film": name, "left_out_because": error} for name, error in errors.items()),
     ]
+
+
+@contextmanager
+def left_out(part: Part, errors: dict[str, str]) -> Iterator[None]:
+    """A film for which the block cannot do its work is named, and the others go on."""
+    try:
+        yield
+    except FinloopError as error:
+        print(f"finloop: WARNING: {part.path} is left out: {error}", file=sys.stderr)
+        errors[part.name] = error.came
 
 
 def of_film(brought: Brought) -> dict[str, Any]:
@@ -123,7 +173,7 @@ def of_film(brought: Brought) -> dict[str, Any]:
 
 def metrics(made: Extraction) -> dict[str, float]:
     """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
-    scene, verdicts, lengths, given = made
+    scene, verdicts, lengths, given, lost = made
     long = [count for count in lengths.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},
@@ -135,6 +185,7 @@ def metrics(made: Extraction) -> dict[str, float]:
         f"fish_frames_in_tracks_of_{LONG}_frames": sum(long),
         "longest_track_frames": max(lengths.values()),
         **given,
+        **({"frames_lost": len(lost)} if lost else {}),
     }
 
 

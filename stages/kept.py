@@ -60,6 +60,11 @@ def _link(source: str, target: str) -> None:
         shutil.copy2(source, target)
 
 
+def name_of(key: Mapping[str, Any]) -> str:
+    """A short name for a key: another key has another one."""
+    return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
+
+
 def code_of(word: str) -> str:
     """A digest of the code that a stage depends on, by dvc.yaml."""
     text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")

@@ -182,20 +182,22 @@ def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None
 
 @contextmanager
 def _lines(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
-    """A line in the log every LINE_EVERY_S, and one at the end."""
+    """A line in the log every LINE_EVERY_S, with the time that is left, and one at the end."""
     start = last = time.monotonic()
-    done = 0
+    done = before = 0  # now, and when the last line was written
 
-    def say() -> None:
+    def say(left: str = "") -> None:
         of = f" of {total}" if total else ""
-        print(f"{word}: {done}{of} {unit}, {time.monotonic() - start:.0f} s", file=sys.stderr)
+        print(f"{word}: {done}{of} {unit}, {time.monotonic() - start:.0f} s{left}", file=sys.stderr)
 
     def advance(n: int = 1) -> None:
-        nonlocal done, last
+        nonlocal done, last, before
         done += n
-        if time.monotonic() - last >= LINE_EVERY_S:
-            last = time.monotonic()
-            say()
+        now = time.monotonic()
+        if now - last >= LINE_EVERY_S:
+            pace = (now - last) / max(1, done - before)  # what was kept goes by at another one
+            say(f", {pace * max(0, total - done):.0f} s left" if total else "")
+            last, before = now, done
 
     yield advance
     say()

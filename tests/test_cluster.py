@@ -157,7 +157,8 @@ def test_what_a_killed_worker_held_is_done_again(cluster, tmp_path):
 
 
 @needs_dask
-def test_a_piece_that_kills_every_worker_is_one_message(cluster):
+def test_a_piece_that_kills_every_worker_is_one_message(cluster, monkeypatch):
+    monkeypatch.setattr(at_client, "TRIES", 1)
     with pytest.raises(FinloopError, match="worker processes were ended"):
         list(ordered_map(is_killed, range(2, 9), cluster))
     cluster.client.wait_for_workers(2)
@@ -185,7 +186,7 @@ def test_no_scheduler_is_one_message(home, monkeypatch):
 @needs_dask
 def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch):
     monkeypatch.setattr(at_client, "_LOOK_S", 0.05)
-    monkeypatch.setattr(at_client, "_JOIN_S", 0.1)
+    monkeypatch.setattr(at_client, "_BACK_S", 0.1)
     monkeypatch.setattr(type(cluster), "threads", lambda self: {})
     pipes = [tmp_path / "a", tmp_path / "b"]
     for pipe in pipes:

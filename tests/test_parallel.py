@@ -116,7 +116,7 @@ def test_what_a_killed_worker_held_is_done_again(tmp_path):
 
 
 def test_a_worker_that_is_killed_again_and_again_is_one_message(monkeypatch):
-    monkeypatch.setattr(parallel, "_TRIES", 2)
+    monkeypatch.setattr(parallel, "TRIES", 2)
     with pytest.raises(FinloopError, match="worker") as caught:
         list(ordered_map(is_killed, range(9), Processes(2)))
     assert "FINLOOP_THREADS=1" in caught.value.do
@@ -129,4 +129,4 @@ def test_what_gives_an_error_of_the_system_is_tried_again(workers, tmp_path, mon
     assert list(ordered_map(cannot_read_once, jobs, Processes(workers))) == [0, 1, 2, 3]
     with pytest.raises(FileNotFoundError):
         list(ordered_map(cannot_read, jobs, Processes(workers)))
-    assert len(list(tmp_path.glob("tried-*"))) == parallel._TRIES
+    assert len(list(tmp_path.glob("tried-*"))) == parallel.TRIES

@@ -5,6 +5,7 @@ import json
 import math
 import os
 import pty
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -95,6 +96,9 @@ def test_progress_in_a_log_is_a_few_lines(monkeypatch, capsys):
     lines = capsys.readouterr().err.splitlines()
     assert 3 <= len(lines) <= 10
     assert lines[-1].startswith("extract: 500 of 500 frames, ")
+    paces = [re.search(r"(\d+) of 500 .* (\d+) s left$", line) for line in lines[:-1]]
+    for told in paces:  # at 0.1 s a frame
+        assert told and float(told[2]) == pytest.approx((500 - int(told[1])) * 0.1, abs=1)
 
 
 def test_progress_without_a_known_end(capsys):

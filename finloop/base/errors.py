@@ -13,3 +13,7 @@ class FinloopError(Exception):
 
     def __str__(self) -> str:
         return f"{self.came}\n  wanted: {self.wanted}\n  do:     {self.do}"
+
+
+class UndecodableError(FinloopError):
+    """Frames of a clip cannot be decoded; those from a later key frame on may be."""

@@ -25,7 +25,7 @@ B_co = TypeVar("B_co", covariant=True)
 # Not "fork": a copy of a process whose libraries run threads hangs sooner or later. A server that
 # has only imported things, and is forked for each worker, is safe and nearly as quick.
 _FORKSERVER = "forkserver" in multiprocessing.get_all_start_methods()
-_TRIES = 3  # once may be bad luck; the same item again and again is not
+TRIES = 3  # once may be bad luck; the same item again and again is not
 _PAUSE_S = 0.2  # before what gave an OSError is tried again
 
 
@@ -93,10 +93,10 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
     At most `workers.count` + 1 results are kept at a time. One item is worked in this process.
     Exceptions of `work` are raised here; an OSError, as where a network's folder is away for a
-    moment, only when it comes `_TRIES` times at the same item. `work`, items and results are
+    moment, only when it comes `TRIES` times at the same item. `work`, items and results are
     pickled. What was in the hands of the processes when one is killed is done again by new ones.
 
-    Raises FinloopError where a worker is killed `_TRIES` times at the same item.
+    Raises FinloopError where a worker is killed `TRIES` times at the same item.
     """
     todo = deque(items)
     work = partial(_persist, work)
@@ -116,7 +116,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                     result = results[0].result()
                 except BrokenProcessPool as error:
                     killed += 1
-                    if killed == _TRIES:
+                    if killed == TRIES:
                         raise ended(workers.count) from error
                     break
                 results.popleft()
@@ -127,7 +127,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 def _persist(work: Callable[[A], B], item: A) -> B:
     """`work(item)`, again where that gives an OSError."""
-    for _ in range(_TRIES - 1):
+    for _ in range(TRIES - 1):
         with suppress(OSError):
             return work(item)
         time.sleep(_PAUSE_S)
@@ -137,7 +137,7 @@ def _persist(work: Callable[[A], B], item: A) -> B:
 def ended(workers: int) -> FinloopError:
     """What to raise where workers are killed again and again at the same piece."""
     return FinloopError(
-        f"worker processes were ended from outside, {_TRIES} times, perhaps for want of memory",
+        f"worker processes were ended from outside, {TRIES} times, perhaps for want of memory",
         f"{workers} processes that each hold a stretch of the film",
         "run again; without a cluster and with FINLOOP_THREADS=1 one process does it all",
     )

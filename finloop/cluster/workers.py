@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 from uuid import uuid4
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import ended
+from finloop.base.parallel import TRIES, ended
 from finloop.cluster.piece import Call, Home, piece, ready
 from finloop.cluster.settings import Local, Settings
 from finloop.io.atomic import passing_file
@@ -28,8 +28,11 @@ B = TypeVar("B")
 Client = Any  # distributed.Client, which is there only with the extra
 
 _CONNECT_S = 5.0  # to reach a scheduler
-_JOIN_S = 30.0  # for a first worker to come, and for one to come back where none is left
+_JOIN_S = 30.0  # for a first worker to come
+_BACK_S = 120.0  # for one to come back where none is left
 _LOOK_S = 5.0  # between two looks whether somebody still works
+# A worker that is begun anew on a busy machine takes longer than the 15 s that are usual here.
+_LOCAL = {"distributed.deploy.lost-worker-timeout": "1 hour"}
 _SHARED = "data"  # below the stage's folder: where the work lies for the workers
 
 
@@ -47,6 +50,7 @@ def dask_workers(
     with ExitStack() as stack:
         address: Any = p.source
         if isinstance(p, Local):
+            stack.enter_context(import_module("dask").config.set(_LOCAL))
             where = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=processes,
@@ -113,12 +117,15 @@ class DaskWorkers:
 
             def hand(item: A) -> _Handed:
                 call = pickle.dumps(Call(piece, self.home, path, _pickled(item)))
-                key = f"piece-{name}-{next(number)}"
-                try:
-                    future = self.client.submit(pickle.loads, call, key=key, pure=False)
-                except (OSError, RuntimeError) as error:
-                    raise self.gone() from error
-                return _Handed(self, future)
+
+                def submitted() -> Any:
+                    key = f"piece-{name}-{next(number)}"
+                    try:
+                        return self.client.submit(pickle.loads, call, key=key, pure=False)
+                    except (OSError, RuntimeError) as error:
+                        raise self.gone() from error
+
+                return _Handed(self, submitted)
 
             yield hand
 
@@ -165,41 +172,50 @@ class DaskWorkers:
     def deserted(self) -> FinloopError:
         """What to raise where nobody works any more."""
         return FinloopError(
-            f"the scheduler at {self.address} has had no worker for {_JOIN_S:.0f} s",
+            f"the scheduler at {self.address} has had no worker for {_BACK_S:.0f} s",
             "at least one worker",
             f"start one in {self.home.folder}: {self.home.start}; then run the same command again",
         )
 
 
-@dataclass(frozen=True)
 class _Handed:
-    """A piece that Dask's scheduler has."""
+    """A piece that Dask's scheduler has. submit: hands it out, and returns its future."""
 
-    workers: DaskWorkers
-    future: Any
+    def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
+        self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:
         """As in `base.parallel.Handed`; FinloopError where nobody is left to work."""
-        distributed = _distributed()
-        alone_s = 0.0
-        while not self.future.done():
+        killed = _distributed().KilledWorker
+        for _ in range(TRIES - 1):
             try:
-                with self.workers.client.as_current():
-                    distributed.wait([self.future], timeout=_LOOK_S)
+                return self._told()
+            except killed:
+                self._future = self._submit()
+        try:
+            return self._told()
+        except killed as error:
+            raise ended(self._workers.count) from error
+
+    def _told(self) -> Any:
+        """Wait for the result, or what is raised."""
+        alone_s = 0.0
+        while not self._future.done():
+            try:
+                with self._workers.client.as_current():
+                    _distributed().wait([self._future], timeout=_LOOK_S)
             except CancelledError:
                 break
             except TimeoutError as error:
-                alone_s = 0.0 if self.workers.threads() else alone_s + _LOOK_S
-                if alone_s >= _JOIN_S:
-                    raise self.workers.deserted() from error
+                alone_s = 0.0 if self._workers.threads() else alone_s + _LOOK_S
+                if alone_s >= _BACK_S:
+                    raise self._workers.deserted() from error
         try:
-            return pickle.loads(self.future.result())
-        except distributed.KilledWorker as error:
-            raise ended(self.workers.count) from error
+            return pickle.loads(self._future.result())
         except CancelledError as error:
-            raise self.workers.gone() from error
+            raise self._workers.gone() from error
         except ImportError as error:
-            raise self.workers.refusal(error) from error
+            raise self._workers.refusal(error) from error
 
 
 def _fit(need: Sequence[str], home: Home, work: str) -> None:

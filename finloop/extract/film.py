@@ -7,10 +7,10 @@ long the clip is.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import NamedTuple, Protocol
+from typing import NamedTuple, Protocol, TypeVar
 
 import cv2
 import numpy as np
@@ -18,7 +18,7 @@ import pandas as pd
 
 from finloop.base.arrays import Picture
 from finloop.base.cutout import Cutout
-from finloop.base.errors import FinloopError
+from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.parallel import Workers, ordered_map
 from finloop.extract.background import (
     Scene,
@@ -29,6 +29,8 @@ from finloop.extract.samples import Typical, Verdict, judge
 from finloop.extract.segment import Fish, Silhouette, contour, measure, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
+
+T = TypeVar("T")
 
 
 class TrackedFish(NamedTuple):
@@ -108,22 +110,35 @@ class Reader(Protocol):
     def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
 
 
+class Keeper(Protocol):
+    """Keeps what was made of a piece, so that it is found again; can be sent to another process."""
+
+    def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
+        """What is kept under a name, else what `make` makes."""
+        ...
+
+
 class Film(NamedTuple):
-    """A clip to read: its length, its frames per second, and the distance of its key frames."""
+    """A clip to read: its length, its frames per second, and the distance of its key frames.
+
+    keeper: of what is detected in its stretches; None: nothing is kept.
+    """
 
     read: Reader
     frames: int
     rate_hz: float
     stride: int = 1
+    keeper: Keeper | None = None
 
 
 def detections(
     film: Film, scene: Scene, detector: Detector, workers: Workers
-) -> Iterator[Detections]:
-    """Detections of every frame in order, computed by `workers`.
+) -> Iterator[Detections | None]:
+    """Detections of every frame in order, computed by `workers`; None where it cannot be decoded.
 
     Each reads its own stretches of the clip. They begin at key frames, so that no frame is
-    decoded in vain. A background by MOG2 depends on all frames before: then one process reads all.
+    decoded in vain. A background by MOG2 depends on all frames before: then one process reads all,
+    nothing is kept, and UndecodableError ends it.
     """
     if detector.settings.background == "mog2":
         frames = film.read(start=0, stop=film.frames)
@@ -132,14 +147,43 @@ def detections(
     length = max(1, length // film.stride) * film.stride
     starts = range(0, film.frames, length)
     spans = [(start, min(start + length, film.frames)) for start in starts]
-    work = partial(_stretch, film.read, scene, detector)
+    work = partial(_stretch, film, scene, detector)
     return (frame for stretch in ordered_map(work, spans, workers) for frame in stretch)
 
 
 def _stretch(
-    read: Reader, scene: Scene, detector: Detector, span: tuple[int, int]
-) -> list[Detections]:
-    return [detector(frame, scene) for frame in read(start=span[0], stop=span[1])]
+    film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
+) -> list[Detections | None]:
+    """What is detected in the frames of a span, kept or computed."""
+    compute = partial(_computed, film, scene, detector, span)
+    if film.keeper is None:
+        return compute()
+    return film.keeper.kept_or_made("{:09d}-{:09d}".format(*span), compute)
+
+
+def _computed(
+    film: Film, scene: Scene, detector: Detector, span: tuple[int, int]
+) -> list[Detections | None]:
+    """What is detected in the frames of a span; after one that is damaged, from the next key on."""
+    start, stop = span
+    seen: list[Detections | None] = []
+    while (at := start + len(seen)) < stop:
+        try:
+            for frame in film.read(start=at, stop=stop):
+                seen.append(detector(frame, scene))
+            break
+        except UndecodableError:
+            key = ((start + len(seen)) // film.stride + 1) * film.stride
+            seen += [None] * (min(key, stop) - start - len(seen))
+    return seen
+
+
+def decoded(seen: Iterable[Detections | None], lost: list[int]) -> Iterator[Detections]:
+    """Detections of every frame, none where it could not be decoded; its number goes to `lost`."""
+    for number, one in enumerate(seen):
+        if one is None:
+            lost.append(number)
+        yield one or Detections([], [], [])
 
 
 def tracks(
@@ -192,10 +236,14 @@ def batches(fish: Iterable[list[TrackedFish]]) -> Iterator[list[TrackedFish]]:
     yield batch
 
 
-def nothing_followed(settings: Settings, verdicts: Counter[Verdict]) -> FinloopError:
+class FollowedNoneError(FinloopError):
+    """No track of a film is long enough."""
+
+
+def nothing_followed(settings: Settings, verdicts: Counter[Verdict]) -> FollowedNoneError:
     """What to raise where no track is long enough."""
     counts = ", ".join(f"{count} {verdict}" for verdict, count in verdicts.items())
-    return FinloopError(
+    return FollowedNoneError(
         f"no fish could be followed for {settings.least_frames} frames (silhouettes: {counts})",
         "fish that swim by themselves, clear of the border",
         "allow shorter tracks (extract.least_frames), other sizes "

@@ -96,6 +96,11 @@ class CutoutWriter:
         return self._stack.__exit__(*error)
 
 
+def packed_size(cutout: Cutout) -> int:
+    """Bytes that a cut-out takes in a store."""
+    return len(_CODEC.compress(np.ascontiguousarray(cutout.pixels), asbytes=True))
+
+
 @dataclass(frozen=True)
 class CutoutStore:
     """An open store. `index`: a row per cut-out in the file's order, its place and size.

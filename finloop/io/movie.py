@@ -43,17 +43,17 @@ class Movie(ABC):
     def __init__(
         self, path: Path, shape: tuple[int, ...], frame_rate: Fraction, quality: int
     ) -> None:
-        self._path, self._shape, self._rate = path, shape, frame_rate
+        self.path, self._shape, self._rate = path, shape, frame_rate
         self._quality = str(quality)
         self._stack = ExitStack()
-        self.frames = 0
+        self.frames = self.bytes = 0  # that were written
 
     def _begin(
         self, kind: str, container: dict[str, str], coder: str, options: dict[str, str]
     ) -> Any:
         """Open the file with a stream that has its rate, but neither size nor pixel format yet."""
         with ExitStack() as stack:
-            part = stack.enter_context(whole_file(self._path))
+            part = stack.enter_context(whole_file(self.path))
             self._file = stack.enter_context(
                 av.open(str(part), "w", format=kind, options=container)
             )
@@ -94,8 +94,10 @@ class Movie(ABC):
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
         coded = self._coded(frame)
         coded.pts, coded.time_base = self.frames, 1 / self._rate
-        self._file.mux(self._stream.encode(coded))
+        packets = self._stream.encode(coded)
+        self._file.mux(packets)
         self.frames += 1
+        self.bytes += sum(packet.size for packet in packets)
 
     def _finish(self, error: Any, *_: Any) -> None:
         if error is None:

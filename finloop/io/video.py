@@ -20,7 +20,7 @@ from av.container import InputContainer
 from av.video.frame import VideoFrame
 from av.video.stream import VideoStream
 
-from finloop.base.errors import FinloopError
+from finloop.base.errors import FinloopError, UndecodableError
 from finloop.base.schema import Schema, columns
 from finloop.io.picture import save_picture
 from finloop.io.record import load_json, save_json
@@ -106,15 +106,23 @@ def _opened(path: Path, threads: int) -> Iterator[tuple[InputContainer, VideoStr
             stream.codec_context.thread_count = threads
             yield container, stream, Fraction(stream.duration or 0, stream.frames)
     except (OSError, av.error.FFmpegError, IndexError, ZeroDivisionError) as error:
-        raise _damaged(path, str(error)) from error
+        raise _damaged(path, str(error), FinloopError) from error
 
 
-def _damaged(path: Path, why: str) -> FinloopError:
-    return FinloopError(
+def _damaged(path: Path, why: str, kind: type[FinloopError] = UndecodableError) -> FinloopError:
+    return kind(
         came=f"{path} cannot be read as a normalised clip ({why})",
         wanted="the clip as the stage `clip` wrote it",
         do="make the clip again: `dvc repro --force clip`",
     )
+
+
+def _decoded(path: Path, container: InputContainer, stream: VideoStream) -> Iterator[VideoFrame]:
+    """The frames from where the container stands; UndecodableError at one that is damaged."""
+    try:
+        yield from container.decode(stream)
+    except av.error.InvalidDataError as error:
+        raise _damaged(path, str(error)) from error
 
 
 def _number(frame: VideoFrame, step: Fraction) -> int:
@@ -138,6 +146,13 @@ def _rgb(frame: VideoFrame) -> np.ndarray:
     return frame.to_ndarray(format="rgb24", threads=THREADS)
 
 
+def refuse_other_length(path: Path, frames: int) -> None:
+    """FinloopError where a normalised clip cannot be read, or has not so many frames."""
+    with _opened(path, 1) as (_, stream, _):
+        if stream.frames != frames:
+            raise _damaged(path, f"it has {stream.frames} frames, not {frames}", FinloopError)
+
+
 def read_frames(
     path: Path,
     *,
@@ -148,7 +163,7 @@ def read_frames(
 ) -> Iterator[np.ndarray]:
     """Stream the frames `start` … `stop` - 1 of a normalised clip.
 
-    FinloopError if the clip cannot be read, or ends early.
+    FinloopError if the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
 
     path: the clip.
     colour: (h, w, 3) RGB instead of the (h, w) Y plane. Both are uint8; the Y plane is a read-only
@@ -164,7 +179,7 @@ def read_frames(
         if start > 0:
             container.seek(int(start * step), stream=stream)
         number = start
-        for frame in container.decode(stream):
+        for frame in _decoded(path, container, stream):
             index = _number(frame, step)
             if index < start:
                 continue
@@ -185,7 +200,7 @@ def read_spread(
     Raises
     ------
     FinloopError
-        If the clip cannot be read, or ends early.
+        If the clip cannot be read; UndecodableError if a frame cannot, or it ends early.
     ValueError
         If `frames` does not ascend.
     """
@@ -198,7 +213,7 @@ def read_spread(
         for number in frames:
             if number - position >= KEY_FRAME_EVERY:  # else decoding on is as quick as seeking
                 container.seek(int(number * step), stream=stream)
-                decoded, current = container.decode(stream), None
+                decoded, current = _decoded(path, container, stream), None
             while current is None or position < number:
                 current = next(decoded, None)
                 if current is None:

@@ -1,0 +1,186 @@
+"""`extract` by workers of Dask: its time beside processes, and its bytes when workers are killed.
+
+`python -m benchmarks.cluster` extracts the zebrafish by two processes and by two workers of Dask (a
+scheduler and workers that run already; then those of `cluster=local`, begun and ended by the
+stage), and compares the bytes. Then, of drawn carp, 20 times a random worker is killed with -9, at
+frames drawn from a seed. Wants the extra `cluster`; writes benchmarks/cluster.csv.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import hashlib
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import chdir, contextmanager
+from pathlib import Path
+from statistics import median
+
+import numpy as np
+import pandas as pd
+import psutil
+
+from benchmarks.pipeline import ROOT, environment, prepare, stage
+from finloop.base.parallel import Workers
+from finloop.extract import film
+from finloop.extraction import extract
+from finloop.io.video import FACTS_NAME, load_facts
+from stages.cluster import workers
+from stages.extract import WORKERS_NEED
+from stages.settings import load
+
+FILM = ["clip=zebrafish"]
+CARP = ["clip=carp", "clip.frames=1920", "clip.width_px=320", "clip.height_px=240",
+        "clip.body_length_px=70", "clip.colour=false"]  # fmt: skip
+PAIRS, KILLS, SEED = 3, 20, 1
+SHORT = 24  # frames of a piece while workers are killed, for more pieces than kills
+PORT = 18786
+
+
+def content(folder: Path) -> dict[str, str]:
+    """The files of a folder with their digests."""
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir()}
+
+
+def used(processes: list[psutil.Process]) -> dict[int, float]:
+    """Processor time, in seconds, of processes and all that they have begun, by their ids."""
+    times = {}
+    for one in processes:
+        try:
+            for each in (one, *one.children(recursive=True)):
+                times[each.pid] = sum(each.cpu_times()[:2])
+        except psutil.NoSuchProcess:
+            continue
+    return times
+
+
+def timed(folder: Path, others: list[psutil.Process]) -> tuple[float, float]:
+    """Seconds of the stage `extract`, and of processors in it, its workers and `others`."""
+    before, last = used(others), dict[int, float]()
+    start = time.perf_counter()
+    command = [sys.executable, "-m", "stages.extract"]
+    run = subprocess.Popen(command, cwd=folder, env=environment(), stderr=subprocess.DEVNULL)
+    while run.poll() is None:
+        last |= used([psutil.Process(run.pid), *others])
+        time.sleep(0.1)
+    if run.returncode:
+        raise SystemExit("extract failed")
+    return time.perf_counter() - start, sum(last.values()) - sum(before.values())
+
+
+@contextmanager
+def scheduler() -> Iterator[list[psutil.Process]]:
+    """Dask's scheduler and two workers, as docs/cluster.md starts them."""
+    address = f"tcp://127.0.0.1:{PORT}"
+    quiet = {"env": environment(), "stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+    dask = [sys.executable, "-m", "dask", "scheduler", "--host", "127.0.0.1", "--port", str(PORT)]
+    start = [sys.executable, "-m", "stages.cluster", address, "--count", "1"]
+    processes = [
+        subprocess.Popen(dask, cwd="/", **quiet),  # type: ignore[call-overload]
+        *(subprocess.Popen(start, cwd=ROOT, **quiet) for _ in range(2)),  # type: ignore[call-overload]
+    ]
+    try:
+        yield [psutil.Process(one.pid) for one in processes]
+    finally:
+        for one in reversed(processes):
+            one.terminate()
+            one.wait()
+
+
+def times(folder: Path) -> pd.DataFrame:
+    """Seconds of `extract`, and of processors, by who works; the bytes are compared."""
+    wheres = {
+        "2 processes": [],
+        "2 workers of Dask": [f"cluster.address=tcp://127.0.0.1:{PORT}"],
+        "cluster=local": ["cluster=local"],
+    }
+    rows, made = [], []
+    prepare(folder, FILM)
+    stage(folder, "clip")
+    with scheduler() as others:
+        for _ in range(PAIRS + 1):  # the first is not counted: it compiles, and workers import
+            for name, where in wheres.items():
+                prepare(folder, [*FILM, *where])
+                rows.append((name, *timed(folder, others)))
+                made.append(content(folder / "data/extract"))
+    if any(one != made[0] for one in made):
+        raise SystemExit("other bytes")
+    table = pd.DataFrame(rows[len(wheres) :], columns=["by", "wall_s", "processor_s"])
+    table["pair"] = np.repeat(np.arange(PAIRS), len(wheres))
+    first = table[table["by"] == "2 processes"].set_index("pair")
+    for column in ("wall_s", "processor_s"):
+        table[f"{column[:-2]}_ratio"] = table[column] / table["pair"].map(first[column])
+    return table.groupby("by", sort=False).agg(median).drop(columns="pair").reset_index()
+
+
+def disturbed(
+    folder: Path, out: Path, crew: Workers, there: Callable[[], set[int]], kills: int
+) -> int:
+    """Extract while workers are killed, at random frames; how many were.
+
+    there: the ids of the workers' processes. One that has only just begun is left: Dask gives up a
+    place whose worker ends while it begins.
+    """
+    clip = folder / "data/clip"
+    rng = np.random.default_rng(SEED)
+    frames = load_facts(clip / FACTS_NAME).frames
+    moments = sorted(rng.choice(frames - 4 * SHORT, kills, replace=False).tolist(), reverse=True)
+    count = done = 0
+    before: set[int] = set()  # there when a piece ended
+
+    def advance() -> None:
+        nonlocal count, done, before
+        done += 1
+        if moments and done > moments[-1] and (ids := there() & before):
+            os.kill(int(rng.choice(sorted(ids))), signal.SIGKILL)
+            moments.pop()
+            count += 1
+        if done % SHORT == 0:
+            before = there()
+
+    out.mkdir()
+    extract(clip, load("extract"), out, crew, advance)
+    return count
+
+
+def killed(folder: Path) -> list[tuple[str, int, bool]]:
+    """By whom, how many were killed, and whether the bytes are those of an undisturbed run."""
+    film._STRETCH = SHORT
+    prepare(folder, CARP)
+    stage(folder, "clip")
+    stage(folder, "extract")
+    told: list[tuple[str, int, bool]] = []
+    for name, where in {"2 processes": [], "cluster=local": ["cluster=local"]}.items():
+        prepare(folder, [*CARP, *where])
+        with chdir(folder), workers(WORKERS_NEED) as crew:
+
+            def there(crew: Workers = crew) -> set[int]:
+                if client := getattr(crew, "client", None):
+                    return {*client.run(os.getpid, on_error="ignore").values()}
+                return {one.pid for one in multiprocessing.active_children() if one.pid}
+
+            out = folder / f"out-{len(told)}"
+            count = disturbed(folder, out, crew, there, KILLS)
+        told.append((name, count, content(out) == content(folder / "data/extract")))
+        print(f"{name}: {count} workers killed; the same bytes: {told[-1][2]}", flush=True)
+    return told
+
+
+def main() -> None:
+    """Measure, print, write."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        table = times(folder).round(3)
+        print(table.to_string(index=False))
+        table.to_csv(ROOT / "benchmarks/cluster.csv", index=False)
+        if not all(same for _, _, same in killed(folder)):
+            raise SystemExit("other bytes")
+
+
+if __name__ == "__main__":
+    main()

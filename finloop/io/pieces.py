@@ -1,0 +1,74 @@
+"""Results of the pieces of a long run, kept until it has ended, so that it goes on from them.
+
+A piece is a file that appears whole or not at all, in a folder named after all that it is made of:
+another film, other parameters or other code have another folder. Nothing but this program reads
+them, and they are gone when the run has ended well; one that cannot be read is made again.
+"""
+
+import pickle
+import shutil
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import pyarrow as pa
+
+from finloop.io.atomic import save_bytes
+
+T = TypeVar("T")
+_CODEC = pa.Codec("zstd", compression_level=1)
+_SIZE = 8  # bytes in which the size of a piece stands before it
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """The pieces of one run; can be sent to another process."""
+
+    folder: Path
+
+    def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
+        """What an earlier run kept under a name; else what `make()` returns, which is then kept.
+
+        FinloopError if the disk is full.
+        """
+        path = self.folder / name
+        try:
+            return unpacked(path.read_bytes())
+        except (OSError, EOFError, ValueError, pickle.UnpicklingError):
+            made = make()
+        save_bytes(path, packed(made))
+        return made
+
+    def size(self) -> int:
+        """Bytes of all that is kept."""
+        return sum(path.stat().st_size for path in self.folder.glob("*"))
+
+    def remove(self) -> None:
+        """Remove all that is kept."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+        with suppress(OSError):  # others have pieces there
+            self.folder.parent.rmdir()
+
+
+def packed(made: object) -> bytes:
+    """A result as compressed bytes, its size before it."""
+    plain = pickle.dumps(made, pickle.HIGHEST_PROTOCOL)
+    return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
+
+
+def unpacked(content: bytes) -> Any:
+    """A result again; ValueError or an error of pickle where it is damaged."""
+    size = int.from_bytes(content[:_SIZE])
+    return pickle.loads(_CODEC.decompress(content[_SIZE:], size))
+
+
+def keep_only(folder: Path, names: Iterable[str]) -> None:
+    """Remove what lies in a folder of pieces under other names; and it, where it is empty."""
+    names = set(names)
+    for path in folder.glob("*"):
+        if path.name not in names:
+            shutil.rmtree(path, ignore_errors=True)
+    with suppress(OSError):
+        folder.rmdir()

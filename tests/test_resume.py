@@ -1,0 +1,220 @@
+"""Long runs: interrupted they go on where they were; a full disk, and frames that are damaged."""
+
+import errno
+import json
+import shutil
+from collections import Counter, namedtuple
+from pathlib import Path
+
+import av
+import pytest
+from conftest import TINY_CARP
+from scratch import content, prepare
+
+import stages.clip
+import stages.cluster
+import stages.extract
+from finloop.base.errors import FinloopError
+from finloop.extract import film
+from finloop.extract.table import tracks_schema
+from finloop.io import space
+from finloop.io.pieces import Pieces, keep_only
+from finloop.io.space import in_words, refuse_small
+from finloop.io.table import load_table
+from finloop.io.video import KEY_FRAME_EVERY
+
+FILM = [*TINY_CARP, "clip.frames=72", "clip.crf=0", "clip.light_drift=0"]
+SHORT = KEY_FRAME_EVERY  # frames of a piece
+EXTRACT, PIECES = Path("data/extract"), Path("data/.extract.part")
+Usage = namedtuple("Usage", "total used free")
+
+
+# --- pieces
+
+
+def test_a_piece_that_is_kept_is_not_made_again(tmp_path):
+    pieces = Pieces(tmp_path / "a")
+    assert pieces.size() == 0
+    assert pieces.kept_or_made("1", lambda: [1, "b"]) == [1, "b"]
+    assert pieces.kept_or_made("1", lambda: 1 / 0) == [1, "b"]
+    assert pieces.size() == (tmp_path / "a/1").stat().st_size
+
+
+@pytest.mark.parametrize("left", [0, 4, 12, -1])
+def test_a_piece_that_is_damaged_is_made_again(tmp_path, left):
+    pieces = Pieces(tmp_path)
+    pieces.kept_or_made("1", lambda: list(range(99)))
+    (tmp_path / "1").write_bytes((tmp_path / "1").read_bytes()[:left])
+    assert pieces.kept_or_made("1", lambda: "new") == "new"
+    assert pieces.kept_or_made("1", lambda: 1 / 0) == "new"
+
+
+def test_pieces_of_something_else_are_removed(tmp_path):
+    for name in "abc":
+        Pieces(tmp_path / name).kept_or_made("1", lambda: 1)
+    keep_only(tmp_path, ["b"])
+    assert [path.name for path in tmp_path.iterdir()] == ["b"]
+    keep_only(tmp_path, [])
+    assert not tmp_path.exists()
+
+
+# --- the stage
+
+
+@pytest.fixture(scope="module")
+def filmed(tmp_path_factory):
+    """A folder with a clip, and what an undisturbed run makes of it."""
+    folder = tmp_path_factory.mktemp("filmed")
+    prepare(folder, *FILM)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(stages.cluster, "THREADS", 1)
+        patch.setattr(film, "_STRETCH", SHORT)
+        stages.clip.main()
+        stages.extract.main()
+    return folder
+
+
+@pytest.fixture
+def here(filmed, tmp_path, monkeypatch):
+    """A folder with a copy of the clip."""
+    prepare(tmp_path, *FILM)
+    shutil.copytree(filmed / "data/clip", tmp_path / "data/clip")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(stages.cluster, "THREADS", 1)
+    monkeypatch.setattr(film, "_STRETCH", SHORT)
+    return tmp_path
+
+
+@pytest.fixture
+def computed(monkeypatch):
+    """Counts how often each stretch is computed."""
+    counts, compute = Counter(), film._computed
+
+    def counted(film, scene, detector, span):
+        counts[span[0]] += 1
+        return compute(film, scene, detector, span)
+
+    monkeypatch.setattr(film, "_computed", counted)
+    return counts
+
+
+def interrupt(monkeypatch, frames=40):
+    """Run the stage until so many frames are done."""
+    with monkeypatch.context() as patch:
+        left = iter(range(frames))
+        links = film.Linker.step
+        patch.setattr(
+            film.Linker, "step", lambda *a: links(*a) if next(left, None) is not None else stop()
+        )
+        with pytest.raises(KeyboardInterrupt):
+            stages.extract.main()
+
+
+def stop():
+    raise KeyboardInterrupt
+
+
+def test_an_interrupted_run_goes_on_where_it_was(here, filmed, computed, monkeypatch, capsys):
+    interrupt(monkeypatch)
+    assert not EXTRACT.exists() and dict(computed) == dict.fromkeys((0, 12, 24, 36), 1)
+    stages.extract.main()
+    assert set(computed.values()) == {1} and len(computed) == 6
+    assert content(EXTRACT) == content(filmed / EXTRACT)
+    assert content(Path("reports/extract")) == content(filmed / "reports/extract")
+    assert not PIECES.exists()
+    assert "goes on" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("change", ["parameter", "film"])
+def test_nothing_is_taken_from_a_run_of_something_else(here, computed, monkeypatch, change):
+    interrupt(monkeypatch)
+    (before,) = PIECES.iterdir()
+    if change == "parameter":
+        prepare(here, *FILM, "extract.noise_sigmas=6")
+    else:
+        (here / "data/clip/clip.mp4").touch()
+    interrupt(monkeypatch)
+    (after,) = PIECES.iterdir()
+    assert after != before and dict(computed) == dict.fromkeys((0, 12, 24, 36), 2)
+
+
+# --- the disk
+
+
+def test_sizes_in_words():
+    told = [in_words(size) for size in (0, 999, 1234, 2.5e6, 7.06e9, 1.1e12)]
+    assert told == ["0 B", "999 B", "1.23 kB", "2.5 MB", "7.06 GB", "1.1 TB"]
+
+
+def test_room_is_looked_for_where_the_folder_will_be(tmp_path):
+    refuse_small(tmp_path / "new/one", 1.0, "it", "give up")
+    with pytest.raises(FinloopError, match="it will take about 1e\\+06 TB"):
+        refuse_small(tmp_path / "new/one", 1e18, "it", "give up")
+
+
+@pytest.mark.parametrize("word", ["clip", "extract"])
+def test_a_disk_that_is_too_small_is_refused_with_numbers(here, monkeypatch, word):
+    monkeypatch.setattr(space.shutil, "disk_usage", lambda _: Usage(1, 1, 2000))
+    before = content(here / "data")
+    with pytest.raises(FinloopError) as caught:
+        getattr(stages, word).main()
+    assert "72 frames" in caught.value.came and "2 kB are free" in caught.value.came
+    assert content(here / "data") == before
+
+
+def test_a_disk_that_gets_full_leaves_nothing_half(here, filmed, monkeypatch):
+    with monkeypatch.context() as patch:
+        write, room = Path.write_bytes, iter(range(3))
+
+        def full(path, content):
+            if next(room, None) is None:
+                write(path, content[: len(content) // 2])
+                raise OSError(errno.ENOSPC, "No space left on device")
+            return write(path, content)
+
+        patch.setattr(Path, "write_bytes", full)
+        with pytest.raises(FinloopError, match="disk is full"):
+            stages.extract.main()
+    (pieces,) = PIECES.iterdir()
+    assert len(list(pieces.iterdir())) == 3 and not EXTRACT.exists()
+    assert not list(here.glob("data/**/.*.part/*.part"))
+    stages.extract.main()
+    assert content(EXTRACT) == content(filmed / EXTRACT)
+
+
+# --- frames that cannot be decoded
+
+
+def damage(clip, first, last):
+    """Overwrite these frames of a clip."""
+    with av.open(str(clip)) as container:
+        stream = container.streams.video[0]
+        packets = [(p.pts, p.pos, p.size) for p in container.demux(stream) if p.size]
+    content = bytearray(clip.read_bytes())
+    for number, (_, place, size) in enumerate(sorted(packets)):
+        if first <= number <= last:
+            content[place : place + size] = bytes(size)
+    clip.write_bytes(content)
+
+
+def test_frames_that_cannot_be_decoded_are_named_and_the_rest_goes_on(here, filmed, capsys):
+    damage(here / "data/clip/clip.mp4", 27, 28)
+    stages.extract.main()
+    said = capsys.readouterr().err
+    metrics = json.loads(Path("reports/extract/metrics.json").read_text())
+    table, whole = (
+        load_table(folder / EXTRACT / "tracks.parquet", tracks_schema(33), ["frame", "x_px"])
+        for folder in (here, filmed)
+    )
+    left = sorted(set(whole["frame"]) - set(table["frame"]))
+    assert left == list(range(27, 36)) and metrics["frames_lost"] == 9
+    assert "9 of 72 frames" in said and "27-35" in said
+    kept = whole[~whole["frame"].isin(left)]
+    assert table["x_px"].to_numpy() == pytest.approx(kept["x_px"].to_numpy(), abs=0.5)
+
+
+def test_a_clip_of_which_nothing_can_be_decoded_is_one_message(here):
+    damage(here / "data/clip/clip.mp4", 0, 99)
+    with pytest.raises(FinloopError, match="cannot be read as a normalised clip"):
+        stages.extract.main()
