@@ -60,6 +60,7 @@ from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split as hold_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
+from finloop.given_path import given_line
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
@@ -286,14 +287,16 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     `mode`: "nn" (as the forecast foretells; without one, sprites alone), "loops" (film alone) or
     "hybrid". `changes`: of
     `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
-    and height) and seconds=30.0. Without loops there is no mode "loops".
+    and height) and seconds=30.0, or path="way.csv" in their place. Without loops there is no mode
+    "loops".
     """
-    film = tracks.film
+    film, p = tracks.film, settings("animate", **changes)
     made = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
         similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
+        given_line(p, reel.features), film.facts.mm_per_px,
     )  # fmt: skip
-    plans = planner(made, settings("animate", **changes))
+    plans = planner(made, p)
     if mode not in plans.players:
         raise FinloopError(
             f"mode {mode!r}",

@@ -8,7 +8,8 @@ While `dvc exp run` or `make params` composes conf/, this registers
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
   the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
   of range, groups left out;
-- the resolvers `${film_stamp:}` and `${tracks_stamp:}`, of the files that the parameters name.
+- the resolvers `${film_stamp:}`, `${tracks_stamp:}` and `${path_stamp:}`, of the files that the
+  parameters name.
 
 There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
 """
@@ -24,7 +25,7 @@ from omegaconf import DictConfig, OmegaConf
 from finloop.base.settings import GROUPS, variants
 from stages.experiment import Experiment
 from stages.settings import STAMPS, all_problems, refusal, stamp
-from stages.stamps import film_stamp, tracks_stamp
+from stages.stamps import film_stamp, path_stamp, tracks_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
@@ -75,9 +76,15 @@ def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
     return tracks_stamp(plain(_root_, "clip"), plain(_root_, "extract"))
 
 
+def stamp_of_path(*, _root_: DictConfig) -> str | None:
+    """The stamp of the path to swim of a composed config."""
+    return path_stamp(plain(_root_, "animate"))
+
+
 for word in GROUPS:
     for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
-for name, resolver in zip(STAMPS, (checked_stamp, stamp_of_films, stamp_of_tracks), strict=True):
+stamps = checked_stamp, stamp_of_films, stamp_of_tracks, stamp_of_path
+for name, resolver in zip(STAMPS, stamps, strict=True):
     OmegaConf.register_new_resolver(name, resolver, replace=True)

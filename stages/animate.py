@@ -8,24 +8,26 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from finloop.animate import measures
+from finloop.animate import measures, path_measures
 from finloop.animate.arena import fits
 from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal
 from finloop.animate.listing import play
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import Player, random_goals
+from finloop.animate.swim import Player, Swim, random_goals
 from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS
+from finloop.given_path import given_line
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_records
@@ -52,8 +54,8 @@ Measures = dict[str, dict[str, float]]
 
 
 @contextmanager
-def bring(p: Settings) -> Iterator[Planner]:
-    """Everything that plans, from what the stages before have made."""
+def material(p: Settings) -> Iterator[Material]:
+    """What the stages before have made, and the path that is asked for."""
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
@@ -63,7 +65,7 @@ def bring(p: Settings) -> Iterator[Planner]:
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
     ):
-        made = Material(
+        yield Material(
             facts.frame_rate_hz,
             load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
             Reel(features, frames, sprites, store),
@@ -76,7 +78,15 @@ def bring(p: Settings) -> Iterator[Planner]:
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
             poses,
             load_forecast(features, poses, facts.frame_rate_hz),
+            given_line(p, features),
+            facts.mm_per_px,
         )
+
+
+@contextmanager
+def bring(p: Settings) -> Iterator[Planner]:
+    """Everything that plans, from what the stages before have made."""
+    with material(p) as made:
         yield planner(made, p)
 
 
@@ -119,6 +129,25 @@ def trials(p: Settings, crew: Workers) -> Measures:
     }
 
 
+class Followed(NamedTuple):
+    """How a path was followed: tables of `path_measures`, and numbers."""
+
+    swum: pd.DataFrame
+    left: pd.DataFrame
+    numbers: dict[str, float]
+
+
+def followed(mode: str, swum: Swim, plans: Planner) -> Followed:
+    """How the path was followed in a mode."""
+    path, waters = plans.path, plans.waters
+    assert path is not None
+    table = path_measures.swum_path(mode, swum, path, waters.duration, waters)
+    most = path_measures.limits(waters.film, waters)
+    left = path_measures.where_left(table, path, waters, most)
+    spread = plans.players[mode].follower.spread
+    return Followed(table, left, path_measures.of_path(table, left, path, spread, waters))
+
+
 def animation(
     folder: Path,
     mode: str,
@@ -126,8 +155,11 @@ def animation(
     plans: Planner,
     steps: pd.DataFrame,
     film_motion: Swum,
-) -> tuple[dict[str, float], pd.DataFrame]:
-    """Make the edit list of a mode: its measures, and itself. steps: columns of `STEPS`."""
+) -> tuple[dict[str, float], pd.DataFrame, Followed | None]:
+    """Make the edit list of a mode: its measures, itself, and how a path was followed.
+
+    steps: columns of `STEPS`.
+    """
     player, waters, pictures = plans.players[mode], plans.waters, plans.pictures
     ticks = waters.duration
     swum, edit = plans.plan(mode, goals)
@@ -139,7 +171,9 @@ def animation(
     )
     joins, jumps = seams(edit, pictures)
     rate = waters.motion.rate_hz
+    path = None if plans.path is None else followed(mode, swum, plans)
     return {
+        **(path.numbers if path else {}),
         **measures.of_plan(edit, goals, player, film_motion),
         **measures.of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
         **measures.of_seams(joins, steps["step"].to_numpy(float)),
@@ -147,13 +181,14 @@ def animation(
         **measures.of_states(edit),
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
-    }, edit
+    }, edit, path  # fmt: skip
 
 
 def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
     """Make data/animate/: the measures of every mode, and of the film."""
     numbers: Measures = {}
-    moved = {}
+    moved: dict[str, Swum] = {}
+    paths: list[Followed] = []
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with bring(p) as plans, whole_folder(OUT) as folder:
         waters, features = plans.waters, plans.pictures.reel.features
@@ -168,13 +203,19 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         save_records(folder / "goals.json", goals)
         swum = measures.motion_of_film(features, waters.motion)
         for mode, player in plans.players.items():
-            numbers[mode], edit = animation(folder, mode, goals, plans, steps, swum)
+            numbers[mode], edit, path = animation(folder, mode, goals, plans, steps, swum)
+            paths += [path] if path else []
             moved[mode] = measures.motion_of_edit(edit, player)
         film_numbers = measures.of_film(
             features, swum, steps["as_filmed"].to_numpy(float), waters.motion
         )
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
+        if paths:
+            every = pd.concat([one.swum for one in paths], ignore_index=True)
+            save_table(folder / "path.parquet", every, path_measures.SWUM)
+    left = pd.concat([path_measures.NOWHERE, *(one.left for one in paths)], ignore_index=True)
+    save_csv(REPORT / "left.csv", left, decimals=3)
     return numbers, film_numbers
 
 

@@ -20,7 +20,11 @@ PARAMS = Path("params.yaml")
 CONF = Path("conf")
 LOCAL = CONF / "local/default.yaml"  # one's own film and settings; git ignores it
 STAMP = "conf_sha256"  # the key in params.yaml that says which conf/ it was composed from, and
-FILES = ("film_stamp", "tracks_stamp")  # those of the files that it names (`stages.stamps`)
+FILES = (
+    "film_stamp",
+    "tracks_stamp",
+    "path_stamp",
+)  # those of the files that it names (`stages.stamps`)
 STAMPS = (STAMP, *FILES)
 
 

@@ -1,4 +1,4 @@
-"""Stamps of the films and tracks that the parameters name, so that DVC sees when they change.
+"""Stamps of films, tracks and paths that the parameters name, so that DVC sees when they change.
 
 A path in params.yaml stays the same when the film at it is replaced, or its folder gets one more.
 So params.yaml holds a stamp of the files: a digest of their names, sizes and times. Composing sets
@@ -43,6 +43,17 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
         return None
 
 
+def path_stamp(animate: Mapping[str, Any]) -> str | None:
+    """Of the file with the path to swim, by `animate`; None where it is none, or not there."""
+    path = animate.get("path")
+    if not path:
+        return None
+    try:
+        return digest([Path(path).expanduser()])
+    except (FinloopError, OSError):
+        return None
+
+
 def _films(clip: Mapping[str, Any]) -> list[Path]:
     """The files that `clip` names."""
     paths = clip.get("path")
@@ -70,8 +81,9 @@ def main() -> None:
     """Renew the stamps in params.yaml where they are of other files."""
     values = read()
     clip, extract = values.get("clip", {}), values.get("extract", {})
+    stamps = film_stamp(clip), tracks_stamp(clip, extract), path_stamp(values.get("animate", {}))
     text = old = PARAMS.read_text(encoding="utf-8")
-    for name, new in zip(FILES, (film_stamp(clip), tracks_stamp(clip, extract)), strict=True):
+    for name, new in zip(FILES, stamps, strict=True):
         line = yaml.safe_dump({name: new}).strip()
         text = re.sub(rf"^{name}:.*$", line, text, flags=re.MULTILINE)
     if text != old:

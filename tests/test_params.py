@@ -23,7 +23,7 @@ from stages import settings as door
 from stages.compose import compare, composed
 from stages.experiment import FOLDER
 from stages.settings import LOCAL, STAMP, all_problems, load, refusal, stamp
-from stages.stamps import film_stamp, tracks_stamp
+from stages.stamps import film_stamp, path_stamp, tracks_stamp
 
 ROOT = Path(__file__).parents[1]
 TO_GIVE = {("clip", "file"): ["clip.path=film.mp4"]}  # what has no value in conf/
@@ -351,6 +351,17 @@ def test_a_film_or_tracks_that_have_changed_have_another_stamp(elsewhere):
     (folder / "b.h5").write_bytes(b"333")
     assert tracks_stamp(several, tracks) != before
     assert tracks_stamp(several, {"tracks": "own"}) is None
+
+
+def test_a_path_that_has_changed_has_another_stamp(elsewhere):
+    file = elsewhere / "way.csv"
+    seen = []
+    for text in ("x,y\n", "x,y\n1,2\n"):
+        file.write_text(text)
+        seen.append(path_stamp({"path": str(file)}))
+    assert None not in seen and len({*seen}) == 2
+    for none in (None, "track:8", str(elsewhere / "none.svg")):
+        assert path_stamp({"path": none}) is None
 
 
 def test_the_stamp_in_params_yaml_is_renewed_and_nothing_else(elsewhere):

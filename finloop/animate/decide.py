@@ -55,27 +55,37 @@ def ways_on(film: Film, row: int, rot: float, jumps: bool) -> Ways:
 
 
 @kernel
+def prices(film: Film, ways: Ways, here: Here, rules: Rules) -> Floats:
+    """Ticks (k, 3) that showing each way costs at once: its seam, change of speed, repetition.
+
+    Playing on costs the last alone: it, or what follows within the shortest stay, was on screen
+    just now.
+    """
+    terms = np.zeros((ways.rows.size, 3))
+    for k in range(ways.rows.size):
+        row = ways.rows[k]
+        ago = float(here.tick - last_on_screen(here.recent, row, row + rules.stay - 1))
+        faster = film.rows[row].speed - here.speed
+        seam, jerk, again = jump_cost(ways.seams[k], faster, ago, rules)
+        if ways.jumps[k]:
+            terms[k, 0], terms[k, 1] = seam, jerk
+        terms[k, 2] = again
+    return terms
+
+
+@kernel
 def weigh(film: Film, legal: Mask, ways: Ways, here: Here, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
     """Look ahead from ways (k,).
 
     Returns
     -------
-    terms (k, 3) : ticks that showing each costs at once, for its seam, for its change of speed, and
-    as it, or what follows within the shortest stay, was on screen just now; playing on costs this
-    last part alone; what becomes of each; its verdict.
+    terms (k, 3) : its `prices`; what becomes of each; its verdict.
     """
     n = ways.rows.size
-    terms, costs, since = np.zeros((n, 3)), np.empty(n), np.empty(n, np.int64)
+    terms, costs, since = prices(film, ways, here, rules), np.empty(n), np.empty(n, np.int64)
     for k in range(n):
-        row, jumps = ways.rows[k], ways.jumps[k]
-        ago = float(here.tick - last_on_screen(here.recent, row, row + rules.stay - 1))
-        faster = film.rows[row].speed - here.speed
-        seam, jerk, again = jump_cost(ways.seams[k], faster, ago, rules)
-        if jumps:
-            terms[k, 0], terms[k, 1] = seam, jerk
-        terms[k, 2] = again
         costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
-        since[k] = 0 if jumps else here.since + 1
+        since[k] = 0 if ways.jumps[k] else here.since + 1
     candidates = Candidates(ways.rows, ways.rots, costs, since)
     found = look(film, legal, candidates, here, aim, rules)
     before = np.hypot(aim.x - here.x, aim.y - here.y)

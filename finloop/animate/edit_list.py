@@ -79,6 +79,9 @@ loop, enter the film by a gateway, turn on the spot as no way leads on; swim as 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
 """The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""
 
+PATH = "path"
+"""The goal of whoever swims a path."""
+
 VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 """Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better."""
 

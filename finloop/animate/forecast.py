@@ -94,7 +94,7 @@ class ForecastSwimmer:
         row = int(rng.choice(np.flatnonzero(self.sampler.usable)))
         return Fish(x, y, float(rng.uniform(-180, 180)), 0.0, FORECAST, -1, row=row)
 
-    def _with_past(self, fish: Fish) -> tuple[Fish, Floats]:
+    def with_past(self, fish: Fish) -> tuple[Fish, Floats]:
         """The fish and its past; one that has none takes that of the row on screen."""
         if fish.past is not None:
             return fish, fish.past
@@ -116,9 +116,16 @@ class ForecastSwimmer:
         costs, free = look(self.sampler, self.waters.tank.legal, rows, start, towards, recall)
         return costs + self._rarity.of_joins(rows, far), free
 
+    def course(self, states: Floats, fish: Fish) -> Floats:
+        """The way (n + 1, 3) of states (n, d), the fish's own place first."""
+        start = np.array([fish.x, fish.y, fish.heading])
+        nowhere = Spot(fish.x, fish.y, 0.0, 0.0, True)
+        way, _, _ = course(self.waters.tank.legal, states, start, nowhere, self._pace)
+        return np.concatenate([start[None], way])
+
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Swim on towards the goal: follow a row till the next decision."""
-        fish, past = self._with_past(fish)
+        fish, past = self.with_past(fish)
         swum, p = self.sampler, self.waters.settings
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
         start = np.array([fish.x, fish.y, fish.heading])

@@ -38,7 +38,7 @@ def of_plan(
 ) -> dict[str, float]:
     """All measures that need no picture. `film`: its kinematics, as `motion_of_film` gives them."""
     return {
-        **of_goals(edit, goals, player.waters),
+        **(of_goals(edit, goals, player.waters) if goals else {}),
         **of_kinematics(motion_of_edit(edit, player), film),
         **of_turns(edit),
         "frames_outside": outside(edit, player),

@@ -19,6 +19,7 @@ from finloop.animate.listing import edit_list
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
 from finloop.animate.network import SpriteSwimmer
+from finloop.animate.paths import Path, lay
 from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
@@ -28,6 +29,7 @@ from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, swim
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
+from finloop.base.line import Line
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts, mapped
 from finloop.distance.picture import BODY, distance
@@ -47,7 +49,7 @@ class Material(NamedTuple):
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
     as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
-    little for one.
+    little for one; line: to be swum in place of the goals; mm_per_px: None: not known.
     """
 
     rate_hz: float
@@ -62,13 +64,15 @@ class Material(NamedTuple):
     gateways: pd.DataFrame
     poses: FilmPoses
     forecast: Sampler | None = None
+    line: Line | None = None
+    mm_per_px: float | None = None
 
 
 @dataclass(frozen=True)
 class Planner:
     """A player a mode. step: the film's median natural step, the unit of every seam.
 
-    reach_px: how far the fish reaches from its centre.
+    reach_px: how far the fish reaches from its centre; path: None where it swims to goals.
     """
 
     waters: Waters
@@ -76,19 +80,23 @@ class Planner:
     pictures: Pictures
     step: float
     reach_px: float
+    path: Path | None = None
 
     def goals(self) -> list[Goal]:
-        """The goals of the parameters; FinloopError if one cannot be reached."""
+        """The goals of the parameters, none where a path is swum; FinloopError if out of reach."""
+        if self.path is not None:
+            return []
         p, waters = self.waters.settings, self.waters
         touch_px = waters.touch_px + waters.head_px
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         return [goal._replace(radius_px=waters.touch_px) for goal in placed]
 
     def plan(self, mode: str, goals: list[Goal]) -> tuple[Swim, pd.DataFrame]:
-        """An animation in a mode, and its edit list (columns of `EDIT`)."""
+        """An animation in a mode, the path first, and its edit list (columns of `EDIT`)."""
         player, p = self.players[mode], self.waters.settings
         ticks = self.waters.duration
-        swum = swim(player, goals, ticks, np.random.default_rng(p.seed))
+        route = None if self.path is None else self.path.route
+        swum = swim(player, goals, ticks, np.random.default_rng(p.seed), route)
         edit = edit_list(swum, ticks, player)
         if p.join == FADE:
             edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
@@ -106,6 +114,8 @@ def planner(made: Material, p: Settings) -> Planner:
     hulls = frame_hulls(made.outline_px, features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
+    if made.line is not None and made.line.rows is not None and not p.path_film:
+        barred[made.line.rows] = True
     if p.jumps == "loops":
         graph = loop_graph(made.loops, features["track_id"].to_numpy())
         jumps, pose = loop_jumps(graph, len(features), facts.step_median), facts.pose
@@ -132,7 +142,8 @@ def planner(made: Material, p: Settings) -> Planner:
         for mode in (NETWORK, HYBRID):
             policy = replace(company[mode].policy, forecast=swimmer)
             company[mode] = replace(company[mode], policy=policy)
-    return Planner(waters, company, pictures, facts.step_median, reach_px)
+    path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
+    return Planner(waters, company, pictures, facts.step_median, reach_px, path)
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArray[np.float32]:

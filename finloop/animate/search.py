@@ -248,7 +248,7 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
         beam.over[way.first] |= plays or first < last
         return n
     if plays:
-        slot, n = _slot(beam, n, total + way.cost, way.first)
+        slot, n = keep_best(beam, n, total + way.cost, way.first)
         beam.ways[slot] = way
     for e in range(first, last):
         worst = beam.totals[n - 1] if n == len(beam.order) else np.inf
@@ -267,7 +267,7 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
         ago = float(here.tick + way.ticks - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
         cost = way.cost + (seam + jerk + again)
-        slot, n = _slot(beam, n, total + cost, way.first)
+        slot, n = keep_best(beam, n, total + cost, way.first)
         if slot >= 0:
             branch = beam.ways[slot]
             branch.x, branch.y, branch.row, branch.first = way.x, way.y, other, way.first
@@ -277,7 +277,7 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _slot(beam, n, total, first):  # type: ignore[no-untyped-def]
+def keep_best(beam, n, total, first):  # type: ignore[no-untyped-def]
     """Where among the n best a further branch of this total is kept, −1 if it is not; the new n."""
     slot, k = n, n
     if n == len(beam.order):

@@ -103,3 +103,26 @@ class Settings:
     # Δ that a fish stays in network mode at least, and waits for a gateway
     network_least: NotNegative
     gain: NotNegative  # a way of the film leads to the goal at such a share of a brisk pace
+
+    # Along a path (`finloop.animate.route`).
+    # where the fish swims in place of the goals: a CSV, Parquet or SVG file, or a track of the
+    # film, `track:8`; null = to the goals
+    path: str | None
+    # the unit of x and y in a file whose columns do not say it: shares of the tank's width and
+    # height (of an SVG its own), from the upper left; px of the clip; or mm, by clip.mm_per_px
+    path_in: Literal["tank", "px", "mm"]
+    path_times: bool  # whether it is swum at the times that it gives, else at the fish's own pace
+    path_film: bool  # of a track of the film: whether its own frames may be shown
+    # corrections: of the spread (SD) of the film's turns over Δ, and of the speed, at most
+    path_share: Share
+    path_reach: Positive  # Δ; steering looks so far ahead
+    path_ahead: Positive  # Δ; ways are followed along the path so far ahead
+    path_stride: Positive  # Δ; jumps nearer to the last decision are passed by
+    path_beam: Count  # ways that are followed at once
+    # What a tick costs, in ticks, as a seam does:
+    path_across: NotNegative  # a body length beside the path
+    path_late: NotNegative  # a body length from the place that is asked for at that time
+    path_heading: NotNegative  # at right angles to the heading that is asked for
+    path_effort: NotNegative  # corrected as much as may be
+    path_pace: NotNegative  # on the spot, on a path without times
+    path_left: Positive  # body lengths beside the path, where the fish has left it

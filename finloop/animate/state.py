@@ -95,12 +95,14 @@ class Fish:
 class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
-    place (2,): where the fish wanders to while it has no goal, for `left` ticks more.
+    place (2,): where the fish wanders to while it has no goal, for `left` ticks more; along: px of
+    the path that it has swum, where it swims one.
     """
 
     fish: Fish
     place: Floats
     left: int = 0
+    along: float = 0.0
 
 
 class Decision(NamedTuple):
@@ -159,7 +161,8 @@ class Stretch:
     in frames, where sprites of one are played; new: whether the first picture does not follow on
     the one before; aim: the point it heads for; area: asked of the network, NaN where it was
     not asked; touched: whether the last tick touches the goal; waits: whether it waits for a
-    gateway; whole: whether it was not cut short; options: what was weighed.
+    gateway; whole: whether it was not cut short; options: what was weighed; steer (n, 2): degrees
+    and px by which it was corrected, on a path alone.
     """
 
     state: int
@@ -177,6 +180,7 @@ class Stretch:
     whole: bool = True
     options: Options | None = None
     past: Floats | None = None
+    steer: Floats | None = None
 
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""
@@ -189,6 +193,7 @@ class Stretch:
             rot=None if self.rot is None else self.rot[:ticks],
             phase=None if self.phase is None else self.phase[:ticks],
             past=None if self.past is None else self.past[: len(self.past) - len(self.way) + ticks],
+            steer=None if self.steer is None else self.steer[:ticks],
             touched=False,
             whole=False,
         )

@@ -10,11 +10,13 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import goal_name, in_sight
-from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
+from finloop.animate.edit_list import CONSIDERED, FRAME, PATH, SPRITE, VERDICTS, Goal
+from finloop.animate.follower import Follower
 from finloop.animate.joins import Joins
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
+from finloop.animate.route import Route
 from finloop.animate.state import Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints
 
@@ -48,19 +50,29 @@ class Player:
     cast: Cast
     joins: Joins
 
-    def begin(self, rng: np.random.Generator) -> State:
-        """A fish somewhere in the tank."""
+    def begin(self, rng: np.random.Generator, route: Route | None = None) -> State:
+        """A fish somewhere in the tank, or at the beginning of a path."""
+        if route is not None:
+            return State(self.follower.begin(route, rng), np.zeros(2))
         return State(self.policy.begin(rng), np.zeros(2))
 
+    @cached_property
+    def follower(self) -> Follower:
+        """Whoever follows paths as this player swims."""
+        return Follower(self.policy, self.waters)
+
     def step(
-        self, state: State, goal: Goal | None, rng: np.random.Generator
+        self, state: State, goal: Goal | Route | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """The next stretch on the way to the goal, or anywhere, and the state after it.
+        """The next stretch on the way to the goal, along a path, or anywhere, and the state then.
 
         Nothing but `rng` is changed: the same state, goal and draws give the same stretch, and
         whoever keeps a state and the generator's state can swim on from there again.
         """
         waters, fish, place, left = self.waters, state.fish, state.place, 0
+        if isinstance(goal, Route):
+            stretch, along = self.follower.next(fish, state.along, goal, rng)
+            return stretch, State(after(fish, stretch, waters), place, 0, along)
         if goal is not None:
             x, y = goal.x_px, goal.y_px
         else:
@@ -79,6 +91,7 @@ class Player:
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """A stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
+        # How far along a path it is then the next step finds from where it was.
         return short, state._replace(fish=after(state.fish, short, self.waters))
 
     def hull(self, kind: str, source: int) -> Floats:
@@ -120,11 +133,23 @@ class Swim:
         return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
 
 
-def swim(player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Generator) -> Swim:
-    """Swim at least `ticks` ticks: to the goals one after the other, afterwards anywhere."""
-    state = player.begin(rng)
+def swim(
+    player: Player,
+    goals: Sequence[Goal],
+    ticks: int,
+    rng: np.random.Generator,
+    route: Route | None = None,
+) -> Swim:
+    """Swim at least `ticks` ticks: a path, to goals one after the other, afterwards anywhere."""
+    state = player.begin(rng, route)
     reached = np.full(len(goals), -1)
     stretches, names, number = [], [], 0
+    while route is not None and state.fish.tick < ticks:
+        if route.done(state.along, state.fish.tick):
+            break
+        stretch, state = player.step(state, route, rng)
+        stretches.append(stretch)
+        names.append(PATH)
     while state.fish.tick < ticks:
         goal = goals[number] if number < len(goals) else None
         stretch, state = player.step(state, goal, rng)

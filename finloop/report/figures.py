@@ -49,6 +49,11 @@ SWIM = Chapter(
                "nearer the outlines to the grey, the better.",
                "Histograms of speed and turn rate of film and animations; bars of the time spent "
                "in each state."),
+        Figure("animate/path/path.png", "", "The path, asked for and swum",
+               "Rings, and stripes on the right, are where the fish has left the path; what each "
+               "cause is stands in reports/animate/left.csv.",
+               "The tank from above with the path asked for and the ways of the modes; curves of "
+               "the error along them."),
         Figure("realism/auc.png", "", "Told from film by a classifier",
                "The animations are measured again as the film was, and a classifier is asked which "
                "second of swimming is film. An area of 0.5: it cannot tell. Beside each mode: one "

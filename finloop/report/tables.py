@@ -21,6 +21,13 @@ MEASURES = (
     Measure("goals_reached_pct", "goals reached", "%", "100"),
     Measure("time_to_goal_median_s", "time from goal to goal, median", "s"),
     Measure("path_error_rms_body_lengths", "off the straight way, RMS", "body lengths"),
+    Measure("path_across_rms_body_lengths", "beside the path, RMS", "body lengths", "≤ 0.1"),
+    Measure(
+        "path_late_rms_body_lengths", "from the place asked for then", "body lengths", "≤ 0.25"
+    ),
+    Measure("path_left_pct", "time for which the path was left", "%", "0"),
+    Measure("path_turn_corrected_pct", "corrections, of the film's turns", "%"),
+    Measure("path_way_corrected_pct", "corrections, of the way", "%"),
     Measure("straightness", "straightness of the way", "", "1 = straight"),
     Measure("frames_outside", "frames with any part outside the tank", "", "0"),
     Measure("film_pct", "share of film frames", "%"),

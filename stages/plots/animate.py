@@ -1,23 +1,33 @@
-"""Picture of `animate`: speed, turn rate and states of every mode beside the film's."""
+"""Pictures of `animate`: speed, turn rate and states beside the film's; the path that was swum."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
 import json
 from pathlib import Path
 
+import pandas as pd
+
 from finloop.animate.measures import KINEMATICS
-from finloop.io.picture import save_figure
+from finloop.animate.path_measures import SWUM
+from finloop.io.atomic import whole_folder
+from finloop.io.picture import load_picture, save_figure
 from finloop.io.table import load_table
 from finloop.plots.animate import kinematics
+from finloop.plots.path import path
 
-REPORT = Path("reports/animate")
+DATA, REPORT = Path("data/animate"), Path("reports/animate")
 
 
 def main() -> None:
-    """Draw kinematics.png."""
-    table = load_table(Path("data/animate/kinematics.parquet"), KINEMATICS)
+    """Draw kinematics.png, and where a path was swum path/path.png."""
+    table = load_table(DATA / "kinematics.parquet", KINEMATICS)
     numbers = json.loads((REPORT / "metrics.json").read_text(encoding="utf-8"))
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
+    with whole_folder(REPORT / "path") as folder:
+        if (DATA / "path.parquet").exists():
+            swum, left = load_table(DATA / "path.parquet", SWUM), pd.read_csv(REPORT / "left.csv")
+            background = load_picture(Path("data/extract/background.png"))
+            save_figure(folder / "path.png", path(swum, left, background))
 
 
 if __name__ == "__main__":

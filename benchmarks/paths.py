@@ -1,0 +1,190 @@
+"""How near a fish keeps to a path, and how fast that is planned.
+
+`python -m benchmarks.paths FOLDER …` takes working copies in which the pipeline was run, of a film
+each (none: the one that it is called in), and writes benchmarks/paths.csv. Twenty smooth paths:
+a figure of eight, a spiral, a rounded square, a wave; ten random splines that bend no more than
+nine of ten bends of the film's own fish; six stretches of its tracks, each left out of the film
+while it is swum. All at the fish's own pace, then with times: the tracks' own, the others at the
+film's median speed.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import os
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from finloop.animate.path_measures import limits, of_path, swum_path, where_left
+from finloop.animate.paths import lay, track_line
+from finloop.animate.planner import Material, Planner, planner
+from finloop.animate.settings import Settings
+from finloop.animate.swim import swim
+from finloop.base.line import PX, TRACK, Line
+from stages.animate import material
+from stages.settings import load
+
+SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
+TRIES, KNOTS = 20_000, 6
+WALL = 0.15  # body lengths that the paths keep from where the centre may not be
+
+
+def shapes(plans: Planner, rng: np.random.Generator) -> Iterator[tuple[str, Line]]:
+    """Fourteen paths in the free middle of the tank, px."""
+    waters = plans.waters
+    length = waters.motion.body_length_px
+    depth = scipy.ndimage.distance_transform_edt(waters.tank.legal)
+    y, x = map(float, np.unravel_index(depth.argmax(), depth.shape))
+    r = float(depth.max()) - WALL * length
+    t = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+    turn = np.linspace(0, 6 * np.pi, 1200)
+    wide = r * (0.2 + 0.8 * turn / turn[-1])
+    side = 0.86 * r
+    corner = [np.sign(f(t)) * np.sqrt(np.abs(f(t))) for f in (np.cos, np.sin)]
+    along = np.linspace(-1, 1, 400)
+    for name, across, down, closed in (
+        ("eight", r * np.sin(t), 0.6 * r * np.sin(2 * t), True),
+        ("spiral", wide * np.cos(turn), wide * np.sin(turn), False),
+        ("square", side * corner[0], side * corner[1], True),
+        ("wave", 0.9 * r * along, 0.3 * r * np.sin(2 * np.pi * along), False),
+    ):
+        yield name, Line(name, x + across, y + down, PX, closed=closed)
+    bend = limits(waters.film, waters).bend / length
+    free = depth > WALL * length
+    for number in range(SPLINES):
+        yield f"spline {number}", spline(f"spline {number}", free, bend, rng)
+
+
+def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -> Line:
+    """A cubic spline through random places, all free, that bends by `bend` [1/px] at most."""
+    rows, columns = np.nonzero(free)
+    for number in range(TRIES):
+        knots = max(3, KNOTS - number * KNOTS // TRIES)
+        chosen = rng.integers(len(rows), size=knots)
+        nodes = np.column_stack([columns[chosen], rows[chosen]]).astype(float)
+        chord = np.hypot(*np.diff(nodes, axis=0).T)
+        if chord.min() < 1:
+            continue
+        curve = scipy.interpolate.CubicSpline(np.append(0, np.cumsum(np.sqrt(chord))), nodes)
+        at = np.linspace(0, curve.x[-1], 600)
+        (x, y), (dx, dy), (ddx, ddy) = (curve(at, order).T for order in range(3))
+        sharp = np.abs(dx * ddy - dy * ddx) / np.maximum(np.hypot(dx, dy), 1e-9) ** 3
+        column, row = np.round(x).astype(int), np.round(y).astype(int)
+        there = (column >= 0) & (row >= 0) & (column < free.shape[1]) & (row < free.shape[0])
+        if there.all() and free[row, column].all() and sharp.max() <= bend:
+            return Line(name, x, y, PX)
+    raise RuntimeError(f"no spline bends less than {bend} per px")
+
+
+def tracks(made: Material, plans: Planner) -> Iterator[tuple[str, Line]]:
+    """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
+    features, legal = made.reel.features, plans.waters.tank.legal
+    most = round(TRACK_S * made.rate_hz)
+    found = []
+    for number in features["track_id"].unique().tolist():
+        line = track_line(features, f"{TRACK}{number}")
+        free = legal[np.round(line.y).astype(int), np.round(line.x).astype(int)]
+        for first, stop in np.flatnonzero(np.diff(free, prepend=0, append=0)).reshape(-1, 2):
+            for begin in range(first, stop - most // 3, most):
+                part = slice(begin, min(begin + most, stop))
+                far = float(np.hypot(np.diff(line.x[part]), np.diff(line.y[part])).sum())
+                found.append((part.stop - part.start, far, int(number), int(begin), part))
+    for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:TRACKS]:
+        line, name = track_line(features, f"{TRACK}{number}"), f"track {number}, {begin}"
+        yield name, cut(line, part)._replace(name=name)
+
+
+def cut(line: Line, part: slice) -> Line:
+    """A part of a track."""
+    assert line.time_s is not None and line.heading_deg is not None and line.rows is not None
+    return line._replace(
+        x=line.x[part], y=line.y[part], time_s=line.time_s[part],
+        heading_deg=line.heading_deg[part], rows=line.rows[part],
+    )  # fmt: skip
+
+
+def timed(line: Line, speed_px: float) -> Line:
+    """A line that is swum at a constant speed [px/s], once."""
+    x, y = line.x, line.y
+    if line.closed:
+        x, y = np.append(x, x[0]), np.append(y, y[0])
+    way = np.append(0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    return line._replace(x=x, y=y, time_s=way / speed_px, closed=False)
+
+
+def measure(film: str, name: str, line: Line, plans: Planner) -> list[dict[str, object]]:
+    """What each mode makes of a path."""
+    waters = plans.waters
+    path = lay(line, waters.tank, waters.motion, None)
+    ticks = round(SECONDS * waters.motion.rate_hz)
+    if path.route.timed:
+        ticks = min(ticks, len(path.route.when))
+    rows: list[dict[str, object]] = []
+    for mode, player in plans.players.items():
+        swim(player, [], 2, np.random.default_rng(0), path.route)  # compiles
+        begin = time.process_time()
+        swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
+        took = time.process_time() - begin
+        played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
+        table = swum_path(mode, swum, path, ticks, waters)
+        left = where_left(table, path, waters, limits(waters.film, waters))
+        numbers = of_path(table, left, path, player.follower.spread, waters)
+        new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
+        jumps = [one.decision.seam for one in new]
+        rows.append({
+            "film": film, "path": name, "timed": path.route.timed, "mode": mode,
+            **{key.removeprefix("path_"): value for key, value in numbers.items()},
+            "seconds": len(table) / waters.motion.rate_hz,
+            "jumps_per_s": len(jumps) / max(played, 1) * waters.motion.rate_hz,
+            "seam_median": float(np.nanmedian(jumps)) if np.isfinite(jumps).any() else np.nan,
+            "real_times": played / waters.motion.rate_hz / took,
+        })  # fmt: skip
+    return rows
+
+
+def film_rows(film: str) -> Iterator[dict[str, object]]:
+    """All paths of the film in the present folder."""
+    p: Settings = replace(load("animate"), path=None, path_film=False)
+    with material(p) as made:
+        plans = planner(made, p)
+        motion = plans.waters.motion
+        swims = plans.waters.film.speed[plans.waters.film.more]
+        speed_px = float(np.median(swims)) * motion.body_length_px
+        for name, line in shapes(plans, np.random.default_rng(0)):
+            yield from measure(film, name, line, plans)
+            yield from measure(film, name, timed(line, speed_px), plans)
+        for name, line in tracks(made, plans):
+            without = planner(made._replace(line=line), p)
+            yield from measure(film, name, line._replace(time_s=None, heading_deg=None), without)
+            yield from measure(film, name, line, without)
+
+
+def main() -> None:
+    """Print and write the table."""
+    home, rows = Path.cwd(), []
+    for folder in map(Path, sys.argv[1:] or ["."]):
+        os.chdir(home / folder)
+        try:
+            rows += list(film_rows(folder.resolve().name))
+        finally:
+            os.chdir(home)
+    table = pd.DataFrame(rows)
+    columns = [
+        "across_rms_body_lengths", "late_rms_body_lengths", "turn_corrected_pct",
+        "way_corrected_pct", "left_pct", "swum_pct", "jumps_per_s", "real_times",
+    ]  # fmt: skip
+    groups = table.groupby(["film", "timed", "mode"], sort=False)
+    whole = groups[columns].mean().join(groups["across_rms_body_lengths"].max().rename("worst"))
+    print(whole.round(3).to_string())
+    out = Path(__file__).with_name("paths.csv")
+    table.to_csv(out, index=False, float_format="%.4g")
+
+
+if __name__ == "__main__":
+    main()

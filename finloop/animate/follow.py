@@ -1,0 +1,261 @@
+"""Looking ahead along a path: a beam search whose ways are steered as the fish will be, compiled.
+
+A way costs what each of its ticks costs, beside the path and late, and what its jumps cost. After
+every leg the best are kept, by their costs so far and by where the film leads to in the next ticks.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.arena import inside
+from finloop.animate.decide import Ways, prices
+from finloop.animate.film import Film
+from finloop.animate.kinematics import wrap
+from finloop.animate.recent import last_on_screen
+from finloop.animate.route import Route, asked_at, place
+from finloop.animate.search import Beam, Here, jump_cost, keep_best, moved
+from finloop.animate.steering import near, shifted, tick_cost, turn_to
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.axes import ahead_left
+from finloop.base.kernel import finite_kernel, kernel
+
+WAY = np.dtype(
+    [
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("along", "f8"),
+        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
+    ]
+)  # fmt: skip
+"""A way that is followed, as `search.WAY`, and how far along the path it has come, in px."""
+
+
+LEAD = np.dtype([("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("ticks", "i8")])
+"""Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
+and to the left."""
+
+
+class Footage(NamedTuple):
+    """What a fish swims by. run (n,): ticks that the film goes on from each row; leads (n,): of
+    dtype `LEAD`; legal: of `Tank`.
+    """
+
+    film: Film
+    run: Ints
+    leads: NDArray[np.void]
+    legal: Mask
+
+
+def footage_of(film: Film, legal: Mask, reach: int) -> Footage:
+    """What a fish swims by that looks `reach` ticks ahead."""
+    rows, here = film.rows, np.arange(len(film.rows))
+    run = runs(rows["more"])
+    leads = np.zeros(len(rows), LEAD)
+    leads["ticks"] = np.minimum(run, reach)
+    there = here + leads["ticks"]
+    leads["dx"], leads["dy"] = (rows[axis][there] - rows[axis] for axis in "xy")
+    offset = np.column_stack([leads["dx"], leads["dy"]])
+    leads["ahead"], leads["left"] = ahead_left(offset, np.radians(rows["heading"])).T
+    return Footage(film, run, leads, legal)
+
+
+def runs(more: Mask) -> Ints:
+    """Ticks (n,) that the film goes on from each row."""
+    stops = np.flatnonzero(~more)
+    here = np.arange(len(more))
+    return stops[np.searchsorted(stops, here)] - here
+
+
+class Found(NamedTuple):
+    """What becomes of each candidate (k,).
+
+    value: cost of its best way, in ticks, infinite where all leave the tank or end; ticks: that it
+    takes, or stays in the tank; over: whether it was given up for better ones.
+    """
+
+    value: Floats
+    ticks: Floats
+    over: Mask
+
+
+@finite_kernel
+def _leg(footage, route, way, most, start, rules, steering):  # type: ignore[no-untyped-def]
+    """Play forward to the first loop end after a stride, at most `most` ticks, steered.
+
+    start: the tick at which all ways began. `way` is moved on; its row is −1 where the film ends or
+    leaves the tank.
+    """
+    rows = footage.film.rows
+    angle = np.radians(way.rot)
+    cos, sin = np.cos(angle), np.sin(angle)
+    x, y, along, row, rot, cost = way.x, way.y, way.along, way.row, way.rot, way.cost
+    t, tick = 0, start + way.ticks
+    while True:
+        at = rows[row]
+        if not at.more:
+            row = row if at.end >= 0 and t > 0 else -1
+            break
+        lead = footage.leads[row]
+        leads = lead.dx * cos + lead.dy * sin, lead.dy * cos - lead.dx * sin
+        turn = turn_to(route, (x, y, along), leads, lead.ticks, steering)
+        small = np.radians(turn)
+        cos, sin = cos - small * sin, sin + small * cos
+        even = 1.5 - 0.5 * (cos * cos + sin * sin)
+        cos, sin, rot = cos * even, sin * even, rot + turn
+        x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
+        t, tick, row = t + 1, tick + 1, row + 1
+        x, y, along, fx, fy, shift = shifted(route, (x, y, along), at.speed, tick, steering)
+        if not inside(footage.legal, x, y):
+            row = -1
+            break
+        used = turn / steering.turn, shift / max(steering.shift * at.speed, 1e-9)
+        heading = rows[row].heading + rot
+        cost += tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering)
+        if t >= most or (t >= rules.stride and rows[row].end >= 0):
+            break
+    way.x, way.y, way.along, way.row, way.rot, way.cost = x, y, along, row, rot, cost
+    way.ticks += t
+    way.since += t
+
+
+@kernel
+def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Route, by) -> Found:  # type: ignore[no-untyped-def]
+    """Follow every way (k,) along the path through the film and its jumps: a beam search.
+
+    by: `Rules`, `Steering`. Without times, what a way falls behind a brisk fish costs its `pace`.
+    """
+    rules, steering = by
+    film, count = footage.film, ways.rows.size
+    terms = prices(film, ways, here, rules)
+    found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
+    kept = np.empty(max(rules.beam, count), WAY)
+    beam = Beam(
+        np.empty(rules.beam), np.empty(rules.beam, np.int64), np.empty(rules.beam, WAY), found.over
+    )
+    end = np.inf if route.closed else route.step * (route.x.size - 1)
+    n = 0
+    for c in range(count):
+        if film.rows[ways.rows[c]].endless and inside(footage.legal, here.x, here.y):
+            way = kept[n]
+            way.x, way.y, way.first, way.ticks, way.along = here.x, here.y, c, 0, along
+            way.row, way.rot, way.cost = ways.rows[c], ways.rots[c], terms[c].sum()
+            way.since = 0 if ways.jumps[c] else here.since + 1
+            n += 1
+    while n:
+        m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
+        for s in range(n):
+            way = kept[s]
+            _leg(footage, route, way, max(rules.horizon - way.ticks, 1), here.tick, rules, steering)
+            if found.value[way.first] == np.inf:
+                found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
+            if way.row < 0 or not film.rows[way.row].endless:
+                continue
+            behind = 0.0
+            if not route.when.size:
+                behind = steering.pace * (way.ticks - (way.along - along) / rules.pace)
+            if way.along >= end or way.ticks >= rules.horizon:
+                if way.cost + behind < found.value[way.first]:
+                    found.value[way.first] = way.cost + behind
+                    found.ticks[way.first] = way.ticks
+            else:
+                m = _branch(footage, way, beam, m, here, behind, (route, rules, steering))
+        n = int(m)
+        for s in range(n):
+            kept[s] = beam.ways[beam.order[s]]
+    for c in range(count):
+        found.over[c] = found.over[c] and found.value[c] == np.inf
+    return found
+
+
+@kernel
+def _branch(footage, way, beam, n, here, behind, by):  # type: ignore[no-untyped-def]
+    """At a loop end: playing on, and every jump, where they are among the best; how many these are.
+
+    n: how many there were; behind: what the way costs beside its `cost`.
+    """
+    route, rules, steering = by
+    film, at, most = footage.film, footage.film.rows[way.row], len(beam.order)
+    tick, total = here.tick + way.ticks, way.cost + behind
+    if n == most and total >= beam.totals[n - 1]:
+        beam.over[way.first] = True
+        return n
+    heading = at.heading + way.rot
+    angle = np.radians(heading)
+    cos, sin = np.cos(angle), np.sin(angle)
+    if at.more and film.rows[way.row + 1].endless:
+        off = _soon(footage.leads[way.row], way, cos, sin, tick, (route, steering))
+        slot, n = keep_best(beam, n, total + off, way.first)
+        if slot >= 0:
+            beam.ways[slot] = way
+    if way.since < rules.stay or at.end < 0:
+        return n
+    for e in range(film.start[at.end], film.start[at.end + 1]):
+        other = film.to[e]
+        there = film.rows[other]
+        worst = beam.totals[n - 1] if n == most else np.inf
+        seam, jerk, _ = jump_cost(film.seam[e], there.speed - at.speed, np.inf, rules)
+        if total + (seam + jerk) >= worst:
+            beam.over[way.first] = True
+            continue
+        rot = way.rot
+        if not film.body:
+            angle = np.radians(there.heading + rot)
+            cos, sin = np.cos(angle), np.sin(angle)
+        off = _soon(footage.leads[other], way, cos, sin, tick, (route, steering))
+        if total + (seam + jerk) + off >= worst:
+            beam.over[way.first] = True
+            continue
+        ago = float(tick - last_on_screen(here.recent, other, other))
+        seam, jerk, again = jump_cost(film.seam[e], there.speed - at.speed, ago, rules)
+        cost = seam + jerk + again
+        slot, n = keep_best(beam, n, total + cost + off, way.first)
+        if slot >= 0:
+            beam.ways[slot] = way
+            jumped = beam.ways[slot]
+            if film.body:
+                rot = wrap(heading - there.heading)
+            jumped.row, jumped.rot, jumped.cost, jumped.since = other, rot, way.cost + cost, 0
+    return n
+
+
+@finite_kernel
+def _soon(lead, way, cos, sin, tick, by):  # type: ignore[no-untyped-def]
+    """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
+
+    By the place that it leads to, less what can be corrected on the way there. cos, sin: of the
+    heading there.
+    """
+    route, steering = by
+    x = way.x + lead.ahead * cos - lead.left * sin
+    y = way.y - lead.ahead * sin - lead.left * cos
+    far = np.sqrt(lead.ahead * lead.ahead + lead.left * lead.left)
+    to = asked_at(route, tick + lead.ticks) if route.when.size else way.along + far
+    to_x, to_y = place(route, to)
+    off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2)
+    off -= far * np.radians(steering.turn) * lead.ticks / 2
+    price = steering.late if route.when.size else steering.across
+    return price * lead.ticks * near(max(off, 0.0) ** 2, steering.length_px**2)
+
+
+@kernel
+def onward(footage: Footage, begins: Floats, row: int, rot: float, ticks: int) -> Floats:
+    """A way (k, 3) whose last place shows a row, and on by the film: (k + m, 3), m ≤ ticks."""
+    k, more = len(begins), min(ticks, footage.run[row])
+    way = np.empty((k + more, 3))
+    way[:k] = begins
+    rows = footage.film.rows
+    for t in range(1, more + 1):
+        dx, dy = moved(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rot)
+        way[k + t - 1, 0], way[k + t - 1, 1] = begins[k - 1, 0] + dx, begins[k - 1, 1] + dy
+        way[k + t - 1, 2] = rows[row + t].heading + rot
+    return way
+
+
+@kernel
+def next_stop(footage: Footage, row: int, stride: int, most: int) -> int:
+    """Ticks from a row to the first loop end after a stride, or to where the film ends."""
+    last = min(footage.run[row], most)
+    for t in range(min(stride, last), last + 1):
+        if footage.film.rows[row + t].end >= 0:
+            return t
+    return last

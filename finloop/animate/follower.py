@@ -1,0 +1,319 @@
+"""Swimming along a path, in every mode: by the film, as is foretold, or whichever keeps to it.
+
+At every decision the ways on are followed some seconds ahead along the path, through the film, its
+mirror images and their jumps, steered as the fish will be. Their costs are added up: beside the
+path and late, seams, changes of speed, what was on screen just now, corrections. The cheapest is
+swum for a stride. As is foretold the same is looked at over the forecast's own graph of similar
+rows, and the fish swims as the network foretells. A fish of sprites is sent to a place ahead on the
+path; so is one that no way leads on.
+"""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate import decide
+from finloop.animate.decide import Ways
+from finloop.animate.edit_list import (
+    FORETOLD,
+    FRAME,
+    HYBRID,
+    JUMP,
+    NETWORK,
+    PLAY,
+    SPOT,
+    VERDICTS,
+)
+from finloop.animate.film import Film
+from finloop.animate.follow import (
+    Footage,
+    Found,
+    footage_of,
+    look_along,
+    next_stop,
+    onward,
+    runs,
+)
+from finloop.animate.kinematics import Spot
+from finloop.animate.loops import counted
+from finloop.animate.motion import FILM, FORECAST, TURN
+from finloop.animate.policies import Policy
+from finloop.animate.route import Route, foot, least_along, place
+from finloop.animate.search import Here, Rules
+from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
+from finloop.animate.steering import Steering, steered
+from finloop.base.arrays import Floats
+from finloop.features.table import wrap_deg
+from finloop.forecast.sampling import Sampler, follow, ways
+
+_TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
+_STARTS = 300  # rows that a path is begun from are drawn from so many
+
+
+class Spread(NamedTuple):
+    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
+
+    turn_deg: float
+    speed: float
+
+
+def spread(film: Film, delta: int) -> Spread:
+    """The standard deviation of the film's turns over Δ, and its median speed."""
+    rows = film.rows[: film.filmed]
+    first = np.flatnonzero(runs(rows["more"]) >= delta)
+    if not len(first):
+        return Spread(0.0, 0.0)
+    turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
+    return Spread(float(turned.std()), float(np.median(rows["speed"][first])))
+
+
+class Follower:
+    """Follows paths. policy: of its mode."""
+
+    def __init__(self, policy: Policy, waters: Waters) -> None:
+        self.policy, self.waters = policy, waters
+        motion, p = waters.motion, waters.settings
+        self.spread = spread(waters.film, motion.delta)
+        reach = max(2, waters.ticks(p.path_reach))
+        self.steering = Steering(
+            turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
+            shift=p.path_share * motion.body_length_px / motion.rate_hz,
+            reach=reach, length_px=motion.body_length_px, across=p.path_across, late=p.path_late,
+            heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
+        )  # fmt: skip
+        swims = waters.film.speed[waters.film.more]
+        pace = float(np.quantile(swims, 0.75)) if len(swims) else 1.0
+        delta, rate = motion.delta, motion.rate_hz
+        self.rules = Rules(
+            pace=max(pace, 1e-6) * motion.body_length_px / rate, turning=1.0,
+            horizon=max(2, waters.ticks(p.path_ahead)), stride=max(1, waters.ticks(p.path_stride)),
+            stay=max(1, waters.ticks(p.stay)), beam=p.path_beam, seam=p.seam * delta,
+            jerk=p.jerk * delta**2 / rate, again=p.again * delta, memory=p.memory * delta,
+            error=180.0,
+        )  # fmt: skip
+        legal = waters.tank.legal
+        self._film = self._foretold = None
+        if policy.crossing is not None and policy.mode != NETWORK:
+            self._film = footage_of(waters.film, legal, reach)
+        if policy.forecast is not None:
+            table = foretold_film(waters.film, policy.forecast.sampler)
+            self._foretold = footage_of(table, legal, reach)
+
+    def begin(self, route: Route, rng: np.random.Generator) -> Fish:
+        """A fish at the beginning of the path, in the row from which it can be followed best."""
+        footage = self._film or self._foretold
+        x, y = map(float, place(route, 0.0))
+        if footage is None:
+            fish = self.policy.begin(rng)
+            ahead = place(route, self.steering.length_px)
+            heading = np.degrees(np.arctan2(y - ahead[1], ahead[0] - x))
+            return replace(fish, x=x, y=y, heading=float(heading))
+        rows = footage.film.rows
+        plays = np.flatnonzero(rows["more"][:-1] & rows["endless"][:-1] & rows["endless"][1:])
+        some = np.sort(rng.choice(plays, min(_STARTS, len(plays)), replace=False))
+        ticks = np.minimum(footage.run[some], self.steering.reach)
+        dx, dy = (rows[axis][some + ticks] - rows[axis][some] for axis in "xy")
+        ahead = place(route, self.steering.length_px)
+        towards = np.arctan2(y - ahead[1], ahead[0] - x)
+        rots = wrap_deg(np.degrees(towards - np.arctan2(-dy, dx)))
+        if not footage.film.body:
+            rots = np.zeros_like(rots)
+        begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
+        here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, np.zeros((0, 3), np.int64))
+        found = look_along(footage, begin, here, 0.0, route, (self.rules, self.steering))
+        best = best_of(found)
+        row, rot = int(some[best]), float(rots[best])
+        state, of_film = (FILM, rot) if footage is self._film else (FORECAST, 0.0)
+        heading = float(wrap_deg(rows["heading"][row] + rot))
+        return Fish(x, y, heading, 0.0, state, -1, row=row, rot=of_film, since=self.rules.stay)
+
+    def next(
+        self, fish: Fish, along: float, route: Route, rng: np.random.Generator
+    ) -> tuple[Stretch, float]:
+        """What is shown next, and how far along the path the fish is then."""
+        since = least_along(route, along, fish.tick)
+        along = float(foot(route, fish.x, fish.y, since)[0])
+        film, told = self._by_film(fish, along, route), None
+        if film is None or self.policy.mode == HYBRID:
+            told = self._as_foretold(fish, along, route)
+        plans = [one for one in (film, told) if one is not None]
+        # To leave the film is as dear as a seam of one natural step.
+        if film and told and film.value > told.value + self.rules.seam:
+            plans.reverse()
+        for plan in plans:
+            if plan is film:
+                stretch, on = self._play(plan, fish, along, route)
+            else:
+                stretch, on = self._swim(plan, fish, along, route)
+            if len(stretch.way):
+                return stretch, on
+        return self._sent(fish, along, route, rng)
+
+    def _by_film(self, fish: Fish, along: float, route: Route) -> "Plan | None":
+        """The best way on by the film; None where there is none."""
+        if self._film is None or fish.row < 0 or not self._film.film.more[fish.row]:
+            return None
+        film, jumps = self._film.film, fish.since + 1 >= self.rules.stay
+        every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
+        place_px = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
+        here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent)
+        return self._best(self._film, every, here, along, route)
+
+    def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
+        """The best row to follow; None where there is no forecast, or no row."""
+        swimmer, footage = self.policy.forecast, self._foretold
+        if swimmer is None or footage is None:
+            return None
+        fish, _ = swimmer.with_past(fish)
+        rows, stays = ways(swimmer.sampler, fish.row)[0], footage.film.more[fish.row]
+        if stays and fish.since < self.rules.stay:
+            rows = rows[rows == fish.row]
+        rows = np.ascontiguousarray(rows[footage.film.endless[rows]], np.int64)
+        rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
+        every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
+        here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent)
+        return self._best(footage, every, here, along, route)
+
+    def _best(
+        self, footage: Footage, every: Ways, here: Here, along: float, route: Route
+    ) -> "Plan | None":
+        """The cheapest of some ways, or the longest where all come to an end."""
+        if not len(every.rows):
+            return None
+        by = self.rules, self.steering
+        found = look_along(footage, every, here, along, route, by)
+        taken = best_of(found)
+        if np.isinf(found.value[taken]) and found.ticks[taken] <= self.rules.stride:
+            return None
+        return Plan(float(found.value[taken]), every, taken, found)
+
+    def _play(self, plan: "Plan", fish: Fish, along: float, route: Route) -> tuple[Stretch, float]:
+        """Play the film to the next loop end after a stride."""
+        assert self._film is not None
+        film, (row, rot) = self._film.film, plan.choice
+        ticks = next_stop(self._film, row, self.rules.stride, self.rules.horizon)
+        arrives = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
+        begins = np.array([
+            [fish.x, fish.y, fish.heading], [*arrives, film.rows["heading"][row] + rot]
+        ])  # fmt: skip
+        way = onward(self._film, begins, row, rot, ticks - 1 + self.steering.reach)
+        ticks = min(ticks, len(way) - 1)
+        numbers = np.arange(row, row + ticks)
+        speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
+        swum, used, on = self._steered(way, speed, ticks, (along, fish.tick), route)
+        numbers = numbers[: len(swum)]
+        plays = row == fish.row + 1
+        decision = Decision(
+            PLAY if plays else JUMP, seam=np.nan if plays else float(plan.ways.seams[plan.taken]),
+            value_s=plan.value / self.waters.motion.rate_hz,
+        )  # fmt: skip
+        options = plan.options(self.waters.motion.rate_hz)
+        return Stretch(
+            FILM, swum, numbers, not plays, self._aim(route, on), False,
+            counted(decision, options), FRAME, wrap_deg(swum[:, 2] - film.heading[numbers]),
+            options=options, steer=used,
+        ), on  # fmt: skip
+
+    def _swim(self, plan: "Plan", fish: Fish, along: float, route: Route) -> tuple[Stretch, float]:
+        """Follow a row, as is foretold, for a stride."""
+        swimmer, footage = self.policy.forecast, self._foretold
+        assert swimmer is not None and footage is not None
+        sampler, (row, _) = swimmer.sampler, plan.choice
+        fish, past = swimmer.with_past(fish)
+        foretold = follow(sampler, past, row, self.rules.stride, sampler.control[row])
+        states = np.ascontiguousarray(foretold[::-1])
+        begins = swimmer.course(states, fish)
+        last = row + len(states)
+        rot = float(begins[-1, 2] - footage.film.rows["heading"][last])
+        way = onward(footage, begins, last, rot, self.steering.reach)
+        speed = footage.film.speed[row : row + len(way) - 1]
+        swum, used, on = self._steered(way, speed, len(states), (along, fish.tick), route)
+        ticks = len(swum)
+        numbers = row + 1 + np.arange(ticks)
+        decision = Decision(
+            FORETOLD, value_s=plan.value / self.waters.motion.rate_hz, ways=len(plan.ways.rows)
+        )
+        return Stretch(
+            FORECAST, swum, numbers, row != fish.row, self._aim(route, on), False, decision, FRAME,
+            wrap_deg(swum[:, 2] - self.waters.film.heading[numbers]),
+            past=np.concatenate([past[::-1], states[:ticks]]), steer=used,
+        ), on  # fmt: skip
+
+    def _sent(
+        self, fish: Fish, along: float, route: Route, rng: np.random.Generator
+    ) -> tuple[Stretch, float]:
+        """Towards a place ahead on the path, as to any goal, and steered."""
+        aim = self._aim(route, along)
+        stretch = self.policy.next(fish, aim, rng)
+        if stretch.decision.reason == SPOT:
+            return replace(stretch, touched=False), along
+        if stretch.state != TURN:
+            stretch = stretch.cut(self.rules.stride)
+        px = np.array([[fish.x, fish.y, fish.heading]])
+        way = np.concatenate([px, stretch.way])
+        step = np.hypot(*np.diff(way[:, :2], axis=0).T)
+        speed = step * self.waters.motion.rate_hz / self.steering.length_px
+        swum, used, on = self._steered(way, speed, len(step), (along, fish.tick), route)
+        if not len(swum):
+            return replace(stretch, touched=False), along
+        stretch = replace(stretch.cut(len(swum)), way=swum, steer=used, touched=False)
+        if stretch.kind == FRAME:
+            rot = wrap_deg(swum[:, 2] - self.waters.film.heading[stretch.number])
+            stretch = replace(stretch, rot=rot)
+        return stretch, on
+
+    def _steered(
+        self, way: Floats, speed: Floats, ticks: int, begins: tuple[float, int], route: Route
+    ) -> tuple[Floats, Floats, float]:
+        """See `follow.steered`."""
+        legal, speed = self.waters.tank.legal, np.ascontiguousarray(speed, float)
+        return steered(way, speed, ticks, begins, route, legal, self.steering)
+
+    def _aim(self, route: Route, along: float) -> Spot:
+        """A place a body length ahead on the path."""
+        x, y = map(float, place(route, along + self.steering.length_px))
+        return Spot(x, y, self.waters.touch_px, self.waters.head_px)
+
+
+class Plan(NamedTuple):
+    """The way that is taken of some that could be. value: what it costs, in ticks."""
+
+    value: float
+    ways: Ways
+    taken: int
+    found: Found
+
+    @property
+    def choice(self) -> tuple[int, float]:
+        """The row, and by how much it is turned."""
+        return int(self.ways.rows[self.taken]), float(self.ways.rots[self.taken])
+
+    def options(self, rate_hz: float) -> Options:
+        """What was weighed."""
+        lost = np.isinf(self.found.value)
+        verdict = np.where(self.found.over, _OVER, np.where(lost, _TANK, 0)).astype(np.int8)
+        return Options(
+            self.ways.rows, self.ways.rots, self.ways.seams, np.zeros((len(lost), 3)),
+            self.found.value / rate_hz, self.found.ticks, verdict, self.taken,
+        )  # fmt: skip
+
+
+def best_of(found: Found) -> int:
+    """The cheapest way, or the longest where all come to an end."""
+    if np.isfinite(found.value).any():
+        return int(np.argmin(found.value))
+    return int(np.argmax(found.ticks))
+
+
+def foretold_film(film: Film, sampler: Sampler) -> Film:
+    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
+    n = min(len(film.rows), len(sampler.usable))
+    rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
+    leads = np.diff(start) > 0
+    rows["more"] = sampler.usable[:n]
+    rows["more"][-1:] = False
+    rows["endless"] = sampler.usable[:n] | leads
+    rows["end"] = np.where(leads, np.arange(n), -1)
+    to = sampler.to[: start[-1]].astype(np.int32)
+    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)

@@ -1,0 +1,190 @@
+"""How well a path was swum: the error along it, where it was left and why, what was corrected."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.edit_list import PATH
+from finloop.animate.film import Film
+from finloop.animate.follower import Spread
+from finloop.animate.paths import Path, film_turning
+from finloop.animate.route import Route, asked_at, foot, least_along, place
+from finloop.animate.state import Waters
+from finloop.animate.swim import Swim
+from finloop.base.arrays import Floats, Mask
+from finloop.base.schema import Column, Schema, columns
+from finloop.features.table import wrap_deg
+
+SWUM = Schema(
+    Column("mode", "string", "1"),
+    Column("tick", "int32", "1"),
+    Column("time_s", "float64", "s"),
+    Column("along_px", "float64", "px"),
+    *columns("float64", "px", "asked_x_px", "asked_y_px", "x_px", "y_px"),
+    Column("across", "float64", "body length"),
+    Column("late", "float64", "body length", nullable=True),
+    Column("heading_error_deg", "float64", "deg", nullable=True),
+    Column("turned_deg", "float64", "deg"),
+    Column("shifted_px", "float64", "px"),
+)
+"""A path as it was swum, a row a tick: the place of the path that the fish is at, and its own; how
+far it is beside the path and, of a path with times, from the place asked for at that time; of one
+with headings, how far off the heading; and by how much the film's motion was corrected."""
+
+LEFT = Schema(
+    Column("mode", "string", "1"),
+    *columns("float64", "s", "from_s", "to_s"),
+    *columns("float64", "px", "along_px", "asked_x_px", "asked_y_px"),
+    Column("most", "float64", "body length"),
+    Column("why", "string", "1"),
+)
+"""Where the path was left: from when to when, how far at most, and where that was. `why`: "wall",
+the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of the film;
+"fast", it asks for more than the film's highest speed; "" none of these."""
+
+NOWHERE = pd.DataFrame({one.name: pd.Series(dtype=one.dtype) for one in LEFT.columns})
+"""No places."""
+
+_BEND = 0.9  # quantile of the film's bends, above which a path is sharp
+_AT_WALL = 0.1  # body lengths between a path and where the centre may be
+
+
+def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: Waters) -> pd.DataFrame:
+    """The path as it was swum in the first `ticks` ticks, while it lasts; columns of `SWUM`."""
+    ticks = min(ticks, len(path.asked.when)) if path.asked.timed else ticks
+    stretches = [one for one, name in zip(swim.stretches, swim.names, strict=True) if name == PATH]
+    none = np.zeros((0, 3))
+    way = np.concatenate([none, *(one.way for one in stretches)])[:ticks]
+    steer = [np.zeros((len(s.way), 2)) if s.steer is None else s.steer for s in stretches]
+    used = np.concatenate([none[:, :2], *steer])[:ticks]
+    route, length, along = path.asked, waters.motion.body_length_px, 0.0
+    feet, times = np.empty((len(way), 3)), np.full((len(way), 2), np.nan)
+    for tick, (x, y, _) in enumerate(way):
+        at = tick + route.begins
+        along, *_ = feet[tick] = foot(route, x, y, least_along(route, along, at))
+        if route.timed:
+            times[tick] = place(route, asked_at(route, at))
+    off = np.full(len(way), np.nan)
+    if len(route.heading) and len(way):
+        cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
+        off = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
+    return pd.DataFrame({
+        "mode": mode, "tick": np.arange(len(way)),
+        "time_s": np.arange(len(way)) / waters.motion.rate_hz, "along_px": feet[:, 0],
+        "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2], "x_px": way[:, 0], "y_px": way[:, 1],
+        "across": np.hypot(*(feet[:, 1:] - way[:, :2]).T) / length,
+        "late": np.hypot(*(times - way[:, :2]).T) / length, "heading_error_deg": off,
+        "turned_deg": used[:, 0], "shifted_px": used[:, 1],
+    })  # fmt: skip
+
+
+def of_path(
+    swum: pd.DataFrame, left: pd.DataFrame, path: Path, spread: Spread, waters: Waters
+) -> dict[str, float]:
+    """The measures of a path that was swum: errors in body lengths, corrections in per cent.
+
+    `path_turn_corrected_pct`: of the spread of the film's turns over Δ, that of the corrections;
+    `path_way_corrected_pct`: of the px that were swum, those that the fish was shifted by.
+    """
+    motion, across = waters.motion, swum["across"].to_numpy()
+    if not len(swum):
+        return {}
+    turned = np.cumsum(swum["turned_deg"].to_numpy())
+    turned = turned[motion.delta :] - turned[: -motion.delta]
+    steps = np.hypot(np.diff(swum["x_px"]), np.diff(swum["y_px"])).sum()
+    ticks_left = sum(
+        round((b - a) * motion.rate_hz) + 1
+        for a, b in zip(left["from_s"], left["to_s"], strict=True)
+    )
+    numbers = {
+        "path_length_body_lengths": path.asked.length / motion.body_length_px,
+        "path_swum_pct": 100 * float(swum["along_px"].iloc[-1]) / path.asked.length,
+        "path_across_rms_body_lengths": _rms(across),
+        "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
+        "path_across_most_body_lengths": float(across.max()),
+        "path_left_pct": 100 * ticks_left / len(swum),
+        "path_turn_corrected_pct": 100 * _rms(turned) / max(spread.turn_deg, 1e-9),
+        "path_way_corrected_pct": 100 * float(swum["shifted_px"].sum()) / max(float(steps), 1e-9),
+    }
+    if path.asked.timed:
+        late = swum["late"].to_numpy()
+        numbers["path_late_rms_body_lengths"] = _rms(late)
+        numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
+    if len(path.asked.heading):
+        numbers["path_heading_error_rms_deg"] = _rms(swum["heading_error_deg"].to_numpy())
+    return numbers
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
+
+
+class Limits(NamedTuple):
+    """What no fish of the film does: bends, radians per body length; speed, body lengths/s."""
+
+    bend: float
+    speed: float
+
+
+def limits(film: Film, waters: Waters) -> Limits:
+    """The limits of a film."""
+    motion = waters.motion
+    bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
+    return Limits(bend, motion.high)
+
+
+def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> pd.DataFrame:
+    """Where the path was left by more than `path_left`, columns of `LEFT`; of one mode.
+
+    Of a path with times also where the fish was so far from the place asked for at that time.
+    """
+    rate = waters.motion.rate_hz
+    far = swum["across"].to_numpy()
+    if path.asked.timed:
+        far = np.fmax(far, swum["late"].to_numpy())
+    edges = np.flatnonzero(np.diff(far > waters.settings.path_left, prepend=0, append=0))
+    rows = []
+    for first, stop in edges.reshape(-1, 2):
+        worst = swum.iloc[first + int(np.argmax(far[first:stop]))]
+        along = np.array([swum["along_px"].iloc[first], swum["along_px"].iloc[stop - 1]])
+        rows.append((
+            worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
+            worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
+            _why(along, (int(first), int(stop)), path, waters, most),
+        ))  # fmt: skip
+    table = pd.DataFrame(rows, columns=LEFT.names)
+    return table.astype({one.name: one.dtype for one in LEFT.columns})
+
+
+def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: Waters, most: Limits) -> str:
+    """What of the path, a body length before and after, no fish can swim."""
+    length, asked = waters.motion.body_length_px, path.asked
+    at = np.arange(along[0] - length, along[1] + length, 0.1 * length)
+    at = at[(at >= 0) & (at <= (np.inf if asked.closed else asked.length))]
+    if _apart(at, path).max(initial=0.0) > _AT_WALL * length:
+        return "wall"
+    if asked.timed:
+        before = round(length / max(most.speed * length, 1e-9) * waters.motion.rate_hz)
+        when = asked.when[max(ticks[0] - before, 0) : ticks[1] + 1]
+        delta = min(waters.motion.delta, max(len(when) - 1, 1))
+        speed = (when[delta:] - when[:-delta]) / delta * waters.motion.rate_hz / length
+        if speed.max(initial=0.0) > most.speed:
+            return "fast"
+    return "sharp" if _sharp(at, asked, length, most.bend).any() else ""
+
+
+def _apart(at: Floats, path: Path) -> Floats:
+    """px between the path as asked and as it is steered for."""
+    both = [np.array([place(one, float(a)) for a in at]).reshape(-1, 2) for one in path]
+    return np.hypot(*(both[0] - both[1]).T)
+
+
+def _sharp(at: Floats, route: Route, length: float, bend: float) -> Mask:
+    """Whether a path bends more than `bend` over half a body length about each place."""
+    half = 0.25 * length
+    ends = [np.array([place(route, float(a + k * half)) for a in at]).reshape(-1, 2)
+            for k in (-1, 0, 1)]  # fmt: skip
+    steps = [np.degrees(np.arctan2(*(b - a).T[::-1] * [[-1], [1]])) for a, b in pairwise(ends)]
+    return np.asarray(np.abs(np.radians(wrap_deg(steps[1] - steps[0]))) * length / half > bend)

@@ -1,0 +1,183 @@
+"""From a line that is given to a path that can be swum, in px of the clip.
+
+What is finer than a grain, such as the tremble of a track or of a hand, is left out. Where the
+fish's centre may not be, the path is steered for the nearest place where it may be; errors are
+measured against the path as it was asked for.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from finloop.animate.arena import Tank
+from finloop.animate.film import Film
+from finloop.animate.follow import runs
+from finloop.animate.motion import Motion
+from finloop.animate.route import Route
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
+from finloop.base.line import MM, PX, TANK, TRACK, Line, checked_line
+from finloop.features.table import wrap_deg
+
+_GRAIN = 0.05  # body lengths; what is finer is left out, and so far the centre keeps from walls
+_STEP = 0.1  # body lengths between the places that are steered for
+_FINE = 0.02  # ... and between those that errors are measured against
+_AHEAD = 0.5  # body lengths along the path within which a foot moves on in a tick
+
+
+class Path(NamedTuple):
+    """A path: as it is steered for, and as it was asked for, at the same px along it."""
+
+    route: Route
+    asked: Route
+
+
+def track_line(features: pd.DataFrame, name: str) -> Line:
+    """A track of the film, `track:8`, with times and headings; FinloopError if there is none."""
+    numbers = features["track_id"]
+    text = name.removeprefix(TRACK).strip()
+    rows = np.flatnonzero(numbers == int(text)) if text.isdecimal() else np.zeros(0, int)
+    if not len(rows):
+        longest = numbers.value_counts().index[:8].tolist()
+        raise FinloopError(
+            f"{name} is no track of the film",
+            f"one of its {numbers.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
+            "correct animate.path (data/features/features.parquet has all tracks)",
+        )
+    columns = ("x_px", "y_px", "time_s", "heading_deg")
+    x, y, time, heading = (features[column].to_numpy(float)[rows] for column in columns)
+    return checked_line(Line(name, x, y, PX, time, heading, rows=rows))
+
+
+def lay(line: Line, tank: Tank, motion: Motion, mm_per_px: float | None) -> Path:
+    """Lay a line out in the tank.
+
+    Without times, one that ends where it began is closed. FinloopError if it leaves the arena, is
+    hardly longer than a point, or is in mm and the film's scale is not known.
+    """
+    length = motion.body_length_px
+    x, y = _in_px(line, tank, mm_per_px)
+    _refuse_outside(line, tank, x, y)
+    grain, heading = _GRAIN * length, line.heading_deg
+    returns = np.hypot(x[-1] - x[0], y[-1] - y[0]) <= grain
+    closed = line.closed or (line.time_s is None and bool(returns))
+    if closed:
+        x, y = np.append(x, x[0]), np.append(y, y[0])
+        heading = None if heading is None else np.append(heading, heading[0])
+    starts = _grains(x, y, grain)
+    x, y = _thinned(x, starts), _thinned(y, starts)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y)))])
+    if along[-1] < 2 * _STEP * length:
+        raise FinloopError(
+            f"{line.name} is {along[-1] / length:.2f} body lengths long",
+            f"a path of {2 * _STEP:g} body lengths at least",
+            "draw a longer path, or correct its unit (animate.path_in)",
+        )
+    when = np.zeros(0)
+    if line.time_s is not None:
+        time = _thinned(line.time_s - line.time_s[0], starts)
+        ticks = np.arange(int(time[-1] * motion.rate_hz + 1e-6) + 1)
+        when = np.interp(ticks / motion.rate_hz, time, along)
+    turned = np.zeros(0) if heading is None else _thinned(np.unwrap(heading, period=360), starts)
+    made = []
+    for share in (_STEP, _FINE):
+        count = max(2 + closed, round(along[-1] / (share * length)))
+        at = np.linspace(0.0, along[-1], count + 1)
+        step = float(at[1])
+        at = at[: len(at) - closed]
+        made.append(
+            Route(
+                np.interp(at, along, x), np.interp(at, along, y),
+                np.interp(at, along, turned) if len(turned) else turned, step, closed,
+                when, 1, max(2, round(_AHEAD / share)),
+            )
+        )  # fmt: skip
+    route, asked = made
+    return Path(_within(route, tank, grain), asked)
+
+
+def _in_px(line: Line, tank: Tank, mm_per_px: float | None) -> tuple[Floats, Floats]:
+    if line.unit == TANK:
+        rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
+        left, top, right, bottom = columns[0], rows[0], columns[-1], rows[-1]
+        return left + line.x * (right - left), top + line.y * (bottom - top)
+    if line.unit == MM:
+        if mm_per_px is None:
+            raise FinloopError(
+                f"{line.name} is in mm, and the film's scale is not known",
+                "clip.mm_per_px, the size of a pixel",
+                "measure a ruler in the picture, or give the path in px or in shares of the tank",
+            )
+        return line.x / mm_per_px, line.y / mm_per_px
+    return line.x, line.y
+
+
+def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
+    height, width = tank.arena.shape
+    column, row = np.round(x), np.round(y)
+    inside = (row >= 0) & (row < height) & (column >= 0) & (column < width)
+    inside[inside] = tank.arena[row[inside].astype(int), column[inside].astype(int)]
+    if inside.all():
+        return
+    first = int(np.argmin(inside))
+    rows, columns = (np.flatnonzero(tank.arena.any(axis)) for axis in (1, 0))
+    raise FinloopError(
+        f"{line.name}: {np.count_nonzero(~inside)} of {len(x)} places are outside the tank, first "
+        f"({x[first]:.0f}, {y[first]:.0f}) px",
+        f"a path inside the tank, which is {columns[0]}-{columns[-1]} × {rows[0]}-{rows[-1]} px",
+        "move or scale the path, or correct its unit (animate.path_in)",
+    )
+
+
+@kernel
+def _grains(x: Floats, y: Floats, grain: float) -> Ints:
+    """The first place of every grain: one so far away from the first place of the one before."""
+    starts = np.empty(x.size, np.int64)
+    starts[0], n = 0, 1
+    for i in range(1, x.size):
+        last = starts[n - 1]
+        if np.hypot(x[i] - x[last], y[i] - y[last]) >= grain:
+            starts[n], n = i, n + 1
+    return starts[:n]
+
+
+def _thinned(values: Floats, starts: Ints) -> Floats:
+    """The first value, the means of all grains, so that they tremble less, and the last value."""
+    means = np.add.reduceat(values, starts) / np.diff(starts, append=len(values))
+    return np.concatenate([values[:1], means, values[-1:]])
+
+
+def _within(route: Route, tank: Tank, margin_px: float) -> Route:
+    """The path with every place moved to the nearest where the centre may be, off the walls."""
+    free = scipy.ndimage.distance_transform_edt(tank.legal) > margin_px
+    if not free.any():
+        free = tank.legal
+    nearest = scipy.ndimage.distance_transform_edt(
+        ~free, return_distances=False, return_indices=True
+    )
+    row, column = (np.round(side).astype(int) for side in (route.y, route.x))
+    legal = free[row, column]
+    near_row, near_column = nearest[:, row, column]
+    return route._replace(
+        x=np.where(legal, route.x, near_column), y=np.where(legal, route.y, near_row)
+    )
+
+
+def film_turning(film: Film, delta: int, length_px: float, quantile: float) -> float:
+    """How sharply the film's fish bend their ways over Δ: a quantile, radians per body length."""
+    rows = film.rows[: film.filmed]
+    first = np.flatnonzero(runs(rows["more"]) >= 2 * delta)
+    if not len(first):
+        return 0.0
+    places = [np.column_stack([rows["x"], rows["y"]])[first + k * delta] for k in range(3)]
+    a, b = places[1] - places[0], places[2] - places[1]
+    courses = [np.degrees(np.arctan2(-moved[:, 1], moved[:, 0])) for moved in (a, b)]
+    bend = np.abs(wrap_deg(courses[1] - courses[0]))
+    far = np.hypot(*a.T) + np.hypot(*b.T)
+    moves: Mask = far >= 0.2 * length_px
+    if not moves.any():
+        return 0.0
+    return float(np.quantile(np.radians(bend[moves]) * 2 * length_px / far[moves], quantile))

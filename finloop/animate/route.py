@@ -1,0 +1,145 @@
+"""A path to be swum, laid out evenly for the player: places along it, and when to be there.
+
+A path is known by arc length, in px from its beginning. Whoever swims it is at a *foot*, the place
+of the path nearest to it a little ahead of the foot before: where a path crosses itself the other
+branch is as near, but much farther along. On a closed path the arc length goes on from lap to lap.
+"""
+
+from typing import NamedTuple
+
+from finloop.base.arrays import Floats
+from finloop.base.kernel import finite_kernel
+
+_BEHIND = 2.0  # times `Route.ahead`; on a path with times a foot is no farther behind
+
+
+class Route(NamedTuple):
+    """Places x, y (n,) of a path, px, `step` px apart along it; kernels take it whole.
+
+    heading (n,): asked, degrees, without jumps of 360, or none; closed: whether the last place is
+    followed by the first; when (ticks,): how far along the path to be at each tick, in px, none: at
+    the fish's own pace; begins: the tick of the first of `when`; ahead: places within which a foot
+    moves on in a tick.
+    """
+
+    x: Floats
+    y: Floats
+    heading: Floats
+    step: float
+    closed: bool
+    when: Floats
+    begins: int
+    ahead: int
+
+    @property
+    def length(self) -> float:
+        """Of the path, or of one lap, in px."""
+        return self.step * (len(self.x) - (not self.closed))
+
+    @property
+    def timed(self) -> bool:
+        """Whether it says when to be where."""
+        return len(self.when) > 0
+
+    def done(self, along: float, tick: int) -> bool:
+        """Whether it has been swum by a fish that has come so far, at a tick."""
+        if self.timed:
+            return tick >= self.begins + len(self.when) - 1
+        return not self.closed and along >= self.length - 1e-6 * self.step
+
+
+@finite_kernel
+def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
+    """The places before and after a place along the path, and its share of the way between."""
+    n = route.x.size
+    u = max(along, 0.0) / route.step
+    k = int(u)
+    share = u - k
+    if route.closed:
+        k %= n
+        return k, (k + 1 if k + 1 < n else 0), share
+    if k >= n - 1:
+        return n - 1, n - 1, 0.0
+    return k, k + 1, share
+
+
+@finite_kernel
+def place(route: Route, along: float):  # type: ignore[no-untyped-def]
+    """The place (x, y) so far along the path."""
+    a, b, share = _cells(route, along)
+    x = route.x[a] + share * (route.x[b] - route.x[a])
+    return x, route.y[a] + share * (route.y[b] - route.y[a])
+
+
+@finite_kernel
+def heading_at(route: Route, along: float) -> float:
+    """The heading that is asked for so far along the path, degrees."""
+    a, b, share = _cells(route, along)
+    return route.heading[a] + share * (route.heading[b] - route.heading[a])
+
+
+@finite_kernel
+def asked_at(route: Route, tick: int) -> float:
+    """How far along a path with times the fish is to be at a tick."""
+    return route.when[min(max(tick - route.begins, 0), route.when.size - 1)]
+
+
+@finite_kernel
+def least_along(route: Route, along: float, tick: int) -> float:
+    """From where on the path a foot is looked for, if it was `along` before.
+
+    On a path with times it is never far behind the place asked for: who is late takes short cuts.
+    """
+    if route.when.size:
+        return max(along, asked_at(route, tick) - _BEHIND * route.ahead * route.step)
+    return along
+
+
+@finite_kernel
+def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-untyped-def]
+    """The place of the path nearest to a point, not before `along` and not far ahead.
+
+    The farther the point is from the path, the farther ahead, so that whoever cannot swim a hairpin
+    goes on beyond it. Returns how far along it is, and its x and y.
+    """
+    n = route.x.size
+    lap = int(max(along, 0.0) / route.step)
+    k, _, _ = _cells(route, along)
+    best, best_k, least, a = 0, k, 1e300, k
+    beside = route.step * route.step
+    for i in range(n):
+        beyond = route.step * (i - route.ahead - 1)
+        if beyond > 0 and beyond * beyond > 4 * least:
+            break
+        far = (route.x[a] - x) ** 2 + (route.y[a] - y) ** 2
+        if far < least:
+            best, best_k, least = i, a, far
+        elif i > best + 1 and least < beside:
+            break  # whoever is on the path is not nearer to it farther ahead
+        a += 1
+        if a == n:
+            if not route.closed:
+                break
+            a = 0
+    found, fx, fy, least = float(lap + best), route.x[best_k], route.y[best_k], 1e300
+    for back in range(2):
+        if back > best:
+            break
+        a = best_k - back
+        a = a + n if a < 0 else a
+        b = a + 1
+        if b == n:
+            if not route.closed:
+                continue
+            b = 0
+        dx, dy = route.x[b] - route.x[a], route.y[b] - route.y[a]
+        share = ((x - route.x[a]) * dx + (y - route.y[a]) * dy) / max(dx * dx + dy * dy, 1e-300)
+        share = min(max(share, 0.0), 1.0)
+        px, py = route.x[a] + share * dx, route.y[a] + share * dy
+        far = (px - x) ** 2 + (py - y) ** 2
+        if far < least:
+            found, fx, fy, least = lap + best - back + share, px, py, far
+    if found * route.step < along:
+        fx, fy = place(route, along)
+        return along, fx, fy
+    return found * route.step, fx, fy

@@ -1,0 +1,134 @@
+"""Steering: what brings a fish onto a path that the film does not quite lead along, compiled.
+
+From tick to tick a fish moves as the film's fish moved, and is *steered*: turned a little, and
+shifted a little, by no more than a share of what the film's fish turn and move. The film says where
+it leads in the next ticks; the turn is the one that brings that place onto the path.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate.arena import inside
+from finloop.animate.route import Route, asked_at, foot, heading_at, least_along, place
+from finloop.animate.search import moved
+from finloop.base.arrays import Floats, Mask
+from finloop.base.kernel import finite_kernel, kernel
+
+_ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
+
+
+class Steering(NamedTuple):
+    """How a fish is steered, and what leaving the path costs.
+
+    turn [°/tick], shift [px/tick at a body length/s]: the most that is corrected; reach: ticks of
+    film that are looked ahead of; length_px: a body length. In ticks that a tick costs: across,
+    late: a body length beside the path, and from the place that is asked for now; heading: at right
+    angles to the heading that is asked for; effort: the most correction; pace: a tick on the spot.
+    """
+
+    turn: float
+    shift: float
+    reach: int
+    length_px: float
+    across: float
+    late: float
+    heading: float
+    effort: float
+    pace: float
+
+
+@finite_kernel
+def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+    """By how much to turn now, degrees, + = left.
+
+    at: x, y, along; leads: px on the screen (dx, dy) to where the fish will be in so many ticks.
+    """
+    dx, dy = leads
+    far = np.sqrt(dx * dx + dy * dy)
+    if ticks < 1 or far < 1e-6 * steering.length_px:
+        return 0.0
+    x, y = place(route, at[2] + far)
+    vx, vy = x - at[0], y - at[1]
+    aside = (dy * vx - dx * vy) / far
+    onward = max((dx * vx + dy * vy) / far, _ONWARD * steering.length_px)
+    # Turning evenly, the place ahead moves as if half of the turn had been made at once.
+    want = 2.0 * np.degrees(aside / onward) / ticks
+    return min(max(want, -steering.turn), steering.turn)
+
+
+@finite_kernel
+def shifted(route: Route, at, speed: float, tick: int, steering: Steering):  # type: ignore[no-untyped-def]
+    """Shift a fish towards the path, and along it where it is too early or too late.
+
+    at: x, y, along; speed: body lengths/s that the film's fish swims; tick: the one of that place.
+    Returns its x, y, along, the x and y of its foot, and px of the shift.
+    """
+    x, y, along = at
+    along, fx, fy = foot(route, x, y, least_along(route, along, tick))
+    tx, ty, most = fx, fy, steering.shift * speed
+    if route.when.size:
+        late = (asked_at(route, tick) - along) / steering.reach
+        late = min(max(late, -most), most)
+        tx, ty = place(route, along + late * steering.reach)
+    cx, cy = (tx - x) / steering.reach, (ty - y) / steering.reach
+    far = np.sqrt(cx * cx + cy * cy)
+    if far > most:
+        cx, cy, far = cx * most / far, cy * most / far, most
+    return x + cx, y + cy, along, fx, fy, far
+
+
+@finite_kernel
+def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+    """What a tick costs, in ticks: beside the path, late, headed otherwise, and by its effort.
+
+    at: x, y, heading; foot_at: along, x, y; used: corrections, as shares of the most.
+    """
+    square = steering.length_px * steering.length_px
+    x, y, heading = at
+    cost = steering.across * near((foot_at[1] - x) ** 2 + (foot_at[2] - y) ** 2, square)
+    if route.when.size:
+        tx, ty = place(route, asked_at(route, tick))
+        cost += steering.late * near((tx - x) ** 2 + (ty - y) ** 2, square)
+    if route.heading.size:
+        off = np.radians(heading_at(route, foot_at[0]) - heading)
+        cost += steering.heading * (1.0 - np.cos(off))
+    return cost + steering.effort * (used[0] * used[0] + used[1] * used[1])
+
+
+@finite_kernel
+def near(far2: float, unit2: float) -> float:
+    """The square of a distance in units; beyond one unit it grows as the distance does."""
+    share = far2 / unit2
+    return share if share < 1.0 else 2.0 * np.sqrt(share) - 1.0
+
+
+@kernel
+def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, legal: Mask, steering):  # type: ignore[no-untyped-def]
+    """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for `ticks` ≤ m ticks.
+
+    speed (m,): body lengths/s; begins: how far along the path, and at which tick.
+
+    Returns
+    -------
+    The way as it is swum (n, 3), up to where it leaves the tank; its corrections (n, 2): degrees,
+    px; how far along the path it ends.
+    """
+    out, used = np.empty((ticks, 3)), np.empty((ticks, 2))
+    along, tick = begins
+    x, y, rot, good = way[0, 0], way[0, 1], 0.0, ticks
+    for t in range(ticks):
+        reach = min(steering.reach, len(way) - 1 - t)
+        leads = moved(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
+        turn = turn_to(route, (x, y, along), leads, reach, steering)
+        dx, dy = moved(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
+        new_x, new_y, on, _, _, shift = shifted(
+            route, (x + dx, y + dy, along), speed[t], tick + t + 1, steering
+        )
+        if not inside(legal, new_x, new_y):
+            good = t
+            break
+        x, y, along, rot = new_x, new_y, on, rot + turn
+        out[t, 0], out[t, 1], out[t, 2] = x, y, way[t + 1, 2] + rot
+        used[t, 0], used[t, 1] = turn, shift
+    return out[:good], used[:good], along

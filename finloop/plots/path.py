@@ -1,0 +1,55 @@
+"""A figure of a path: as it was asked for, as each mode swam it, and the error along it."""
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+
+from finloop.base.arrays import Picture
+from finloop.plots.animate import COLOURS
+
+_ASKED = "0.2"
+
+
+def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
+    """Left the tank with both ways, a ring where the path was left; right the errors over time.
+
+    swum: columns of `path_measures.SWUM`; left: of `LEFT`; background (h, w): the empty tank.
+    """
+    height, width = background.shape[:2]
+    modes = dict(iter(swum.groupby("mode", sort=False)))
+    timed = bool(swum["late"].notna().any())
+    figure = Figure(figsize=(15, max(5.0, 7.5 * height / width)), layout="constrained")
+    grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
+    tank = figure.add_subplot(grid[:, 0])
+    tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
+    asked = _asked(swum)
+    tank.plot(asked["asked_x_px"], asked["asked_y_px"], color=_ASKED, lw=3.5, alpha=0.5,
+              label="asked for")  # fmt: skip
+    shared = None
+    for row, (colour, (mode, one)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
+        tank.plot(one["x_px"], one["y_px"], color=colour, lw=1, label=f"swum: {mode}")
+        places = left[left["mode"] == mode]
+        tank.plot(places["asked_x_px"], places["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
+        axes = shared = figure.add_subplot(grid[row, 1], sharex=shared, sharey=shared)
+        axes.plot(one["time_s"], one["across"], color=colour, lw=1, label="beside the path")
+        if timed:
+            axes.plot(one["time_s"], one["late"], color=colour, lw=1, ls=":",
+                      label="from the place asked for then")  # fmt: skip
+        for place in places.itertuples():
+            axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
+        rms = float(np.sqrt(np.mean(one["across"] ** 2)))
+        axes.set_title(f"{mode}: {rms:.3f} body lengths RMS beside the path", fontsize=10)
+        axes.set(ylabel="body lengths", ylim=(0, None))
+        axes.legend(frameon=False, loc="upper right", fontsize=8)
+    if shared is not None:
+        shared.set_xlabel("time (s)")
+    tank.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5), xlabel="x (px)", ylabel="y (px)")
+    tank.legend(frameon=True, loc="upper right")
+    return figure
+
+
+def _asked(swum: pd.DataFrame) -> pd.DataFrame:
+    """The places asked for, of the mode that has come farthest, in their order."""
+    farthest = swum.loc[swum["along_px"].idxmax(), "mode"]
+    return swum[swum["mode"] == farthest]

@@ -1,0 +1,339 @@
+"""Paths to be swum: what is read and refused, feet on a path, steering, following, what is reported."""
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+from toy_film import (
+    LENGTH,
+    RATE,
+    SPEED,
+    film_of,
+    gateways,
+    loops,
+    open_tank,
+    players_of,
+    swum,
+    waters_of,
+)
+
+from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, PATH
+from finloop.animate.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
+from finloop.animate.paths import lay, track_line
+from finloop.animate.route import Route, asked_at, foot, place
+from finloop.animate.steering import Steering, steered
+from finloop.animate.swim import swim
+from finloop.base.errors import FinloopError
+from finloop.base.line import MM, PX, TANK, Line, checked_line
+from finloop.io.line import load_line
+from finloop.io.table import save_table
+from finloop.plots.path import path as figure
+
+TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
+EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
+
+
+def laid(line, **changes):
+    waters = waters_of(**changes)
+    return lay(line, waters.tank, waters.motion, None)
+
+
+# --- what is read
+
+
+def test_a_table_says_its_unit_or_is_told_it(tmp_path):
+    (tmp_path / "a.csv").write_text("X,y,time_s\n0.1,0.2,0\n0.5,0.25,1.5\n")
+    line = load_line(tmp_path / "a.csv", TANK)
+    assert (list(line.x), list(line.y), line.unit) == ([0.1, 0.5], [0.2, 0.25], TANK)
+    assert list(line.time_s) == [0, 1.5] and line.heading_deg is None and not line.closed
+    pq.write_table(
+        pa.table({"x_mm": [1, 2], "y_mm": [3.0, 4.0], "heading_deg": [0, 90]}),
+        tmp_path / "b.parquet",
+    )
+    line = load_line(tmp_path / "b.parquet", TANK)
+    assert (list(line.y), list(line.heading_deg), line.unit) == ([3, 4], [0, 90], MM)
+
+
+def drawing(*paths):
+    shapes = "".join(f'<path d="{d}"/>' for d in paths)
+    return f'<svg xmlns="http://www.w3.org/2000/svg" width="200" height="100">{shapes}</svg>'
+
+
+def test_an_svg_has_one_path_in_px_or_in_shares_of_its_picture(tmp_path):
+    file = tmp_path / "a.svg"
+    file.write_text(drawing("M 20 50 L 100 50 L 100 80 Z"))
+    px, share = load_line(file, PX), load_line(file, TANK)
+    assert px.closed and list(px.x) == [20, 100, 100] and list(px.y) == [50, 50, 80]
+    assert list(share.x) == [0.1, 0.5, 0.5] and list(share.y) == [0.5, 0.5, 0.8]
+
+
+@pytest.mark.parametrize(
+    "name, text, came",
+    [
+        ("a.csv", "x,y\n1,2\n", "1 place,"),
+        ("a.csv", "x,y\n1,2\n1,2\n", "2 places, none of which lies apart"),
+        ("a.csv", "x,y\n1,2\n,3\n4,5\n", "1 of 3 rows have no x, row 1 first"),
+        ("a.csv", "x,y,time_s\n1,2,0\n3,4,2\n5,6,1\n", "time runs backwards 1 times"),
+        ("a.csv", "x,z\n1,2\n3,4\n", "the columns x, z"),
+        ("a.csv", "x,y\n1,2\nhere,4\n", "holds no numbers"),
+        ("a.csv", "", "cannot be read as a table"),
+        ("a.parquet", "x,y\n", "cannot be read as a table"),
+        ("a.txt", "1 2", "no file that a path is read from"),
+        ("a.svg", drawing(), "has no contour"),
+        ("a.svg", drawing("M 1 1 L 2 2", "M 3 3 L 4 4"), "has 2 paths"),
+    ],
+)
+def test_what_is_no_path_is_refused_in_words(tmp_path, name, text, came):
+    (tmp_path / name).write_text(text)
+    with pytest.raises(FinloopError, match=came):
+        load_line(tmp_path / name, PX)
+
+
+def test_a_track_of_the_film_has_times_and_headings_and_an_unknown_one_is_refused():
+    table = pd.concat([swum([5.0] * 30, track=3), swum([0.0] * 9, track=8)], ignore_index=True)
+    table["time_s"] = table["frame"] / RATE
+    line = track_line(table, "track:8")
+    assert list(line.rows) == list(range(31, 41)) and line.time_s[1] == 1 / RATE
+    assert list(line.heading_deg) == [0] * 10 and line.unit == PX
+    for name in ("track:9", "track:fish"):
+        with pytest.raises(FinloopError, match="longest: 3, 8"):
+            track_line(table, name)
+
+
+# --- in the tank
+
+
+def test_shares_and_mm_become_px_and_what_is_outside_is_refused():
+    corners = Line("a", np.array([0.25, 0.75]), np.array([0.5, 0.5]), TANK)
+    asked = laid(corners).asked
+    assert asked.x[[0, -1]] == pytest.approx([30 + 0.25 * 739, 30 + 0.75 * 739])
+    waters = waters_of()
+    mm = corners._replace(x=np.array([10.0, 20.0]), y=np.array([10.0, 10.0]), unit=MM)
+    assert lay(mm, waters.tank, waters.motion, 0.05).asked.x[-1] == pytest.approx(400)
+    with pytest.raises(FinloopError, match="scale is not known"):
+        laid(mm)
+    with pytest.raises(FinloopError, match="1 of 2 places are outside the tank"):
+        laid(corners._replace(x=np.array([0.25, 1.75])))
+    with pytest.raises(FinloopError, match="body lengths long"):
+        laid(corners._replace(x=np.array([0.25, 0.251])))
+
+
+def test_a_million_trembling_places_become_as_many_as_the_path_is_long():
+    rng, n = np.random.default_rng(0), 1_000_000
+    x = np.linspace(100, 700, n)
+    path = laid(Line("a", x, 300 + rng.normal(0, 0.2, n), PX, time_s=np.linspace(0, 20, n)))
+    assert path.asked.length == pytest.approx(600, rel=0.02)
+    assert len(path.route.x) == pytest.approx(600 / (0.1 * LENGTH), rel=0.05)
+    # Half of the time, half of the way.
+    assert path.route.when[len(path.route.when) // 2] == pytest.approx(300, rel=0.02)
+
+
+def test_the_centre_is_sent_where_it_may_be_and_the_error_is_of_what_was_asked():
+    path = laid(Line("a", np.array([40.0, 760.0]), np.array([25.0, 25.0]), PX))
+    waters = waters_of()
+    cells = np.round([path.route.y, path.route.x]).astype(int)
+    assert waters.tank.legal[tuple(cells)].all() and (path.asked.y == 25).all()
+
+
+def test_a_path_that_ends_where_it_began_is_closed_unless_it_has_times():
+    x, y = np.append(EIGHT.x, EIGHT.x[0]), np.append(EIGHT.y, EIGHT.y[0])
+    open_ = EIGHT._replace(x=x, y=y, closed=False)
+    assert laid(open_).route.closed
+    assert not laid(open_._replace(time_s=np.arange(201.0))).route.closed
+    assert laid(open_).asked.length == pytest.approx(laid(EIGHT).asked.length, rel=1e-3)
+
+
+# --- feet
+
+
+def test_whoever_swims_a_path_that_crosses_itself_stays_on_its_branch():
+    route = laid(EIGHT).route
+    along = 0.0
+    for to in np.arange(0, 2.2 * route.length, 3.0):  # and on, lap after lap
+        x, y = place(route, to)
+        along, fx, fy = foot(route, x, y, along)
+        assert along == pytest.approx(to, abs=1e-6) and (fx, fy) == pytest.approx((x, y))
+
+
+def test_a_foot_is_the_nearest_place_and_never_goes_back():
+    route = laid(Line("a", np.array([100.0, 700.0]), np.array([300.0, 300.0]), PX)).route
+    assert foot(route, 110.0, 320.0, 0.0) == pytest.approx((10, 110, 300))
+    assert foot(route, 50.0, 320.0, 5.0) == pytest.approx((5, 105, 300))
+    assert foot(route, 900.0, 300.0, 595.0) == pytest.approx((600, 700, 300))
+
+
+# --- steering
+
+
+def ahead(n, heading=0.0, step=3.0):
+    """A way straight ahead from (200, 300)."""
+    angle = np.radians(heading)
+    far = step * np.arange(n)[:, None] * [[np.cos(angle), -np.sin(angle)]]
+    return np.column_stack([np.array([200.0, 300.0]) + far, np.full(n, heading)])
+
+
+def steer(way, y=300.0, **changes):
+    route = laid(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
+    usual = Steering(0.5, 0.2, 10, LENGTH, 30.0, 10.0, 3.0, 0.1, 0.5)
+    speed = np.full(len(way) - 1, 2.0)
+    begins = (100.0, 0)
+    return steered(
+        way, speed, len(way) - 11, begins, route, open_tank().legal, usual._replace(**changes)
+    )
+
+
+def test_a_way_along_the_path_is_left_as_it_is():
+    way = ahead(60)
+    out, used, along = steer(way)
+    assert out == pytest.approx(way[1:50]) and not used.any()
+    assert along == pytest.approx(100 + 3 * 49)
+
+
+def test_a_way_beside_the_path_is_brought_onto_it_within_its_limits():
+    for heading, y in ((8.0, 300.0), (0.0, 308.0), (-8.0, 290.0)):
+        out, used, _ = steer(ahead(110, heading), y)
+        assert abs(out[-1, 1] - y) < 0.5 < max(abs(ahead(110, heading)[99, 1] - y), 1)
+        assert np.abs(used[:, 0]).max() <= 0.5 + 1e-9 and used[:, 1].max() <= 0.4 + 1e-9
+
+
+def test_nothing_is_corrected_where_nothing_may_be():
+    way = ahead(60, 8.0)
+    out, _, _ = steer(way, turn=1e-9, shift=0.0)
+    assert out == pytest.approx(way[1:50], abs=1e-5)
+
+
+def test_a_way_ends_before_it_leaves_the_tank():
+    out, used, _ = steer(ahead(400, 90.0), turn=1e-9, shift=0.0)
+    assert len(out) == len(used) < 389
+    assert open_tank().legal[tuple(np.round(out[:, 1::-1].T).astype(int))].all()
+
+
+# --- following
+
+
+def followed(line, mode, ticks=700, **changes):
+    """What a mode makes of a path: the swim, columns of `SWUM`, measures."""
+    waters = waters_of(**changes)
+    player, path = players_of(waters)[mode], laid(line)
+    swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    table = swum_path(mode, swum_, path, ticks, waters)
+    left = where_left(table, path, waters, limits(waters.film, waters))
+    return swum_, table, left, of_path(table, left, path, player.follower.spread, waters)
+
+
+@pytest.mark.parametrize("mode", [LOOPS, HYBRID])
+def test_the_film_is_swum_along_a_path_lap_after_lap(mode):
+    swum_, table, left, numbers = followed(EIGHT, mode)
+    assert numbers["path_across_rms_body_lengths"] < 0.1 and not len(left)
+    assert numbers["path_swum_pct"] > 100 and len(table) == 700
+    assert 0 < numbers["path_turn_corrected_pct"] < 15
+    assert 0 < numbers["path_way_corrected_pct"] < 15
+    cells = np.round([table["y_px"], table["x_px"]]).astype(int)
+    assert open_tank().legal[tuple(cells)].all()
+    # What is shown is the film, turned as the fish is, and goes on as the film does between jumps.
+    film = waters_of().film
+    for one in swum_.stretches:
+        turned = one.way[:, 2] - film.heading[one.number] - one.rot
+        assert np.cos(np.radians(turned)) == pytest.approx(1)
+        assert (np.diff(one.number) == 1).all()
+
+
+def test_sprites_are_sent_along_the_path():
+    _, _, _, numbers = followed(EIGHT, NETWORK)
+    assert numbers["path_across_rms_body_lengths"] < 0.5 and numbers["path_swum_pct"] > 50
+
+
+def test_an_open_path_has_an_end_and_then_the_fish_wanders():
+    line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
+    swum_, table, _, numbers = followed(line, LOOPS)
+    assert numbers["path_swum_pct"] == pytest.approx(100) and len(table) < 700
+    at = [name == PATH for name in swum_.names]
+    assert at == sorted(at, reverse=True) and not all(at)
+
+
+def test_with_times_the_fish_is_there_on_time():
+    x = np.linspace(150, 600, 100)
+    y = 300 + 60 * np.sin(x / 60)
+    far = np.append(0, np.cumsum(np.hypot(np.diff(x), np.diff(y))))
+    pace = SPEED * LENGTH
+    heading = np.degrees(np.arctan(-np.cos(x / 60)))
+    line = Line("a", x, y, PX, time_s=far / pace, heading_deg=heading)
+    _, table, left, numbers = followed(line, LOOPS)
+    assert len(table) == 1 + int(far[-1] / pace * RATE) and not len(left)
+    assert numbers["path_late_rms_body_lengths"] < 0.25
+    assert numbers["path_across_rms_body_lengths"] < 0.1
+    assert numbers["path_heading_error_rms_deg"] < 20
+    # Four times as fast as any fish of the film, it is late, and that is said.
+    _, _, left, numbers = followed(line._replace(time_s=far / pace / 4), LOOPS)
+    assert numbers["path_late_rms_body_lengths"] > 1 and "fast" in set(left["why"])
+
+
+def test_where_a_path_cannot_be_swum_it_is_left_and_that_is_said():
+    wall = Line("a", np.array([150.0, 600.0]), np.array([22.0, 22.0]), PX)
+    _, _, left, numbers = followed(wall, LOOPS)
+    assert set(left["why"]) == {"wall"} and numbers["path_left_pct"] == 100
+    assert left["most"].iloc[0] == pytest.approx((0.6 * LENGTH + 20 - 22) / LENGTH, abs=0.15)
+    x = np.array([150.0, 500.0, 150.0, 500.0])
+    spike = Line("a", x, np.array([200.0, 210.0, 220.0, 230.0]), PX)
+    _, _, left, numbers = followed(spike, LOOPS)
+    assert "sharp" in set(left["why"]) and numbers["path_swum_pct"] == pytest.approx(100)
+    assert (left["to_s"] >= left["from_s"]).all() and (left["most"] > 0.25).all()
+
+
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut(mode):
+    player, route = players_of(waters_of())[mode], laid(EIGHT).route
+    rng = np.random.default_rng(3)
+    state = player.begin(rng, route)
+    for _ in range(12):
+        draws = rng.bit_generator.state
+        stretch, then = player.step(state, route, rng)
+        again = np.random.default_rng(0)
+        again.bit_generator.state = draws
+        assert repr(player.step(state, route, again)) == repr((stretch, then))
+        short, cut = player.cut(state, stretch, 2)
+        on, after_ = player.step(cut, route, again)
+        assert len(short.steer if short.steer is not None else short.way) <= 2
+        assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < 0.5 * LENGTH
+        assert after_.along >= state.along
+        state = then
+
+
+def test_a_film_that_only_swims_straight_is_followed_as_nearly_as_it_can_be():
+    table = swum([0.0] * 300, at=(100.0, 100.0))
+    waters = waters_of(film_of(table, loops((20, 280))))
+    player, path = players_of(waters, gateways(table)[:0])[LOOPS], laid(EIGHT)
+    made = swim(player, [], 200, np.random.default_rng(0), path.route)
+    left = where_left(
+        swum_path(LOOPS, made, path, 200, waters), path, waters, limits(waters.film, waters)
+    )
+    assert len(left) and "sharp" in set(left["why"])
+
+
+def test_what_is_swum_is_written_and_drawn(tmp_path):
+    _, table, left, _ = followed(EIGHT, LOOPS, ticks=100)
+    save_table(tmp_path / "a.parquet", table, SWUM)
+    save_table(tmp_path / "b.parquet", left, LEFT)
+    assert len(figure(table, left, np.full((600, 800), 128, np.uint8)).axes) == 2
+
+
+def test_at_a_tick_before_its_times_a_path_is_at_its_beginning():
+    route = laid(EIGHT._replace(closed=False, time_s=np.arange(200.0) / RATE)).route
+    assert asked_at(route, 0) == asked_at(route, 1) == 0.0
+    assert asked_at(route, 10**6) == route.when[-1] == pytest.approx(route.length)
+    assert isinstance(route, Route) and route.timed and not route.done(route.length, 5)
+
+
+def test_a_line_of_what_is_infinite_is_none():
+    with pytest.raises(FinloopError, match="have no y"):
+        checked_line(Line("a", np.array([1.0, 2]), np.array([1.0, np.inf]), PX))
+
+
+def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals():
+    """Without a path nothing of it counts."""
+    changed = {"path_share": 0.9, "path_beam": 1, "path_across": 0.0}
+    for mode in (LOOPS, HYBRID):
+        one, other = (players_of(w)[mode] for w in (waters_of(), waters_of(**changed)))
+        swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
+        assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))
