@@ -13,10 +13,13 @@ from finloop.animate.film import ROW
 from finloop.animate.forecast import ForecastSwimmer, endless, farther
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FORECAST
+from finloop.animate.path_measures import swum_path
+from finloop.animate.paths import lay
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player, swim
+from finloop.base.line import PX, Line
 from finloop.forecast.film import film_states
 from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows
@@ -41,11 +44,19 @@ def waters(mirrored=True, barred=()):
     rows = np.zeros(2 * n if mirrored else n, ROW)
     heading = features["heading_deg"].to_numpy()
     rows["heading"] = np.concatenate([heading, -heading])[: len(rows)]
+    scale = LENGTH / features["body_length_px"].to_numpy()
+    x, y = (features[f"{axis}_px"].to_numpy() * scale for axis in "xy")
+    dx, dy = np.diff(x, append=x[-1]), np.diff(y, append=y[-1])
+    speed = np.hypot(dx, dy) / LENGTH * RATE
+    for name, one, other in (
+        ("x", x, x), ("y", y, -y), ("dx", dx, dx), ("dy", dy, -dy), ("speed", speed, speed),
+    ):  # fmt: skip
+        rows[name] = np.concatenate([one, other])[: len(rows)]
     rows["more"] = True
     rows["more"][n - 1 :: n] = False
     rows["more"][list(barred)] = False
     plain = waters_of()
-    return replace(plain, film=plain.film._replace(rows=rows))
+    return replace(plain, film=plain.film._replace(rows=rows, filmed=n))
 
 
 def swimmer(rarity=None, **film):
@@ -215,3 +226,26 @@ def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_bris
             joined, ticks = joined + stretch.new, ticks + len(stretch.way)
             fish = after(fish, stretch, one.waters)
     assert joined < 0.5 * ticks
+
+
+def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut():
+    """It shows the rows that it follows, and remembers its own states."""
+    one, turn = player(), np.linspace(0, 2 * np.pi, 100, endpoint=False)
+    line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
+    path = lay(line, one.waters.tank, one.waters.motion, None)
+    found = swim(one, [], 500, np.random.default_rng(0), path.route)
+    table = swum_path(NETWORK, found, path, 500, one.waters)
+    assert np.sqrt((table["across"] ** 2).mean()) < 0.1
+    assert table["along_px"].is_monotonic_increasing
+    assert table["along_px"].iloc[-1] > 0.75 * path.route.length
+    film = one.waters.film
+    for part in found.stretches:
+        assert part.state == FORECAST and (np.diff(part.number) == 1).all()
+        turned = part.way[:, 2] - film.heading[part.number] - part.rot
+        assert np.cos(np.radians(turned)) == pytest.approx(1)
+    state, rng = one.begin(np.random.default_rng(1), path.route), np.random.default_rng(2)
+    stretch, then = one.step(state, path.route, rng)
+    _, cut = one.cut(state, stretch, 3)
+    assert len(cut.fish.past) == len(then.fish.past)
+    assert (cut.fish.x, cut.fish.y) == tuple(stretch.way[2, :2])
+    assert one.step(cut, path.route, rng)[1].along > 0

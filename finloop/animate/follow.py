@@ -61,7 +61,7 @@ def footage_of(film: Film, legal: Mask, reach: int) -> Footage:
 
 def runs(more: Mask) -> Ints:
     """Ticks (n,) that the film goes on from each row."""
-    stops = np.flatnonzero(~more)
+    stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
     here = np.arange(len(more))
     return stops[np.searchsorted(stops, here)] - here
 
