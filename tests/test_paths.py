@@ -178,9 +178,8 @@ def steer(way, y=300.0, **changes):
     usual = Steering(0.5, 0.2, 10, LENGTH, 30.0, 10.0, 3.0, 0.1, 0.5)
     speed = np.full(len(way) - 1, 2.0)
     begins = (100.0, 0)
-    return steered(
-        way, speed, len(way) - 11, begins, route, open_tank().legal, usual._replace(**changes)
-    )
+    by = open_tank().legal, usual._replace(**changes)
+    return steered(way, speed, len(way) - 11, begins, route, by)
 
 
 def test_a_way_along_the_path_is_left_as_it_is():

@@ -79,12 +79,13 @@ class Found(NamedTuple):
 
 
 @finite_kernel
-def _leg(footage, route, way, most, start, rules, steering):  # type: ignore[no-untyped-def]
+def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most `most` ticks, steered.
 
-    start: the tick at which all ways began. `way` is moved on; its row is −1 where the film ends or
-    leaves the tank.
+    start: the tick at which all ways began; by: rules, steering. `way` is moved on; its row is −1
+    where the film ends or leaves the tank.
     """
+    rules, steering = by
     rows = footage.film.rows
     angle = np.radians(way.rot)
     cos, sin = np.cos(angle), np.sin(angle)
@@ -145,7 +146,8 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
             way = kept[s]
-            _leg(footage, route, way, max(rules.horizon - way.ticks, 1), here.tick, rules, steering)
+            most = max(rules.horizon - way.ticks, 1)
+            _leg(footage, route, way, most, here.tick, by)
             if found.value[way.first] == np.inf:
                 found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
             if way.row < 0 or not film.rows[way.row].endless:
@@ -158,7 +160,7 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
                     found.value[way.first] = way.cost + behind
                     found.ticks[way.first] = way.ticks
             else:
-                m = _branch(footage, way, beam, m, here, behind, (route, rules, steering))
+                m = _branch(footage, way, beam, m, here, (behind, route, rules, steering))
         n = int(m)
         for s in range(n):
             kept[s] = beam.ways[beam.order[s]]
@@ -168,12 +170,12 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
 
 
 @kernel
-def _branch(footage, way, beam, n, here, behind, by):  # type: ignore[no-untyped-def]
+def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
     """At a loop end: playing on, and every jump, where they are among the best; how many these are.
 
-    n: how many there were; behind: what the way costs beside its `cost`.
+    n: how many there were; by: what the way costs beside its `cost`, route, rules, steering.
     """
-    route, rules, steering = by
+    behind, route, rules, steering = by
     film, at, most = footage.film, footage.film.rows[way.row], len(beam.order)
     tick, total = here.tick + way.ticks, way.cost + behind
     if n == most and total >= beam.totals[n - 1]:

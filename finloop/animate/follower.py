@@ -268,7 +268,7 @@ class Follower:
     ) -> tuple[Floats, Floats, float]:
         """See `follow.steered`."""
         legal, speed = self.waters.tank.legal, np.ascontiguousarray(speed, float)
-        return steered(way, speed, ticks, begins, route, legal, self.steering)
+        return steered(way, speed, ticks, begins, route, (legal, self.steering))
 
     def _aim(self, route: Route, along: float) -> Spot:
         """A place a body length ahead on the path."""

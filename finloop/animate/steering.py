@@ -12,7 +12,7 @@ import numpy as np
 from finloop.animate.arena import inside
 from finloop.animate.route import Route, asked_at, foot, heading_at, least_along, place
 from finloop.animate.search import moved
-from finloop.base.arrays import Floats, Mask
+from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel, kernel
 
 _ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
@@ -104,10 +104,11 @@ def near(far2: float, unit2: float) -> float:
 
 
 @kernel
-def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, legal: Mask, steering):  # type: ignore[no-untyped-def]
+def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, by):  # type: ignore[no-untyped-def]
     """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for `ticks` ≤ m ticks.
 
-    speed (m,): body lengths/s; begins: how far along the path, and at which tick.
+    speed (m,): body lengths/s; begins: how far along the path, and at which tick; by: where it is
+    legal to be, `Steering`.
 
     Returns
     -------
@@ -115,7 +116,7 @@ def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, legal:
     px; how far along the path it ends.
     """
     out, used = np.empty((ticks, 3)), np.empty((ticks, 2))
-    along, tick = begins
+    (along, tick), (legal, steering) = begins, by
     x, y, rot, good = way[0, 0], way[0, 1], 0.0, ticks
     for t in range(ticks):
         reach = min(steering.reach, len(way) - 1 - t)
