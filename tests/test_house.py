@@ -1,4 +1,4 @@
-"""Limits that keep the code readable: lines of a module and of a function, arguments of a kernel.
+"""Limits that keep the code readable: lines of a module, function, pipeline, kernels' arguments.
 
 Ruff (PLR0913, `max-args` in pyproject.toml) counts the arguments of all other functions.
 """
@@ -32,6 +32,10 @@ def test_modules_functions_and_kernels_keep_their_limits():
         for name in above(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
     }
     assert found == set()
+
+
+def test_the_pipeline_is_read_on_a_few_screens():
+    assert len((ROOT / "dvc.yaml").read_text(encoding="utf-8").splitlines()) <= MODULE_LINES
 
 
 def test_what_is_above_a_limit_is_found():
