@@ -36,7 +36,8 @@ from stages.settings import load
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
 LONG = 60  # frames of a long track
-WORKERS_NEED = ["finloop.extract.ready", "stages.extract"]  # imported once, for all workers
+WORKERS_NEED = ["finloop.extract.ready", "finloop.several", "stages.cluster", "stages.kept"]
+"""What workers import before they begin; not this module, which they run themselves."""
 
 
 def main() -> None:
