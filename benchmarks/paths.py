@@ -10,10 +10,10 @@ film's median speed.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import os
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
@@ -167,13 +167,11 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
 
 def main() -> None:
     """Print and write the table."""
-    home, rows = Path.cwd(), []
+    rows = []
     for folder in map(Path, sys.argv[1:] or ["."]):
-        os.chdir(home / folder)
-        try:
-            rows += list(film_rows(folder.resolve().name))
-        finally:
-            os.chdir(home)
+        name = folder.resolve().name
+        with chdir(folder):
+            rows += list(film_rows(name))
     table = pd.DataFrame(rows)
     columns = [
         "across_rms_body_lengths", "late_rms_body_lengths", "turn_corrected_pct",
