@@ -20,7 +20,8 @@ from finloop.base.arrays import Picture
 from finloop.io.atomic import whole_file
 from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
 
-# With B-frames, looking ahead or weights x264 does not always give the same bytes.
+# With B-frames, looking ahead or weights x264 reads memory that nobody has written: what it makes
+# then hangs on what else the process has done.
 _REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
 _KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
@@ -157,7 +158,7 @@ class VideoWriter(Movie):
         options = (
             {"qp": "0", "preset": "ultrafast"}
             if self._quality == "0"
-            else {"crf": self._quality, "preset": "veryfast", "bf": "0"}
+            else {"crf": self._quality, "preset": "veryfast"} | _REPEATABLE
         )
         stream = self._begin("mp4", {}, "libx264", options)
         stream.height, stream.width = self._shape[:2]
