@@ -38,6 +38,7 @@ from toy_film import (
 from finloop.animate import measures
 from finloop.animate import search as ahead
 from finloop.animate.arena import inside, tank
+from finloop.animate.beam import Candidates, Found
 from finloop.animate.crossing import Crossing
 from finloop.animate.decide import Ways, verdicts
 from finloop.animate.edit_list import (
@@ -61,7 +62,7 @@ from finloop.animate.motion import FILM as IN_FILM
 from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.recent import NEVER, last_on_screen, remembered
-from finloop.animate.search import Candidates, Found, Here, Rules
+from finloop.animate.search import Ends, Here, Rules
 from finloop.animate.state import Decision, Fish, Options, after
 from finloop.animate.swim import random_goals, swim
 from finloop.animate.words import in_words
@@ -294,7 +295,7 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
         rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
         candidates = Candidates(rows, rots, costs, sinces)
-        value, far, error, ticks, over = ahead.look(reel, legal, candidates, here, aim, rules)
+        (value, ticks, over), (far, error) = ahead.look(reel, legal, candidates, here, aim, rules)
         assert not over.any()
         for i, row in enumerate(rows):
             wanted = slow_look(reel, room, here, rots[i], row, costs[i], sinces[i], aim, rules)
@@ -315,10 +316,10 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
         found = [
             ahead.look(
                 rich_film(), open_tank().legal, candidates, here, aim, RULES._replace(beam=beam)
-            )
+            )[0]
             for beam in (4, 4000)
         ]
-        (narrow, *_, gone), (wide, *_, none) = found
+        (narrow, _, gone), (wide, _, none) = found
         assert (narrow >= wide - 1e-9).all() and not none.any()
         assert narrow.min() < np.inf and not (gone & np.isfinite(narrow)).any()
         given_up += gone.sum()
@@ -622,13 +623,15 @@ def test_the_tests_of_fig_19_one_after_the_other():
     none = np.zeros(6, bool)
     found = Found(
         value=np.array([1.0, np.inf, 1.0, 1.0, np.inf, 1.0]),
-        far=np.array([5.0, np.inf, 20.0, 5.0, np.inf, 20.0]),
-        error=np.array([10.0, 180.0, 10.0, 100.0, 180.0, 100.0]),
         ticks=np.zeros(6),
         over=none | (np.arange(6) == 4),
     )
+    ends = Ends(
+        far=np.array([5.0, np.inf, 20.0, 5.0, np.inf, 20.0]),
+        error=np.array([10.0, 180.0, 10.0, 100.0, 180.0, 100.0]),
+    )
     wanted = ["", "tank", "quadrant", "heading", "passed over", "quadrant"]
-    assert [VERDICTS[number] for number in verdicts(found, 10.0, 90.0, False)] == wanted
+    assert [VERDICTS[number] for number in verdicts(found, ends, 10.0, 90.0, False)] == wanted
 
 
 def weighed(verdict, value=None):

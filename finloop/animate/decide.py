@@ -5,11 +5,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.animate.beam import Candidates, Found, jumps_of
 from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, touches, wrap
 from finloop.animate.recent import last_on_screen
-from finloop.animate.search import Candidates, Found, Here, Rules, jump_cost, look, moved
+from finloop.animate.search import Ends, Here, Rules, jump_cost, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
 from finloop.loops.positions import next_end
@@ -39,9 +40,7 @@ def ways_on(film: Film, row: int, rot: float, jumps: bool) -> Ways:
     """
     at = film.rows[row]
     own = np.int64(at.more and film.rows[row + 1].endless)
-    first, last = np.int64(0), np.int64(0)
-    if jumps and at.end >= 0:
-        first, last = np.int64(film.start[at.end]), np.int64(film.start[at.end + 1])
+    first, last = jumps_of(film, row, jumps)
     n = own + last - first
     ways = Ways(np.empty(n, np.int64), np.empty(n), np.zeros(n), np.empty(n, np.bool_))
     for k in range(n):
@@ -55,14 +54,19 @@ def ways_on(film: Film, row: int, rot: float, jumps: bool) -> Ways:
 
 
 @kernel
-def prices(film: Film, ways: Ways, here: Here, rules: Rules) -> Floats:
-    """Ticks (k, 3) that showing each way costs at once: its seam, change of speed, repetition.
+def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Candidates]:
+    """What showing each way (k,) costs at once.
 
     Playing on costs the last alone: it, or what follows within the shortest stay, was on screen
     just now.
+
+    Returns
+    -------
+    terms (k, 3) : its seam, change of speed, repetition, in ticks; the ways with what they cost.
     """
-    terms = np.zeros((ways.rows.size, 3))
-    for k in range(ways.rows.size):
+    n = ways.rows.size
+    terms, costs, since = np.zeros((n, 3)), np.empty(n), np.empty(n, np.int64)
+    for k in range(n):
         row = ways.rows[k]
         ago = float(here.tick - last_on_screen(here.recent, row, row + rules.stay - 1))
         faster = film.rows[row].speed - here.speed
@@ -70,7 +74,9 @@ def prices(film: Film, ways: Ways, here: Here, rules: Rules) -> Floats:
         if ways.jumps[k]:
             terms[k, 0], terms[k, 1] = seam, jerk
         terms[k, 2] = again
-    return terms
+        costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
+        since[k] = 0 if ways.jumps[k] else here.since + 1
+    return terms, Candidates(ways.rows, ways.rots, costs, since)
 
 
 @kernel
@@ -79,21 +85,16 @@ def weigh(film: Film, legal: Mask, ways: Ways, here: Here, aim: Spot, rules: Rul
 
     Returns
     -------
-    terms (k, 3) : its `prices`; what becomes of each; its verdict.
+    terms (k, 3) : what each costs at once, of `priced`; what becomes of it; its verdict.
     """
-    n = ways.rows.size
-    terms, costs, since = prices(film, ways, here, rules), np.empty(n), np.empty(n, np.int64)
-    for k in range(n):
-        costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
-        since[k] = 0 if ways.jumps[k] else here.since + 1
-    candidates = Candidates(ways.rows, ways.rots, costs, since)
-    found = look(film, legal, candidates, here, aim, rules)
+    terms, candidates = priced(film, ways, here, rules)
+    found, ends = look(film, legal, candidates, here, aim, rules)
     before = np.hypot(aim.x - here.x, aim.y - here.y)
-    return terms, found, verdicts(found, before, rules.error, aim.free)
+    return terms, found, verdicts(found, ends, before, rules.error, aim.free)
 
 
 @kernel
-def verdicts(found: Found, before: float, error: float, free: bool) -> NDArray[np.int8]:
+def verdicts(found: Found, ends: Ends, before: float, error: float, free: bool) -> NDArray[np.int8]:
     """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
 
     A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
@@ -106,9 +107,9 @@ def verdicts(found: Found, before: float, error: float, free: bool) -> NDArray[n
             verdict[k] = _OVER
         elif np.isinf(found.value[k]):
             verdict[k] = _TANK
-        elif not free and found.far[k] >= before:
+        elif not free and ends.far[k] >= before:
             verdict[k] = _QUADRANT
-        elif not free and found.error[k] > error:
+        elif not free and ends.error[k] > error:
             verdict[k] = _HEADING
     return verdict
 

@@ -10,25 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
-from finloop.animate.decide import Ways, prices
+from finloop.animate.beam import Found, begin, ends, go_on, jump, jumps_of, keep_best, leads_on
+from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film
-from finloop.animate.kinematics import wrap
 from finloop.animate.recent import last_on_screen
 from finloop.animate.route import Route, asked_at, place
-from finloop.animate.search import Beam, Here, jump_cost, keep_best, moved
+from finloop.animate.search import Here, jump_cost, moved
 from finloop.animate.steering import near, shifted, tick_cost, turn_to
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
 from finloop.base.kernel import finite_kernel, kernel
-
-WAY = np.dtype(
-    [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("along", "f8"),
-        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
-    ]
-)  # fmt: skip
-"""A way that is followed, as `search.WAY`, and how far along the path it has come, in px."""
-
 
 LEAD = np.dtype([("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("ticks", "i8")])
 """Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
@@ -66,24 +57,12 @@ def runs(more: Mask) -> Ints:
     return stops[np.searchsorted(stops, here)] - here
 
 
-class Found(NamedTuple):
-    """What becomes of each candidate (k,).
-
-    value: cost of its best way, in ticks, infinite where all leave the tank or end; ticks: that it
-    takes, or stays in the tank; over: whether it was given up for better ones.
-    """
-
-    value: Floats
-    ticks: Floats
-    over: Mask
-
-
 @finite_kernel
 def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most `most` ticks, steered.
 
     start: the tick at which all ways began; by: rules, steering. `way` is moved on; its row is −1
-    where the film ends or leaves the tank.
+    where the film ends or leaves the tank. Returns the ticks that were played.
     """
     rules, steering = by
     rows = footage.film.rows
@@ -115,8 +94,7 @@ def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
         if t >= most or (t >= rules.stride and rows[row].end >= 0):
             break
     way.x, way.y, way.along, way.row, way.rot, way.cost = x, y, along, row, rot, cost
-    way.ticks += t
-    way.since += t
+    return t
 
 
 @kernel
@@ -126,47 +104,27 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
     by: `Rules`, `Steering`. Without times, what a way falls behind a brisk fish costs its `pace`.
     """
     rules, steering = by
-    film, count = footage.film, ways.rows.size
-    terms = prices(film, ways, here, rules)
-    found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
-    kept = np.empty(max(rules.beam, count), WAY)
-    beam = Beam(
-        np.empty(rules.beam), np.empty(rules.beam, np.int64), np.empty(rules.beam, WAY), found.over
-    )
+    film = footage.film
+    _, candidates = priced(film, ways, here, rules)
+    search, n = begin(film, footage.legal, candidates, (here.x, here.y, along), rules.beam)
     end = np.inf if route.closed else route.step * (route.x.size - 1)
-    n = 0
-    for c in range(count):
-        if film.rows[ways.rows[c]].endless and inside(footage.legal, here.x, here.y):
-            way = kept[n]
-            way.x, way.y, way.first, way.ticks, way.along = here.x, here.y, c, 0, along
-            way.row, way.rot, way.cost = ways.rows[c], ways.rots[c], terms[c].sum()
-            way.since = 0 if ways.jumps[c] else here.since + 1
-            n += 1
     while n:
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
-            way = kept[s]
+            way = search.ways[s]
             most = max(rules.horizon - way.ticks, 1)
-            _leg(footage, route, way, most, here.tick, by)
-            if found.value[way.first] == np.inf:
-                found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
-            if way.row < 0 or not film.rows[way.row].endless:
+            ticks = _leg(footage, route, way, most, here.tick, by)
+            if not leads_on(film, search.found, way, ticks):
                 continue
             behind = 0.0
             if not route.when.size:
                 behind = steering.pace * (way.ticks - (way.along - along) / rules.pace)
             if way.along >= end or way.ticks >= rules.horizon:
-                if way.cost + behind < found.value[way.first]:
-                    found.value[way.first] = way.cost + behind
-                    found.ticks[way.first] = way.ticks
+                ends(search.found, way, way.cost + behind)
             else:
-                m = _branch(footage, way, beam, m, here, (behind, route, rules, steering))
-        n = int(m)
-        for s in range(n):
-            kept[s] = beam.ways[beam.order[s]]
-    for c in range(count):
-        found.over[c] = found.over[c] and found.value[c] == np.inf
-    return found
+                m = _branch(footage, way, search.beam, m, here, (behind, route, rules, steering))
+        n = go_on(search, int(m))
+    return search.found
 
 
 @kernel
@@ -186,12 +144,9 @@ def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
     cos, sin = np.cos(angle), np.sin(angle)
     if at.more and film.rows[way.row + 1].endless:
         off = _soon(footage.leads[way.row], way, cos, sin, tick, (route, steering))
-        slot, n = keep_best(beam, n, total + off, way.first)
-        if slot >= 0:
-            beam.ways[slot] = way
-    if way.since < rules.stay or at.end < 0:
-        return n
-    for e in range(film.start[at.end], film.start[at.end + 1]):
+        _, n = keep_best(beam, n, total + off, way)
+    first, last = jumps_of(film, way.row, way.since >= rules.stay)
+    for e in range(first, last):
         other = film.to[e]
         there = film.rows[other]
         worst = beam.totals[n - 1] if n == most else np.inf
@@ -199,9 +154,8 @@ def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
         if total + (seam + jerk) >= worst:
             beam.over[way.first] = True
             continue
-        rot = way.rot
         if not film.body:
-            angle = np.radians(there.heading + rot)
+            angle = np.radians(there.heading + way.rot)
             cos, sin = np.cos(angle), np.sin(angle)
         off = _soon(footage.leads[other], way, cos, sin, tick, (route, steering))
         if total + (seam + jerk) + off >= worst:
@@ -210,13 +164,9 @@ def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
         ago = float(tick - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], there.speed - at.speed, ago, rules)
         cost = seam + jerk + again
-        slot, n = keep_best(beam, n, total + cost + off, way.first)
+        slot, n = keep_best(beam, n, total + cost + off, way)
         if slot >= 0:
-            beam.ways[slot] = way
-            jumped = beam.ways[slot]
-            if film.body:
-                rot = wrap(heading - there.heading)
-            jumped.row, jumped.rot, jumped.cost, jumped.since = other, rot, way.cost + cost, 0
+            jump(film, beam.ways[slot], e, cost)
     return n
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate import decide
+from finloop.animate.beam import Found
 from finloop.animate.decide import Ways
 from finloop.animate.edit_list import (
     FORETOLD,
@@ -26,15 +27,7 @@ from finloop.animate.edit_list import (
     VERDICTS,
 )
 from finloop.animate.film import Film
-from finloop.animate.follow import (
-    Footage,
-    Found,
-    footage_of,
-    look_along,
-    next_stop,
-    onward,
-    runs,
-)
+from finloop.animate.follow import Footage, footage_of, look_along, next_stop, onward, runs
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN

@@ -1,39 +1,26 @@
-"""Looking ahead through the film: a beam search over its loops, compiled (Figs. 10, 11, 17)."""
+"""Looking ahead through the film towards a place: a beam search, compiled (Figs. 10, 11, 17)."""
 
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
+from finloop.animate.beam import (
+    Candidates,
+    Found,
+    begin,
+    ends,
+    go_on,
+    jump,
+    jumps_of,
+    keep_best,
+    leads_on,
+)
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import for_kernels, kernel
-
-WAY = np.dtype(
-    [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"),
-        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
-    ]
-)  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, row, rot), what its jumps cost in ticks,
-the candidate that it began with (first), ticks that it took and that have passed since its last
-jump."""
-
-
-class Candidates(NamedTuple):
-    """Rows (k,) that could be shown now.
-
-    rots: by how much each would be turned; costs: ticks that showing it costs; since: ticks since
-    the last jump when it is shown.
-    """
-
-    rows: Ints
-    rots: Floats
-    costs: Floats
-    since: Ints
 
 
 class Here(NamedTuple):
@@ -83,31 +70,34 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
+def _leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after `stride` ticks, at most `most` ticks.
 
-    Returns where that is: x, y, row, −1 where the film ends or leaves the tank; the ticks that were
-    played; whether the last one touches the aim.
+    `way` is moved on; its row is −1 where the film ends or leaves the tank. Returns the ticks that
+    were played, and whether the last one touches the aim.
     """
     x, y, row = way.x, way.y, way.row
     cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
-    for t in range(1, most + 1):
+    t, touched = 0, False
+    while t < most:
         at = rows[row]
         if not at.more:
             # The last picture of a track may still be exchanged for another.
-            return x, y, (row if at.end >= 0 and t > 1 else -1), t - 1, False
+            row = row if at.end >= 0 and t > 0 else -1
+            break
         x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
-        row += 1
+        t, row = t + 1, row + 1
         at = rows[row]
         if not inside(legal, x, y):
-            return x, y, -1, t, False
+            row = -1
+            break
         # A fish that has reached its goal must be able to swim on.
         touched = not aim.free and touches(x, y, at.heading + way.rot, aim)
-        if touched and at.more and rows[row + 1].endless:
-            return x, y, row, t, True
-        if t >= stride and at.end >= 0:
-            return x, y, row, t, False
-    return x, y, row, most, False
+        touched = touched and at.more and rows[row + 1].endless
+        if touched or (t >= stride and at.end >= 0):
+            break
+    way.x, way.y, way.row = x, y, row
+    return t, touched
 
 
 @kernel
@@ -131,103 +121,59 @@ def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     return rules.seam * seam, rules.jerk * np.abs(faster), again
 
 
-class Found(NamedTuple):
-    """What becomes of each candidate (k,).
+class Ends(NamedTuple):
+    """Where the best way of each candidate (k,) ends.
 
-    value: cost of the best way, in ticks, infinite where all leave the tank or end; far: px to the
-    aim after it, 0 if it is touched; error: of the heading there, degrees; ticks: that it takes, or
-    stays in the tank; over: whether it was given up for better ones.
+    far: px to the aim, 0 if it is touched; error: of the heading, degrees.
     """
 
-    value: Floats
     far: Floats
     error: Floats
-    ticks: Floats
-    over: Mask
 
 
 @kernel
 def look(
     film: Film, legal: Mask, candidates: Candidates, here: Here, aim: Spot,
     rules: Rules,
-) -> Found:  # fmt: skip
-    """Follow every candidate through the film and its loops: a beam search.
+) -> tuple[Found, Ends]:  # fmt: skip
+    """Follow every candidate (k,) through the film and its loops: a beam search.
 
     At loop ends ways are both kept to and left, as far as the horizon. A way costs its ticks, what
-    its jumps cost, what its first leg shows, and what remains to the aim. After every leg the best
-    `rules.beam` ways go on.
+    its jumps cost, what its first leg shows, and what remains to the aim.
     """
     count = candidates.rows.size
-    found = Found(
-        np.full(count, np.inf), np.full(count, np.inf), np.full(count, 180.0), np.zeros(count),
-        np.zeros(count, np.bool_),
-    )  # fmt: skip
-    ways = np.empty(max(rules.beam, count), WAY)
-    beam = Beam(
-        np.empty(rules.beam), np.empty(rules.beam, np.int64), np.empty(rules.beam, WAY), found.over
-    )
-    n = 0
-    for c in range(count):
-        if film.rows[candidates.rows[c]].endless and inside(legal, here.x, here.y):
-            way = ways[n]
-            way.x, way.y, way.first, way.ticks = here.x, here.y, c, 0
-            way.row, way.rot = candidates.rows[c], candidates.rots[c]
-            way.cost, way.since = candidates.costs[c], candidates.since[c]
-            n += 1
+    ends_at = Ends(np.full(count, np.inf), np.full(count, 180.0))
+    search, n = begin(film, legal, candidates, (here.x, here.y, 0.0), rules.beam)
     while n:
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
-            way = ways[s]
+            way = search.ways[s]
             most, shown = max(rules.horizon - way.ticks, 1), way.row
-            way.x, way.y, way.row, ticks, touched = leg(
-                film.rows, legal, way, aim, most, rules.stride
-            )
-            way.ticks += ticks
-            way.since += ticks
-            if found.value[way.first] == np.inf:
-                found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
-            if way.row < 0 or not film.rows[way.row].endless:
+            ticks, touched = _leg(film.rows, legal, way, aim, most, rules.stride)
+            if not leads_on(film, search.found, way, ticks):
                 continue
             if way.ticks == ticks:  # the first leg; the next ones are decided anew
                 way.cost += film.rows[way.row].dear - film.rows[shown].dear
             if touched or way.ticks >= rules.horizon:
-                _finish(film, way, touched, found, aim, rules)
+                _finish(film, way, touched, (search.found, ends_at), aim, rules)
             else:
-                m = _branch(film, way, beam, m, here, (aim, rules))
-        n = int(m)
-        for s in range(n):
-            ways[s] = beam.ways[beam.order[s]]
-    for c in range(count):
-        found.over[c] = found.over[c] and found.value[c] == np.inf
-    return found
+                m = _branch(film, way, search.beam, m, here, (aim, rules))
+        n = go_on(search, int(m))
+    return search.found, ends_at
 
 
 @kernel
-def _finish(film, way, touched, found, aim, rules):  # type: ignore[no-untyped-def]
-    """A way has come to the aim or to the horizon: keep it where it is its candidate's best."""
+def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped-def]
+    """A way has come to the aim or to the horizon. results: `Found`, `Ends`."""
+    found, ends_at = results
     heading = film.rows[way.row].heading + way.rot
     rest = 0.0 if touched else remaining(way.x, way.y, heading, aim, rules)
-    first, value = way.first, way.ticks + way.cost + rest
-    if value < found.value[first]:
-        found.value[first], found.ticks[first] = value, way.ticks
-        found.far[first], found.error[first] = 0.0, 0.0
+    if ends(found, way, way.ticks + way.cost + rest):
+        ends_at.far[way.first], ends_at.error[way.first] = 0.0, 0.0
         if not touched:
             off = bearing(way.x, way.y, aim.x, aim.y) - film.rows[way.row].heading - way.rot
-            found.far[first] = np.hypot(aim.x - way.x, aim.y - way.y)
-            found.error[first] = abs(wrap(off))
-
-
-class Beam(NamedTuple):
-    """The best branches of a leg, (beam,) each: their totals, rising, and where in `ways` they are.
-
-    A total counts ticks swum and left, and what the jumps cost.
-    over (candidates,): whether a branch of a candidate was given up for better ones.
-    """
-
-    totals: Floats
-    order: Ints
-    ways: NDArray[np.void]
-    over: Mask
+            ends_at.far[way.first] = np.hypot(aim.x - way.x, aim.y - way.y)
+            ends_at.error[way.first] = abs(wrap(off))
 
 
 @kernel
@@ -238,18 +184,14 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
     """
     aim, rules = towards
     at = film.rows[way.row]
-    heading = at.heading + way.rot
-    total = way.ticks + remaining(way.x, way.y, heading, aim, rules)
+    total = way.ticks + remaining(way.x, way.y, at.heading + way.rot, aim, rules)
     plays = at.more and film.rows[way.row + 1].endless
-    first, last = np.int64(0), np.int64(0)
-    if way.since >= rules.stay and at.end >= 0:
-        first, last = np.int64(film.start[at.end]), np.int64(film.start[at.end + 1])
+    first, last = jumps_of(film, way.row, way.since >= rules.stay)
     if n == len(beam.order) and total + way.cost >= beam.totals[n - 1]:
         beam.over[way.first] |= plays or first < last
         return n
     if plays:
-        slot, n = keep_best(beam, n, total + way.cost, way.first)
-        beam.ways[slot] = way
+        _, n = keep_best(beam, n, total + way.cost, way)
     for e in range(first, last):
         worst = beam.totals[n - 1] if n == len(beam.order) else np.inf
         # Most jumps are too dear for their seam, or their change of speed, alone.
@@ -258,37 +200,15 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
             beam.over[way.first] = True
             continue
         other = film.to[e]
-        there = film.rows[other]
-        faster = there.speed - at.speed
+        faster = film.rows[other].speed - at.speed
         seam, jerk, _ = jump_cost(film.seam[e], faster, np.inf, rules)
         if total + (way.cost + (seam + jerk)) >= worst:
             beam.over[way.first] = True
             continue
         ago = float(here.tick + way.ticks - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
-        cost = way.cost + (seam + jerk + again)
-        slot, n = keep_best(beam, n, total + cost, way.first)
+        cost = seam + jerk + again
+        slot, n = keep_best(beam, n, total + (way.cost + cost), way)
         if slot >= 0:
-            branch = beam.ways[slot]
-            branch.x, branch.y, branch.row, branch.first = way.x, way.y, other, way.first
-            branch.rot = wrap(heading - there.heading) if film.body else way.rot
-            branch.cost, branch.ticks, branch.since = cost, way.ticks, 0
+            jump(film, beam.ways[slot], e, cost)
     return n
-
-
-@kernel
-def keep_best(beam, n, total, first):  # type: ignore[no-untyped-def]
-    """Where among the n best a further branch of this total is kept, −1 if it is not; the new n."""
-    slot, k = n, n
-    if n == len(beam.order):
-        k = n - 1
-        if total >= beam.totals[k]:
-            beam.over[first] = True
-            return np.int64(-1), n
-        slot = beam.order[k]
-        beam.over[beam.ways[slot].first] = True
-    while k > 0 and total < beam.totals[k - 1]:
-        beam.totals[k], beam.order[k] = beam.totals[k - 1], beam.order[k - 1]
-        k -= 1
-    beam.totals[k], beam.order[k] = total, slot
-    return slot, max(n, slot + 1)

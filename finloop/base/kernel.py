@@ -53,5 +53,8 @@ kernel = numba.njit(cache=True, nogil=True)
 finite_kernel = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True)
 """The same for a function in which nothing is infinite or not a number."""
 
+kernel_part = numba.njit(cache=True, nogil=True, inline="always")
+"""A kernel that is compiled as a part of each kernel that calls it, which is quicker."""
+
 for_kernels = numba.extending.register_jitable
 """A Python function, of numbers or arrays, that kernels call, too: there it is compiled."""
