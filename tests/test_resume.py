@@ -19,7 +19,7 @@ from finloop.extract import film
 from finloop.extract.table import tracks_schema
 from finloop.io import space
 from finloop.io.pieces import Pieces, keep_only
-from finloop.io.space import in_words, refuse_small
+from finloop.io.space import refuse_small
 from finloop.io.table import load_table
 from finloop.io.video import KEY_FRAME_EVERY
 
@@ -142,14 +142,9 @@ def test_nothing_is_taken_from_a_run_of_something_else(here, computed, monkeypat
 # --- the disk
 
 
-def test_sizes_in_words():
-    told = [in_words(size) for size in (0, 999, 1234, 2.5e6, 7.06e9, 1.1e12)]
-    assert told == ["0 B", "999 B", "1.23 kB", "2.5 MB", "7.06 GB", "1.1 TB"]
-
-
 def test_room_is_looked_for_where_the_folder_will_be(tmp_path):
     refuse_small(tmp_path / "new/one", 1.0, "it", "give up")
-    with pytest.raises(FinloopError, match="it will take about 1e\\+06 TB"):
+    with pytest.raises(FinloopError, match=r"it will take about 1\.0 EB"):
         refuse_small(tmp_path / "new/one", 1e18, "it", "give up")
 
 
@@ -159,7 +154,7 @@ def test_a_disk_that_is_too_small_is_refused_with_numbers(here, monkeypatch, wor
     before = content(here / "data")
     with pytest.raises(FinloopError) as caught:
         getattr(stages, word).main()
-    assert "72 frames" in caught.value.came and "2 kB are free" in caught.value.came
+    assert "72 frames" in caught.value.came and "2.0 kB are free" in caught.value.came
     assert content(here / "data") == before
 
 

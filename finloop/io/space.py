@@ -3,6 +3,8 @@
 import shutil
 from pathlib import Path
 
+from rich.filesize import decimal
+
 from finloop.base.errors import FinloopError
 
 
@@ -12,17 +14,9 @@ def refuse_small(folder: Path, wanted: float, what: str, do: str) -> None:
     home = next(one for one in above if one.exists() and one.suffix != ".part")
     free = shutil.disk_usage(home).free
     if free < wanted:
+        needs, has = decimal(int(wanted)), decimal(free)
         raise FinloopError(
-            f"{what} will take about {in_words(wanted)}, and {in_words(free)} are free in {home}",
+            f"{what} will take about {needs}, and {has} are free in {home}",
             "room for all of it",
             f"make room (`dvc gc --workspace` drops unused results), or {do}",
         )
-
-
-def in_words(size: float) -> str:
-    """Bytes as people say them: 1.5 GB."""
-    for unit in ("B", "kB", "MB", "GB"):
-        if size < 999.5:
-            break
-        size, unit = size / 1000, "TB" if unit == "GB" else unit
-    return f"{size:.3g} {unit}"
