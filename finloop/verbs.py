@@ -222,7 +222,7 @@ def find_loops(
         loops, _ = find(pairs, features, rate_hz, similar.facts.step_median, p)
     except NoLoops as none:
         warnings.warn(str(none), stacklevel=2)
-        loops = pd.DataFrame({one.name: np.empty(0, one.dtype) for one in LOOPS.columns})
+        loops = LOOPS.empty()
     return as_loaded(loops, LOOPS)
 
 

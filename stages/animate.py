@@ -214,7 +214,7 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         if paths:
             every = pd.concat([one.swum for one in paths], ignore_index=True)
             save_table(folder / "path.parquet", every, path_measures.SWUM)
-    left = pd.concat([path_measures.NOWHERE, *(one.left for one in paths)], ignore_index=True)
+    left = pd.concat([path_measures.LEFT.empty(), *(one.left for one in paths)], ignore_index=True)
     save_csv(REPORT / "left.csv", left, decimals=3)
     return numbers, film_numbers
 

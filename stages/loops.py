@@ -5,9 +5,6 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 import sys
 from pathlib import Path
 
-import numpy as np
-import pandas as pd
-
 from finloop.distance.map import PAIRS, STEPS, MapFacts, mapped
 from finloop.features.table import FEATURES, delta_of
 from finloop.io.atomic import whole_file, whole_folder
@@ -30,8 +27,7 @@ def nothing(none: NoLoops) -> None:
     """Write what says that there are no loops: the network mode needs none."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
-        empty = {column.name: np.empty(0, column.dtype) for column in LOOPS.columns}
-        save_table(folder / "loops.parquet", pd.DataFrame(empty), LOOPS)
+        save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
         (folder / "none.txt").write_text(str(none), encoding="utf-8")
     for name in ("position_table", "routes"):
         with whole_file(REPORT / f"{name}.csv") as part:

@@ -95,7 +95,7 @@ def feature_table():
     table = table.reindex(columns=FEATURES.names, fill_value=0)
     last = table["frame"] >= FRAMES - DELTA
     table["displacement"] = np.where(last, np.nan, 0.0)
-    return table.astype({column.name: column.dtype for column in FEATURES.columns}), cutouts
+    return table.astype(FEATURES.kinds), cutouts
 
 
 def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
@@ -119,8 +119,7 @@ def sprite_rows(features, picked, off=0.0, mirrored=False, sequence="straight"):
 def whole(*parts):
     table = pd.concat(parts, ignore_index=True)
     table.insert(0, "sprite", np.arange(len(table)))
-    kinds = {c.name: c.dtype for c in SPRITES.columns if c.dtype != "string"}
-    return table[SPRITES.names].astype(kinds)
+    return table[SPRITES.names].astype(SPRITES.kinds)
 
 
 class World:

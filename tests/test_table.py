@@ -52,6 +52,12 @@ def test_round_trip(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["a.parquet"]
 
 
+def test_a_table_without_rows_is_as_it_is_loaded(tmp_path):
+    schema = Schema(*SCHEMA.columns, Column("any", "int16", "1", nullable=True, length=ANY))
+    save_table(tmp_path / "a.parquet", schema.empty(), schema)
+    pd.testing.assert_frame_equal(load_table(tmp_path / "a.parquet", schema), schema.empty())
+
+
 def test_missing_is_null_and_never_nan_in_the_file(tmp_path):
     path = tmp_path / "a.parquet"
     save_table(path, table(), SCHEMA)

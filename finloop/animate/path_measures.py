@@ -44,9 +44,6 @@ LEFT = Schema(
 the fish's centre cannot be there; "sharp", the path bends more than nine of ten bends of the film;
 "fast", it asks for more than the film's highest speed; "" none of these."""
 
-NOWHERE = pd.DataFrame({one.name: pd.Series(dtype=one.dtype) for one in LEFT.columns})
-"""No places."""
-
 _BEND = 0.9  # quantile of the film's bends, above which a path is sharp
 _AT_WALL = 0.1  # body lengths between a path and where the centre may be
 
@@ -154,8 +151,7 @@ def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> 
             worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
             _why(along, (int(first), int(stop)), path, waters, most),
         ))  # fmt: skip
-    table = pd.DataFrame(rows, columns=LEFT.names)
-    return table.astype({one.name: one.dtype for one in LEFT.columns})
+    return pd.DataFrame(rows, columns=LEFT.names).astype(LEFT.kinds)
 
 
 def _why(along: Floats, ticks: tuple[int, int], path: Path, waters: Waters, most: Limits) -> str:

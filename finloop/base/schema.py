@@ -24,12 +24,26 @@ class Column:
     nullable: bool = False
     length: int = 0
 
+    @property
+    def kind(self) -> str:
+        """Its dtype in pandas: of lists object, of whole numbers that may be null Int32."""
+        if self.length:
+            return "object"
+        if self.nullable and "int" in self.dtype:
+            return self.dtype.replace("int", "Int").replace("u", "U")
+        return "str" if self.dtype == "string" else self.dtype
+
 
 class Schema:
-    """The columns of a table, in order, and their names."""
+    """The columns of a table, in order, their names, and their kinds by name."""
 
     def __init__(self, *columns: Column) -> None:
         self.columns, self.names = columns, [column.name for column in columns]
+        self.kinds = {column.name: column.kind for column in columns}
+
+    def empty(self) -> pd.DataFrame:
+        """A table without rows."""
+        return pd.DataFrame(columns=self.names).astype(self.kinds)
 
 
 def columns(

@@ -24,7 +24,6 @@ IDENTITIES = Schema(
     Column("gap_frames", "int32", "1"),  # from the end of that one; 0 where there is none
     Column("probability", "float32", "1"),  # that it is that animal; 1 where there is none before
 )
-_TYPES = {column.name: column.dtype for column in IDENTITIES.columns}
 _LEAST_HALF = 10  # frames on either side of a gap that is made: a track of twice as many is long
 _EVERY = 4  # of a backbone's points, one at which its width is taken
 USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
@@ -76,7 +75,7 @@ def identities(of_film: Known) -> pd.DataFrame:
             "gap_frames": np.where(has, frame[first] - frame[last[joins.before]], 0),
             "probability": joins.probability,
         }
-    ).astype(_TYPES)
+    ).astype(IDENTITIES.kinds)
 
 
 def told(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
@@ -96,7 +95,7 @@ def told(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
     ended = ordered.groupby("identity")["stop"].shift()
     ordered["gap_frames"] = (ordered["start"] - ended).fillna(0)
     made = ordered.sort_index().assign(probability=1.0)
-    return made[IDENTITIES.names].astype(_TYPES)
+    return made[IDENTITIES.names].astype(IDENTITIES.kinds)
 
 
 def made_gaps(of_film: Known, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:

@@ -221,13 +221,8 @@ def _to_pandas(array: pa.Array, column: Column) -> pd.Series:
         rows = array.flatten().to_numpy(zero_copy_only=False).reshape(len(array), column.length)
         return pd.Series(list(rows), dtype=object)
     if column.nullable and pa.types.is_integer(array.type):
-        return array.to_pandas(integer_object_nulls=True).astype(_nullable(column.dtype))
+        return array.to_pandas(integer_object_nulls=True).astype(column.kind)
     return array.to_pandas()
-
-
-def _nullable(dtype: str) -> str:
-    """Pandas' name of the integers that may be missing: Int32, UInt8."""
-    return dtype.replace("int", "Int").replace("u", "U")
 
 
 def _refused(what: str, problems: list[str], do: str) -> FinloopError:

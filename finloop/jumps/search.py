@@ -86,8 +86,7 @@ def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
     """
     table = near.assign(seam=np.maximum(near["far"], np.square(seen)))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
-    kinds = {column.name: column.dtype for column in JUMPS.columns}
-    return table[JUMPS.names].astype(kinds).reset_index(drop=True)
+    return table[JUMPS.names].astype(JUMPS.kinds).reset_index(drop=True)
 
 
 @kernel

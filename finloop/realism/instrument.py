@@ -71,7 +71,7 @@ class Instrument:
         seen = tracks(self.detections(fish), self.typical, self.extract, cuts)
         followed = [one for _, ready in seen for one in ready]
         if not followed:
-            return pd.DataFrame(columns=FEATURES.names)
+            return FEATURES.empty()
         table = rows(followed).sort_values(["track_id", "frame"], ignore_index=True)
         return features(table, self.rate_hz, self.features)[0]
 
