@@ -98,23 +98,24 @@ def of_path(
     numbers = {
         "path_length_body_lengths": path.asked.length / motion.body_length_px,
         "path_swum_pct": 100 * float(swum["along_px"].iloc[-1]) / path.asked.length,
-        "path_across_rms_body_lengths": _rms(across),
+        "path_across_rms_body_lengths": rms(across),
         "path_across_p95_body_lengths": float(np.quantile(across, 0.95)),
         "path_across_most_body_lengths": float(across.max()),
         "path_left_pct": 100 * ticks_left / len(swum),
-        "path_turn_corrected_pct": 100 * _rms(turned) / max(spread.turn_deg, 1e-9),
+        "path_turn_corrected_pct": 100 * rms(turned) / max(spread.turn_deg, 1e-9),
         "path_way_corrected_pct": 100 * float(swum["shifted_px"].sum()) / max(float(steps), 1e-9),
     }
     if path.asked.timed:
         late = swum["late"].to_numpy()
-        numbers["path_late_rms_body_lengths"] = _rms(late)
+        numbers["path_late_rms_body_lengths"] = rms(late)
         numbers["path_late_p95_body_lengths"] = float(np.quantile(late, 0.95))
     if len(path.asked.heading):
-        numbers["path_heading_error_rms_deg"] = _rms(swum["heading_error_deg"].to_numpy())
+        numbers["path_heading_error_rms_deg"] = rms(swum["heading_error_deg"].to_numpy())
     return numbers
 
 
-def _rms(values: Floats) -> float:
+def rms(values: Floats) -> float:
+    """The root mean square of values (k,); 0 of none."""
     return float(np.sqrt(np.mean(np.square(values)))) if len(values) else 0.0
 
 

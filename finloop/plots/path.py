@@ -1,10 +1,10 @@
 """A figure of a path: as it was asked for, as each mode swam it, and the error along it."""
 
-import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 
+from finloop.animate.path_measures import rms
 from finloop.base.arrays import Picture
 from finloop.plots.animate import COLOURS
 
@@ -38,8 +38,8 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
                       label="from the place asked for then")  # fmt: skip
         for place in places.itertuples():
             axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
-        rms = float(np.sqrt(np.mean(one["across"] ** 2)))
-        axes.set_title(f"{mode}: {rms:.3f} body lengths RMS beside the path", fontsize=10)
+        beside = rms(one["across"].to_numpy())
+        axes.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
         axes.set(ylabel="body lengths", ylim=(0, None))
         axes.legend(frameon=False, loc="upper right", fontsize=8)
     if shared is not None:
