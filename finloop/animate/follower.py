@@ -75,16 +75,7 @@ class Follower:
             reach=reach, length_px=motion.body_length_px, across=p.path_across, late=p.path_late,
             heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
         )  # fmt: skip
-        swims = waters.film.speed[waters.film.more]
-        pace = float(np.quantile(swims, 0.75)) if len(swims) else 1.0
-        delta, rate = motion.delta, motion.rate_hz
-        self.rules = Rules(
-            pace=max(pace, 1e-6) * motion.body_length_px / rate, turning=1.0,
-            horizon=max(2, waters.ticks(p.path_ahead)), stride=max(1, waters.ticks(p.path_stride)),
-            stay=max(1, waters.ticks(p.stay)), beam=p.path_beam, seam=p.seam * delta,
-            jerk=p.jerk * delta**2 / rate, again=p.again * delta, memory=p.memory * delta,
-            error=180.0,
-        )  # fmt: skip
+        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
         legal = waters.tank.legal
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:

@@ -78,8 +78,8 @@ class ForecastSwimmer:
         turn_deg = float(np.degrees(1 / motion.rate_hz))
         self._pace = Pace(
             px, turn_deg, max(2, waters.ticks(p.ahead)),
-            float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), 0.75)) * px,
-            max(float(np.quantile(np.abs(speed[:, 2]), 0.75)) * turn_deg, 1e-6), p.wall,
+            float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), p.brisk)) * px,
+            max(float(np.quantile(np.abs(speed[:, 2]), p.brisk)) * turn_deg, 1e-6), p.wall,
             waters.film.dear.copy(),
         )  # fmt: skip
         rows = np.arange(len(sampler.usable))

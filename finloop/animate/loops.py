@@ -26,22 +26,8 @@ class FilmSwimmer:
 
     def __init__(self, waters: Waters) -> None:
         self.waters = waters
-        motion, settings = waters.motion, waters.settings
-        rate, delta = motion.rate_hz, motion.delta
-        swims = waters.film.speed[waters.film.more]
-        self.rules = Rules(
-            pace=float(np.quantile(swims, 0.75)) * motion.body_length_px / rate,
-            turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
-            horizon=max(2, waters.ticks(settings.look_ahead)),
-            stride=max(1, waters.ticks(settings.stride)),
-            stay=max(1, waters.ticks(settings.stay)),
-            beam=settings.beam,
-            seam=settings.seam * delta,
-            jerk=settings.jerk * delta**2 / rate,
-            again=settings.again * delta,
-            memory=settings.memory * delta,
-            error=settings.most_error_deg,
-        )
+        p = waters.settings
+        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, at a row from which the film goes on for ever."""

@@ -19,6 +19,7 @@ from finloop.animate.beam import (
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.recent import again_cost, last_on_screen
+from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import for_kernels, kernel
 
@@ -59,6 +60,21 @@ class Rules(NamedTuple):
     again: float
     memory: float
     error: float
+
+    @classmethod
+    def of(cls, waters: Waters, ahead: float, stride: float, beam: int) -> "Rules":
+        """The rules of some waters; ahead, stride: times in Δ."""
+        motion, p = waters.motion, waters.settings
+        swims, delta = waters.film.speed[waters.film.more], motion.delta
+        brisk = float(np.quantile(swims, p.brisk)) if len(swims) else 1.0
+        return cls(
+            pace=max(brisk, 1e-6) * motion.body_length_px / motion.rate_hz,
+            turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
+            horizon=max(2, waters.ticks(ahead)), stride=max(1, waters.ticks(stride)),
+            stay=max(1, waters.ticks(p.stay)), beam=beam, seam=p.seam * delta,
+            jerk=p.jerk * delta**2 / motion.rate_hz, again=p.again * delta,
+            memory=p.memory * delta, error=p.most_error_deg,
+        )  # fmt: skip
 
 
 @kernel

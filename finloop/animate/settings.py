@@ -48,7 +48,8 @@ class Settings:
     phase_least: NotNegative  # Δ; shorter phases belong to the one before
     speed_low: Share  # quantiles of the film's speeds within which a fish swims: the lower ...
     speed_high: Share  # ... and the upper one
-    # quantile of its turn rates; a fish without a way turns on the spot at most so fast
+    # quantile of its speeds and turn rates at which a fish is brisk: so fast it is expected to swim
+    # what remains of a way, and so fast it turns at most on the spot where there is no way
     brisk: Share
 
     # of the time for which the film shows no step from picture to picture as large, on average,
