@@ -5,13 +5,15 @@ et al., Product quantization for nearest neighbor search, 2011), and a vector is
 of the cells about it; of how many cells is measured, so that hardly a neighbour is missed.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import faiss
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Ints
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.stretches import spread
 
 MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 numbers, 3 s in cells
@@ -19,7 +21,12 @@ RECALL = 0.99  # wanted, of the `_NEAREST` nearest
 _NEAREST, _TRIED = 20, 500  # of so many vectors the neighbours are found exactly, to compare
 _TAUGHT = 64  # vectors of each cell that say where it is; faiss warns below 39, takes 256 at most
 _ROUNDS = 4  # of k-means; with ten not one neighbour in a hundred more is found in as many cells
+_MORE = 4  # times as many nearest vectors are looked at where these are not enough
 Vectors = NDArray[np.float32]
+Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
+"""What is chosen of the vectors nearest to some queries: arrays (k, …), and whether (k,) enough is.
+
+It is told the numbers of the queries (k,), and the vectors nearest to each (k, l), −1: none."""
 
 
 @dataclass(frozen=True)
@@ -51,9 +58,30 @@ class Nearest:
             recall = _recall(index.search(some, _NEAREST + 1)[1], true)
         return cls(index, recall)
 
-    def search(self, queries: Vectors, count: int) -> Ints:
+    def search(self, queries: Floats | Vectors, count: int) -> Ints:
         """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more found."""
+        if count == 0:
+            return np.empty((len(queries), 0), np.int64)
         return self.index.search(np.ascontiguousarray(queries, np.float32), count)[1]
+
+    def choose(
+        self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
+    ) -> tuple[NDArray[Any], ...]:
+        """What is chosen for each query (k, d) from its `count` nearest vectors.
+
+        Where that is not enough, from more and more of them: till it is, or from `most`, or all.
+        """
+        last = min(self.index.ntotal, self.index.ntotal if most is None else most)
+        count = min(count, last)
+        chosen, enough = choice(np.arange(len(queries)), self.search(queries, count))
+        left = np.flatnonzero(~enough)
+        while len(left) and count < last:
+            count = min(_MORE * count, last)
+            others, enough = choice(left, self.search(queries[left], count))
+            for one, other in zip(chosen, others, strict=True):
+                one[left] = other
+            left = left[~enough]
+        return chosen
 
 
 def _recall(found: Ints, true: Ints) -> float:

@@ -38,3 +38,33 @@ def test_of_many_vectors_hardly_a_neighbour_is_missed(vectors):
 
 def test_where_more_are_asked_for_than_there_are_the_rest_is_none(vectors):
     assert (Nearest.of(vectors[:5]).search(vectors[:1], 9)[0] >= 0).sum() == 5
+
+
+@pytest.mark.parametrize("most", [None, 100])
+def test_so_many_nearest_are_looked_at_as_are_needed_for_a_choice(vectors, most):
+    """Of each vector the three nearest of a kind; `most`: among so many."""
+    few, sizes = vectors[:500], []
+    kind = np.random.default_rng(2).random(500) < 0.1
+    kind[200:] &= np.arange(200, 500) < 260  # far away there are none for long
+
+    def choice(queries, near):
+        sizes.append(near.shape)
+        chosen = np.full((len(queries), 3), -1)
+        for one, others in zip(chosen, near, strict=True):
+            some = others[kind[others]][:3]
+            one[: len(some)] = some
+        return (chosen,), chosen[:, -1] >= 0
+
+    index = Nearest.of(few)
+    (chosen,) = index.choose(few, 8, choice, most)
+    counts, looked_at = zip(*sizes, strict=True)
+    assert list(looked_at) == ([8, 32, 100] if most else [8, 32, 128, 500])
+    assert counts[0] == 500 > counts[1] > counts[-1] > 0
+    for one, others in zip(chosen, index.search(few, most or 500), strict=True):
+        some = others[kind[others]][:3]
+        assert list(one) == [*some, *[-1] * (3 - len(some))]
+
+
+def test_nothing_is_chosen_of_no_vectors(vectors):
+    made = Nearest.of(vectors[:0]).choose(vectors[:2], 8, lambda some, near: ((near,), some < 0))
+    assert made[0].shape == (2, 0)

@@ -10,6 +10,7 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,8 +25,7 @@ from finloop.nearest import Nearest
 _LOT = 512  # rows at a time
 _DRAWN = 2  # times `count` rows of different passages are drawn for `count` that look alike
 _NEAR = 8  # times as many nearest rows that look alike are looked at for these ...
-_MORE = 4  # ... among so many times as many again and again, ...
-_MOST = 16_384  # ... till there are as many, or these are all that look alike among so many
+_MOST = 16_384  # ... among so many at most
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
@@ -90,23 +90,16 @@ def _similar(film: FilmStates, look: Reals, p: Settings) -> Ints:
         (one - one.mean(0)).astype(np.float32)
         for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
     )
-    index = Nearest.of(space)
+    index, limits = Nearest.of(space), (near, passage, _DRAWN * count)
     pairs = [np.empty((0, 2), np.int64)]
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
-        looked_at = near
-        while len(lot):
-            most = min(looked_at, len(rows))
-            others = index.search(space[lot], most)
-            chosen, done = _passages(
-                rows, lot, others, (looks, p.look), (near, passage, _DRAWN * count)
-            )
-            done |= most in (len(rows), _MOST)
-            at, place = np.nonzero((chosen >= 0) & done[:, None])
-            pairs.append(np.column_stack([rows[lot[at]], chosen[at, place]]))
-            lot, looked_at = lot[~done], min(_MORE * looked_at, _MOST)
-    every = np.concatenate(pairs)
-    return every[np.argsort(every[:, 0], kind="stable")]
+        (chosen,) = index.choose(
+            space[lot], near, partial(_passages, rows, lot, (looks, p.look), limits), _MOST
+        )
+        at, place = np.nonzero(chosen >= 0)
+        pairs.append(np.column_stack([rows[lot[at]], chosen[at, place]]))
+    return np.concatenate(pairs)
 
 
 def _seen(pairs: Ints, count: int, seen: ToTheEye) -> Floats:
@@ -117,10 +110,10 @@ def _seen(pairs: Ints, count: int, seen: ToTheEye) -> Floats:
 
 @kernel
 def _passages(
-    rows: Ints, lot: Ints, near: Ints, alike: tuple[NDArray[np.float32], float],
-    limits: tuple[int, int, int],
-) -> tuple[Ints, Mask]:  # fmt: skip
-    """Of rows[lot] (k,) the nearest rows (k, count) that are alike, of different passages; or −1.
+    rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
+    some: Ints, near: Ints,
+) -> tuple[tuple[Ints], Mask]:  # fmt: skip
+    """Of rows[lot[some]] (k,) the nearest rows (k, count) alike, of different passages; or −1.
 
     near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and how far apart they
     are at most. limits: how many that are alike are looked at, how far passages are apart, count.
@@ -128,9 +121,9 @@ def _passages(
     """
     looks, most_apart = alike
     looked_at, apart, count = limits
-    chosen, done = np.full((len(lot), count), -1), np.zeros(len(lot), np.bool_)
-    for k in range(len(lot)):
-        one, many, seen = lot[k], 0, 0
+    chosen, done = np.full((len(some), count), -1), np.zeros(len(some), np.bool_)
+    for k in range(len(some)):
+        one, many, seen = lot[some[k]], 0, 0
         for c in range(near.shape[1]):
             other = near[k, c]
             if other < 0 or many == count or seen == looked_at:
@@ -148,4 +141,4 @@ def _passages(
                 chosen[k, many] = rows[other]
                 many += 1
         done[k] = many == count or seen == looked_at
-    return chosen, done
+    return (chosen,), done

@@ -2,18 +2,18 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numba
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Ints
+from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
 from finloop.jumps.table import JUMPS
 from finloop.nearest import Nearest
 
-_LOOKED_AT = 8  # times as many nearest rows are looked at for `count` passages, and then ...
-_MORE = 4  # ... so many times as many where these are of fewer passages
+_LOOKED_AT = 8  # times as many nearest rows are looked at, at first, for `count` passages
 
 
 @dataclass(frozen=True)
@@ -48,23 +48,21 @@ class Search:
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
         """Of rows (k,), rising: row, to, mirrored, and how far, the nearest first."""
-        looked_at, nothing = _LOOKED_AT * self.count, np.empty(0, np.intp)
-        tables = [(nothing, nothing, np.empty(0))]
-        while len(rows) and len(self.goals):
-            most = min(looked_at, len(self.goals))
-            to, far = self._passages(rows, most)
-            done = np.isfinite(far[:, -1]) if most < len(self.goals) else np.ones(len(rows), bool)
-            at, place = np.nonzero(np.isfinite(far) & done[:, None])
-            tables.append((rows[at], to[at, place], far[at, place]))
-            rows, looked_at = rows[~done], _MORE * looked_at
-        row, to, far = (np.concatenate(column) for column in zip(*tables, strict=True))
-        order = np.argsort(row, kind="stable")
-        n = len(self.track)
-        return pd.DataFrame({"row": row, "to": to % n, "mirrored": to >= n, "far": far}).iloc[order]
+        to, far = self.index.choose(
+            self.targets[rows], _LOOKED_AT * self.count, partial(self._passages, rows)
+        )
+        at, place = np.nonzero(np.isfinite(far))
+        to, n = to[at, place], len(self.track)
+        return pd.DataFrame(
+            {"row": rows[at], "to": to % n, "mirrored": to >= n, "far": far[at, place]}
+        )
 
-    def _passages(self, rows: Ints, most: int) -> tuple[Ints, Floats]:
-        """Targets (k, count) of different passages among the `most` nearest; ∞ far: none left."""
-        near = self.index.search(self.targets[rows].astype(np.float32), most)
+    def _passages(self, rows: Ints, some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
+        """Targets (k, count) of different passages, how far they are, ∞: none left; are they all?
+
+        near (k, l): numbers of the goals nearest to rows[some] (k,).
+        """
+        rows = rows[some]
         near = np.sort(np.where(near < 0, -1, self.goals[near]), axis=1)
         threads = numba.get_num_threads()
         with ThreadPoolExecutor(threads) as pool:
@@ -74,8 +72,8 @@ class Search:
                 ),
                 np.array_split(np.arange(len(rows)), threads),
             )
-            to, far = zip(*made, strict=True)
-        return np.concatenate(to), np.concatenate(far)
+            to, far = (np.concatenate(one) for one in zip(*made, strict=True))
+        return (to, far), np.isfinite(far[:, -1])
 
 
 def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
