@@ -251,6 +251,23 @@ def test_an_open_path_has_an_end_and_then_the_fish_wanders():
     assert at == sorted(at, reverse=True) and not all(at)
 
 
+@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def test_a_path_is_followed_to_its_end_and_no_tick_longer(mode):
+    """Of a path without times the last tick alone is at its end; one with times lasts as long."""
+    line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
+    path, player = laid(line), players_of(waters_of())[mode]
+    made = swim(player, [], 900, np.random.default_rng(0), path.route)
+    table = swum_path(mode, made, path, 900, player.waters)
+    followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
+    end = path.asked.length - 1e-3
+    assert sum(followed_) == len(table) < 900
+    assert table["along_px"].iloc[-1] >= end > table["along_px"].iloc[-2]
+    timed = laid(line._replace(time_s=np.array([0.0, 3.03])))
+    made = swim(player, [], 900, np.random.default_rng(0), timed.route)
+    ticks = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
+    assert sum(ticks) == len(timed.route.when)
+
+
 def test_with_times_the_fish_is_there_on_time():
     x = np.linspace(150, 600, 100)
     y = 300 + 60 * np.sin(x / 60)

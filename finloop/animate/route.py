@@ -43,9 +43,15 @@ class Route(NamedTuple):
 
     def done(self, along: float, tick: int) -> bool:
         """Whether it has been swum by a fish that has come so far, at a tick."""
-        if self.timed:
-            return tick >= self.begins + len(self.when) - 1
-        return not self.closed and along >= self.length - 1e-6 * self.step
+        return bool(done(self, along, tick))
+
+
+@finite_kernel
+def done(route: Route, along: float, tick: int) -> bool:
+    """See `Route.done`."""
+    if route.when.size:
+        return tick >= route.begins + route.when.size - 1
+    return not route.closed and along >= route.step * (route.x.size - 1 - 1e-6)
 
 
 @finite_kernel

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.arena import inside
-from finloop.animate.route import Route, asked_at, foot, heading_at, least_along, place
+from finloop.animate.route import Route, asked_at, done, foot, heading_at, least_along, place
 from finloop.animate.search import moved
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel, kernel
@@ -107,13 +107,15 @@ def near(far2: float, unit2: float) -> float:
 def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, by):  # type: ignore[no-untyped-def]
     """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for `ticks` ≤ m ticks.
 
+    It ends with the path, on the tick that comes to its end.
+
     speed (m,): body lengths/s; begins: how far along the path, and at which tick; by: where it is
     legal to be, `Steering`.
 
     Returns
     -------
-    The way as it is swum (n, 3), up to where it leaves the tank; its corrections (n, 2): degrees,
-    px; how far along the path it ends.
+    The way as it is swum (n, 3), up to where the path ends, or it leaves the tank; its corrections
+    (n, 2): degrees, px; how far along the path it ends.
     """
     out, used = np.empty((ticks, 3)), np.empty((ticks, 2))
     (along, tick), (legal, steering) = begins, by
@@ -132,4 +134,7 @@ def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, by):  
         x, y, along, rot = new_x, new_y, on, rot + turn
         out[t, 0], out[t, 1], out[t, 2] = x, y, way[t + 1, 2] + rot
         used[t, 0], used[t, 1] = turn, shift
+        if done(route, along, tick + t + 1):
+            good = t + 1
+            break
     return out[:good], used[:good], along
