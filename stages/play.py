@@ -24,7 +24,7 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.live.message import MOST_FISH
 from finloop.live.server import HOST, Server, bound
-from finloop.live.tank import LiveTank
+from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
 from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.render.painter import Painter
@@ -52,6 +52,7 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
         def ghost(row: Any) -> bool:
             return p.join == FADE and fade_distance(row, pictures) > most
 
+        rehearse(brought.players)
         yield View(LiveTank(brought.players, mode, fish, seed, ghost), painter, gallery)
 
 

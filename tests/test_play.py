@@ -11,7 +11,7 @@ from toy_tank import played, read, toy_players, view_of
 from finloop.animate import kinematics as step
 from finloop.animate import policies
 from finloop.animate.arena import inside
-from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, PATH, SPRITE
 from finloop.animate.listing import edit_list
 from finloop.animate.motion import TURN
 from finloop.animate.sprites import from_bend
@@ -324,6 +324,79 @@ def test_ghosts_are_not_drawn_and_do_not_come_back():
     assert first.sum() < usual.sum() and not first[(usual > 0)].all()
     begins = np.flatnonzero(usual > 0.7)
     assert not any(first[tick + 1] for tick in begins if 0 < usual[tick + 1] < usual[tick])
+
+
+# --- along a path that is drawn
+
+
+def circle(radius, count=80):
+    angle = np.linspace(0, 2 * np.pi, count)
+    return [(400 + radius * np.cos(a), 300 + radius * np.sin(a)) for a in angle]
+
+
+def swum(tank, ticks):
+    """What of a fish's path had been begun, and where it was, tick by tick."""
+    log = []
+    for _ in range(ticks):
+        tank.on()
+        fish = tank.fish[0]
+        row, errand = fish.at(tank.tick), fish.errand
+        log.append((errand is not None and errand.begun, row.x_px - 400, row.y_px - 300))
+    begun, x, y = np.array(log).T
+    return begun.astype(bool), x, y
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_it_swims_to_where_a_path_begins_and_then_along_it(mode):
+    tank = LiveTank(toy_players(), mode, 1, 3)
+    tank.on()
+    tank.follow(0, circle(140))
+    begun, x, y = swum(tank, 900)
+    first = int(np.argmax(begun))
+    assert begun[first:].all() and not begun[:first].any()  # closed: again and again
+    off = np.hypot(x, y)[first:] - 140
+    assert np.sqrt((off**2).mean()) < 0.15 * LENGTH
+    laps = np.diff(np.unwrap(np.arctan2(y, x)[first:])).sum() / (2 * np.pi)
+    assert laps > 1.5
+    assert tank.fish[0].at(tank.tick).goal == PATH
+
+
+def test_an_open_path_ends_and_is_given_up_for_a_goal():
+    tank = LiveTank(toy_players(), HYBRID, 1, 3)
+    half = circle(140)[:40]
+    tank.follow(None, half)
+    begun, x, y = swum(tank, 600)
+    last = np.flatnonzero(begun)[-1]
+    assert np.hypot(x[last] + 140, y[last]) < LENGTH  # where the half circle ends
+    assert tank.fish[0].errand is None and tank.fish[0].reached
+    tank.follow(0, half)
+    assert tank.fish[0].goal[1:3] == pytest.approx(half[0], abs=0.1 * LENGTH)
+    tank.send(0, 100.0, 100.0)
+    assert tank.fish[0].errand is None and tank.fish[0].goal.x_px == 100.0
+    tank.follow(0, half)
+    tank.drop(0)
+    assert tank.fish[0].errand is None and tank.fish[0].goal is None
+
+
+def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
+    tank = LiveTank(toy_players(), NETWORK, 1, 0)
+    tank.follow(0, [(400.0, 300.0), (401.0, 300.0)])
+    assert tank.fish[0].errand is None and tank.fish[0].goal[1:3] == (401.0, 300.0)
+    tank.follow(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
+    route = tank.fish[0].errand.route
+    assert all(inside(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_along_a_path_too_it_swims_on_from_the_past_as_it_did(mode):
+    tank = LiveTank(toy_players(), mode, 1, 4)
+    tank.follow(0, circle(140))
+    rows = played(tank, 300)
+    begun = [tank.fish[0].errand_at(tick).begun for tick in range(1, 301)]
+    assert begun[-1] and not begun[0]
+    for tick in (290, begun.index(True) + 1, 40):
+        tank.back_to(tick)
+        assert repr(played(tank, 300 - tick)) == repr(rows[tick:])
 
 
 # --- fish come and go; the view

@@ -24,7 +24,7 @@ import finloop.live.server as served
 from finloop.animate.edit_list import NETWORK
 from finloop.base.errors import FinloopError
 from finloop.live import fish as play_fish
-from finloop.live.message import LONGEST, parsed
+from finloop.live.message import LONGEST, MOST_PLACES, parsed
 from finloop.live.server import BEHIND, Host, Page, Server, bound
 from finloop.render.gallery import Gallery
 from stages.play import PAGE, _parser
@@ -33,6 +33,8 @@ CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
 GOOD = [
     {"do": "goal", "fish": 0, "x": 10.5, "y": 20, "drag": True},
     {"do": "goal", "fish": None, "x": 0, "y": 0, "drag": False},
+    {"do": "path", "fish": None, "places": [[10, 20.5]]},
+    {"do": "path", "fish": 1, "places": [[10**5, -(10**5)]] * MOST_PLACES},
     {"do": "drop", "fish": 7},
     {"do": "mode", "mode": "loops"},
     {"do": "pause", "on": True},
@@ -53,6 +55,9 @@ BAD = [
     '{"do":"goal","fish":0.0,"x":1,"y":1,"drag":true}', '{"do":"goal","fish":true,"x":1,"y":1,"drag":true}',
     '{"do":"goal","fish":0,"x":1,"y":1}', '{"do":"goal","fish":0,"x":1,"y":1,"drag":1}',
     '{"do":"goal","fish":0,"x":1,"y":1,"drag":true,"more":1}', '{"do":"mode","mode":"HYBRID"}',
+    '{"do":"path","fish":0,"places":[]}', '{"do":"path","fish":0,"places":[[1,2,3]]}',
+    '{"do":"path","fish":0,"places":[[1,NaN]]}', '{"do":"path","fish":0,"places":[1,2]}',
+    '{"do":"path","fish":0,"places":[' + ",".join(["[1,1]"] * (MOST_PLACES + 1)) + "]}",
     '{"do":"mode","mode":"__class__"}', '{"do":"pause","on":"true"}', '{"do":"speed","times":0}',
     '{"do":"speed","times":-1}', '{"do":"speed","times":1e300}', '{"do":"look","tick":-1}',
     '{"do":"look","tick":1.5}', '{"do":"swim_on","tick":null}', '{"do":"swim_on","tick":-1}', '{"do":"look","tick":' + "9" * 300 + "}", '{"do":"count","fish":0}',
@@ -485,6 +490,21 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait(
             "state.fish[0].goal && Math.hypot(state.fish[0].goal[0] - 400, state.fish[0].goal[1] - 300) < 5"
         )
+        page.keyboard.press("p")  # a triangle, drawn and swum again and again
+        corners = [(0.4, 0.3), (0.6, 0.3), (0.5, 0.7), (0.4, 0.3)]
+        for number, (right, down) in enumerate(corners):
+            page.mouse.move(
+                box["x"] + right * box["width"], box["y"] + down * box["height"], steps=8
+            )
+            if number == 0:
+                page.mouse.down()
+        page.mouse.up()
+        wait("state.fish[0].path && state.fish[0].path.closed")
+        assert page.evaluate("state.fish[0].path.places[0]") == pytest.approx([320, 180], abs=9)
+        wait("state.fish[0].path.begun")
+        assert "swims its path" in page.locator("#fish").text_content()
+        page.keyboard.press("Escape")
+        wait("state.fish[0].path === null && state.fish[0].goal === null")
         page.click('[data-mode="hybrid"]')
         wait("state.mode === 'hybrid' && state.decision && state.decision.ways.length > 1")
         cells = page.evaluate("[...document.querySelectorAll('#ways tr')].map(r => r.cells.length)")

@@ -52,10 +52,10 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         JUMP: f"jump, {decision.seam:.2f} steps",
         ENTER: f"enter the film by a gateway, {decision.seam:.2f} steps",
     }
-    return (
-        f"{how[decision.reason]}: quadrant {decision.quadrant} towards {goal}; "
-        f"{_ways(decision)}; {decision.value_s:.1f} s"
+    leads = (
+        f"quadrant {decision.quadrant} towards {goal}" if decision.quadrant else f"along a {goal}"
     )
+    return f"{how[decision.reason]}: {leads}; {_ways(decision)}; {decision.value_s:.1f} s"
 
 
 def _ways(decision: Decision) -> str:

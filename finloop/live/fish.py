@@ -3,6 +3,8 @@
 A stretch is drawn as its edit list says. A new goal cuts the stretch under way at the tick on
 screen. What was drawn, and every decision with the state it was made in, is kept for `HISTORY`
 ticks; a player is pure, so the fish can swim on from any of them.
+
+A path is swum from its beginning, to which the fish is sent first as to a goal.
 """
 
 import math
@@ -14,8 +16,9 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import Goal
+from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.listing import edit_columns
+from finloop.animate.route import Route, place
 from finloop.animate.state import State, Stretch
 from finloop.animate.swim import Player
 
@@ -71,24 +74,33 @@ Ghost = Callable[[Row], bool]
 """Whether the two pictures of a cross-fade, as they are in a row, are too unlike to be mixed."""
 
 
+class Errand(NamedTuple):
+    """A path to be swum. begun: whether the fish has come to its beginning."""
+
+    route: Route
+    begun: bool = False
+
+
 @dataclass(frozen=True)
 class Choice:
     """A decision, and all that it was made from.
 
     tick: the first one that the stretch is swum at; state, draws: of the fish and of the random
-    generator when it was made; goal: None where the fish wandered.
+    generator when it was made; goal: or path; None where the fish wandered.
     """
 
     tick: int
     mode: str
     state: State
     draws: Mapping[str, Any]
-    goal: Goal | None
+    goal: Goal | Route | None
     stretch: Stretch
 
     @property
     def name(self) -> str:
-        """Of the goal."""
+        """Of the goal, or of any path."""
+        if isinstance(self.goal, Route):
+            return PATH
         return self.goal.name if self.goal else ""
 
 
@@ -101,12 +113,14 @@ class LiveFish:
     ) -> None:  # fmt: skip
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
+        self.errand: Errand | None = None
         self.reached = False
         self._players, self._rng, self._ghost = players, rng, ghost
         self._state = self._player.begin(rng)
         self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
+        self._errands = np.full(HISTORY, None, object)
         self._choices: deque[Choice] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
         self._plan_poses = np.zeros(0, object)
@@ -129,6 +143,11 @@ class LiveFish:
             return None
         return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
 
+    def errand_at(self, tick: int) -> Errand | None:
+        """The path that it was sent along at a tick that is known."""
+        errand: Errand | None = self._errands[tick % HISTORY]
+        return errand
+
     def places(self, ticks: range) -> Floats:
         """Where it was, (n, 2) px, at those of the ticks that are known, all up to now."""
         known = np.arange(ticks.start, ticks.stop, ticks.step)
@@ -148,10 +167,18 @@ class LiveFish:
 
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
         """To a goal from the next tick on, or to none; one that is being moved waits a moment."""
-        touch_px = self._player.waters.touch_px
-        self.goal = Goal(self.name, *place, touch_px) if place else None
-        self.reached = False
+        self.goal = self._goal(*place) if place else None
+        self.errand, self.reached = None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
+
+    def follow(self, route: Route) -> None:
+        """To the beginning of a path from the next tick on, and along it."""
+        x, y = place(route, 0.0)
+        self.send((float(x), float(y)))
+        self.errand = Errand(route)
+
+    def _goal(self, x: float, y: float) -> Goal:
+        return Goal(self.name, x, y, self._player.waters.touch_px)
 
     def switch(self, mode: str) -> None:
         """On in another mode, from the next tick on."""
@@ -163,17 +190,18 @@ class LiveFish:
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._cut()
         if self._played == len(self._plan):
-            self._decide(self.goal if not self.reached else None)
+            self._decide(self._target())
         self._played += 1
         now = self._played - 1
         row = Row._make((*self._plan[now].item(), self._plan_poses[now]))
         # What is gone does not come back: two unlike fish on one another look like ghosts.
         self._was_ghost = row.weight > 0 and (self._was_ghost or self._ghost(row))
         last = self._choices[-1]
-        if self._played == len(self._plan) and last.stretch.touched and last.goal:
-            self.reached = True
+        if self._played == len(self._plan):
+            self._arrive(last)
         goal = self.goal
         self._poses[self.now % HISTORY] = row.pose
+        self._errands[self.now % HISTORY] = self.errand
         self._ring[self.now % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
@@ -181,6 +209,24 @@ class LiveFish:
             reached=self.reached,
             decided=last.tick,
         )[:-1]
+
+    def _target(self) -> Goal | Route | None:
+        """Where to, now."""
+        if self.errand is not None and self.errand.begun:
+            return self.errand.route
+        return None if self.reached else self.goal
+
+    def _arrive(self, last: Choice) -> None:
+        """The last stretch is swum: a goal may be reached, a path begun, or done."""
+        errand, fish = self.errand, self._state.fish
+        if errand is not None and errand.begun:
+            self.reached = errand.route.done(self._state.along, fish.tick)
+            self.errand = None if self.reached else errand
+        elif last.stretch.touched and last.goal:
+            if errand is None:
+                self.reached = True
+            else:
+                self.goal, self.errand = None, errand._replace(begun=True)
 
     def back_to(self, tick: int) -> None:
         """Swim on from a tick that is known: as it did then, if it is left alone as then."""
@@ -196,11 +242,11 @@ class LiveFish:
         self._played = tick - choice.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached, self._cut_after = None, row.reached, 0
+        self.errand = self.errand_at(tick)
         if not math.isnan(row.goal_x_px):
-            place = row.goal_x_px, row.goal_y_px
-            self.goal = Goal(self.name, *place, self._player.waters.touch_px)
-            waits = choice.goal is None or choice.goal[1:3] != place  # it was being dragged
-            self._cut_after = self._drag if waits and not row.reached else 0
+            self.goal = self._goal(row.goal_x_px, row.goal_y_px)
+            dragged = isinstance(choice.goal, Route) or choice.goal != self.goal
+            self._cut_after = self._drag if dragged and not row.reached else 0
 
     def _cut(self) -> None:
         """Forget what was planned beyond the tick on screen."""
@@ -212,7 +258,7 @@ class LiveFish:
             self._choices[-1] = replace(last, stretch=stretch)
             self._plan = self._plan[: self._played]
 
-    def _decide(self, goal: Goal | None) -> None:
+    def _decide(self, goal: Goal | Route | None) -> None:
         """Plan the next stretch."""
         state, draws = self._state, self._rng.bit_generator.state
         stretch, self._state = self._player.step(state, goal, self._rng)

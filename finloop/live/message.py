@@ -5,7 +5,8 @@ from typing import Annotated, Literal
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
 MOST_FISH = 8
-LONGEST = 500  # bytes of a message
+MOST_PLACES = 500  # of a path
+LONGEST = 16_000  # bytes of a message
 SLOWEST, FASTEST = 0.1, 8.0  # times as fast as filmed
 
 Number = Annotated[int, Field(ge=0, lt=2**53)]
@@ -29,8 +30,16 @@ class SetGoal(Message):
     drag: bool
 
 
+class SetPath(Message):
+    """Swim a path that was drawn: places, px of the tank's picture."""
+
+    do: Literal["path"]
+    fish: Which
+    places: Annotated[tuple[tuple[Place, Place], ...], Field(min_length=1, max_length=MOST_PLACES)]
+
+
 class Drop(Message):
-    """Forget the goal, and wander."""
+    """Forget the goal, or the path, and wander."""
 
     do: Literal["drop"]
     fish: Which
@@ -98,7 +107,20 @@ class Seen(Message):
     frame: Number
 
 
-Wish = SetGoal | Drop | SetMode | Pause | Step | Speed | Look | SwimOn | Explain | Count | Seen
+Wish = (
+    SetGoal
+    | SetPath
+    | Drop
+    | SetMode
+    | Pause
+    | Step
+    | Speed
+    | Look
+    | SwimOn
+    | Explain
+    | Count
+    | Seen
+)
 _WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="do")])
 
 

@@ -33,6 +33,7 @@ _FRAMES_HZ = 60.0  # are shown at most
 _MOST_TICKS = 16  # are caught up with at once; beyond that time is lost
 _MOST_STEPS = 32  # are kept till the next frame
 BEHIND = 2  # frames that a page may be behind
+_OF_FISH = ("goal", "path", "drop")  # wishes of one fish, or of all
 _LARGEST = 64 * 1024  # bytes of a message; one still larger ends the connection
 _BUSY, _STRANGER = 1013, 1008  # codes of closing a WebSocket
 _MALFORMED = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
@@ -91,7 +92,7 @@ class Host:
         if isinstance(wish, Step):
             self._steps = min(self._steps + 1, _MOST_STEPS)
         else:
-            key = type(wish), getattr(wish, "fish", None) if wish.do in ("goal", "drop") else None
+            key = type(wish), getattr(wish, "fish", None) if wish.do in _OF_FISH else None
             old = self.wishes.pop(key, None)
             if isinstance(old, SetGoal) and isinstance(wish, SetGoal) and not old.drag:
                 wish = wish.model_copy(update={"drag": False})  # a first one counts at once

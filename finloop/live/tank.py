@@ -1,15 +1,26 @@
 """The live tank: fish that swim for ever, are sent by hand, and whose past can be looked at."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from finloop.animate.arena import goal_name
+from finloop.animate.paths import lay
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
+from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
 from finloop.live.fish import Ghost, LiveFish
+
+
+def rehearse(players: Mapping[str, Player]) -> None:
+    """Lay out and compile what a drawn path takes, so that the first one need not wait for it."""
+    for player in players.values():
+        rng, waters = np.random.default_rng(0), player.waters
+        (x, y), (to_x, to_y) = (waters.tank.random_point(rng) for _ in range(2))
+        line = Line("a rehearsal", np.array([x, to_x]), np.array([y, to_y]), PX)
+        player.step(player.begin(rng), lay(line, waters.tank, waters.motion, None).route, rng)
 
 
 class LiveTank:
@@ -69,6 +80,24 @@ class LiveTank:
             x, y = near
         for number in self._of(which):
             self.fish[number].send((float(x), float(y)), drag)
+
+    def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
+        """A fish, or all of them, along a path drawn by hand, x, y px, as often as it is closed.
+
+        It is moved to where a fish can be. One that ends where it began, as near as a goal is
+        touched, is closed; one that is hardly longer than a point is a goal.
+        """
+        waters = self.waters
+        x, y = np.array([waters.tank.into(*place) for place in places], float).T
+        gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
+        closed = bool(gap <= waters.touch_px and reach > 2 * waters.touch_px)
+        if reach <= waters.touch_px:
+            self.send(which, float(x[-1]), float(y[-1]))
+            return
+        line = Line("the drawn path", x, y, PX, closed=closed)
+        route = lay(line, waters.tank, waters.motion, None).route
+        for number in self._of(which):
+            self.fish[number].follow(route)
 
     def drop(self, which: int | None) -> None:
         """A fish, or all of them, wander."""

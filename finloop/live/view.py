@@ -16,7 +16,7 @@ from finloop.animate.search import moved
 from finloop.animate.state import Options
 from finloop.animate.words import in_words
 from finloop.live import message
-from finloop.live.fish import Choice
+from finloop.live.fish import Choice, Errand
 from finloop.live.tank import LiveTank
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
@@ -24,6 +24,7 @@ from finloop.render.painter import Painter
 _TRAIL_S, _TRAIL_EVERY = 2.0, 2  # of the way behind a fish; every so many ticks
 _WAY_S, _WAY_EVERY = 1.5, 2  # of a way that was weighed
 _MOST_WAYS = 40  # that are shown of a decision
+_MOST_PLACES = 100  # that are shown of a path
 _QUALITY = 82  # JPEG
 
 
@@ -73,6 +74,9 @@ class View:
             case message.SetGoal():
                 self.looked = None
                 tank.send(wish.fish, wish.x, wish.y, wish.drag)
+            case message.SetPath():
+                self.looked = None
+                tank.follow(wish.fish, wish.places)
             case message.Drop():
                 tank.drop(wish.fish)
             case message.SetMode():
@@ -150,11 +154,13 @@ class View:
             x, y = (fish.goal.x_px, fish.goal.y_px) if fish.goal else (math.nan, math.nan)
             reached = fish.reached
         goal = None if math.isnan(x) else [round(x, 1), round(y, 1), reached]
+        errand = fish.errand if tick == self.tank.tick else fish.errand_at(tick)
         trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
-            "mode": row.mode, "state": row.state, "goal": goal,
+            "mode": row.mode, "state": row.state, "goal": goal, "path": _shown(errand),
+            "done": reached,
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
         }  # fmt: skip
 
@@ -194,6 +200,17 @@ class View:
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
         way = np.cumsum(np.vstack([[x, y], steps]), axis=0)[::_WAY_EVERY]
         return np.rint(way).astype(int).tolist()
+
+
+def _shown(errand: Errand | None) -> dict[str, Any] | None:
+    """A path, and whether the fish has come to its beginning."""
+    if errand is None:
+        return None
+    route = errand.route
+    every = -(-len(route.x) // _MOST_PLACES)
+    places = np.rint(np.column_stack([route.x, route.y])).astype(int)
+    shown = [*places[:-1:every].tolist(), places[-1].tolist()]
+    return {"places": shown, "closed": route.closed, "begun": errand.begun}
 
 
 def _ranked(options: Options) -> list[int]:
