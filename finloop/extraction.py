@@ -118,6 +118,13 @@ def extract(
     return Extraction(tank, verdicts, lengths, given, lost)
 
 
+def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
+    """Which frames could not be decoded, by number and time."""
+    runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
+    named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
+    return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
+
+
 def _sample(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
     """Frames spread over a clip, those that can be decoded; UndecodableError where none can."""
     refuse_other_length(path, facts.frames)

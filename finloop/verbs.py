@@ -51,7 +51,7 @@ from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS, mapped
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
-from finloop.extraction import BACKGROUND_NAME, extract
+from finloop.extraction import BACKGROUND_NAME, extract, said_of_lost
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
 from finloop.forecast.film import film_states, shown_mirror
@@ -148,12 +148,15 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
     """Cut out the fish of every frame, and follow each; table and cut-outs go to `folder`/extract.
 
+    A frame that cannot be decoded is as one without fish, and a warning names it.
     `workers`: processes; with more than one the program needs `if __name__ == "__main__":`.
     `changes`: of `finloop.extract.settings.Settings`.
     """
     p, home = settings("extract", **changes), _folder(folder) / "extract"
     with whole_folder(home) as part:
-        extract(film.folder, p, part, Processes(workers))
+        lost = extract(film.folder, p, part, Processes(workers)).lost
+    if lost:
+        warnings.warn(said_of_lost(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
     named = home / GIVEN_NAME

@@ -3,7 +3,7 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, replace
 from functools import partial
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import cv2
-import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
@@ -20,14 +19,14 @@ from finloop.extract.alike import Likeness
 from finloop.extract.film import FollowedNoneError
 from finloop.extract.samples import Verdict
 from finloop.extract.settings import Settings
-from finloop.extraction import Extraction, extract
+from finloop.extraction import Extraction, extract, said_of_lost
 from finloop.given_tracks import tracks_of
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import Stamp, stamps
 from finloop.io.pieces import Pieces, keep_only
 from finloop.io.several import FILMS, Part, all_parts, parts_of
 from finloop.io.table import save_csv
-from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
+from finloop.io.video import FACTS_NAME, load_facts
 from finloop.several import Brought, join_extractions
 from stages.cluster import workers
 from stages.kept import KEY_NAME, code_of, kept_or_made, name_of
@@ -87,18 +86,12 @@ def one(
     for note in said_of_given(made.given):
         print(f"finloop: note: {note}", file=sys.stderr)
     if made.lost:
-        print(f"finloop: WARNING: {said_of_lost(made.lost, facts)}", file=sys.stderr)
+        print(
+            f"finloop: WARNING: {said_of_lost(made.lost, facts)}. To make the clip again: "
+            "`dvc repro --force clip`",
+            file=sys.stderr,
+        )
     return {"frames": facts.frames, **metrics(made)}
-
-
-def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
-    """Which frames could not be decoded, by number and time."""
-    runs = np.split(np.array(lost), np.flatnonzero(np.diff(lost) > 1) + 1)
-    named = ", ".join(f"{run[0]}-{run[-1]} ({run[0] / facts.frame_rate_hz:.2f} s)" for run in runs)
-    return (
-        f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}. To "
-        "make the clip again: `dvc repro --force clip`"
-    )
 
 
 def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:

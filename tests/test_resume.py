@@ -21,7 +21,8 @@ from finloop.io import space
 from finloop.io.pieces import Pieces, keep_only
 from finloop.io.space import refuse_small
 from finloop.io.table import load_table
-from finloop.io.video import KEY_FRAME_EVERY
+from finloop.io.video import ARENA_NAME, FACTS_NAME, KEY_FRAME_EVERY, load_facts, load_mask
+from finloop.verbs import Film, track
 
 FILM = [*TINY_CARP, "clip.frames=72", "clip.crf=0", "clip.light_drift=0"]
 SHORT = KEY_FRAME_EVERY  # frames of a piece
@@ -205,6 +206,10 @@ def test_frames_that_cannot_be_decoded_are_named_and_the_rest_goes_on(here, film
     left = sorted(set(whole["frame"]) - set(table["frame"]))
     assert left == list(range(27, 36)) and metrics["frames_lost"] == 9
     assert "9 of 72 frames" in said and "27-35" in said
+    clip = here / "data/clip"
+    film = Film(clip, load_facts(clip / FACTS_NAME), load_mask(clip / ARENA_NAME, 320, 240))
+    with pytest.warns(UserWarning, match="9 of 72 frames .* 27-35"):
+        track(film, here / "by_verb")
     kept = whole[~whole["frame"].isin(left)]
     assert table["x_px"].to_numpy() == pytest.approx(kept["x_px"].to_numpy(), abs=0.5)
 
