@@ -359,6 +359,9 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it(mode):
     laps = np.diff(np.unwrap(np.arctan2(y, x)[first:])).sum() / (2 * np.pi)
     assert laps > 1.5
     assert tank.fish[0].at(tank.tick).goal == PATH
+    weighed = [tank.fish[0].choice(tick).stretch.options for tick in range(first + 5, tank.tick)]
+    jumps = [one.terms[one.seams > 0, 0] for one in weighed if one is not None]
+    assert mode == NETWORK or (np.concatenate(jumps) > 0).all()
 
 
 def test_an_open_path_ends_and_is_given_up_for_a_goal():

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
-from finloop.animate.beam import Found, begin, ends, go_on, jump, jumps_of, keep_best, leads_on
+from finloop.animate.beam import begin, ends, go_on, jump, jumps_of, keep_best, leads_on
 from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film
 from finloop.animate.recent import last_on_screen
@@ -98,14 +98,18 @@ def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Route, by) -> Found:  # type: ignore[no-untyped-def]
+def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Route, by):  # type: ignore[no-untyped-def]
     """Follow every way (k,) along the path through the film and its jumps: a beam search.
 
     by: `Rules`, `Steering`. Without times, what a way falls behind a brisk fish costs its `pace`.
+
+    Returns
+    -------
+    terms (k, 3) : what each costs at once, of `decide.priced`; what becomes of it.
     """
     rules, steering = by
     film = footage.film
-    _, candidates = priced(film, ways, here, rules)
+    terms, candidates = priced(film, ways, here, rules)
     search, n = begin(film, footage.legal, candidates, (here.x, here.y, along), rules.beam)
     end = np.inf if route.closed else route.step * (route.x.size - 1)
     while n:
@@ -124,7 +128,7 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
             else:
                 m = _branch(footage, way, search.beam, m, here, (behind, route, rules, steering))
         n = go_on(search, int(m))
-    return search.found
+    return terms, search.found
 
 
 @kernel

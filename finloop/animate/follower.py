@@ -105,7 +105,7 @@ class Follower:
             rots = np.zeros_like(rots)
         begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
         here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, np.zeros((0, 3), np.int64))
-        found = look_along(footage, begin, here, 0.0, route, (self.rules, self.steering))
+        _, found = look_along(footage, begin, here, 0.0, route, (self.rules, self.steering))
         best = best_of(found)
         row, rot = int(some[best]), float(rots[best])
         state, of_film = (FILM, rot) if footage is self._film else (FORECAST, 0.0)
@@ -166,11 +166,11 @@ class Follower:
         if not len(every.rows):
             return None
         by = self.rules, self.steering
-        found = look_along(footage, every, here, along, route, by)
+        terms, found = look_along(footage, every, here, along, route, by)
         taken = best_of(found)
         if np.isinf(found.value[taken]) and found.ticks[taken] <= self.rules.stride:
             return None
-        return Plan(float(found.value[taken]), every, taken, found)
+        return Plan(float(found.value[taken]), every, taken, terms, found)
 
     def _play(self, plan: "Plan", fish: Fish, along: float, route: Route) -> tuple[Stretch, float]:
         """Play the film to the next loop end after a stride."""
@@ -261,11 +261,15 @@ class Follower:
 
 
 class Plan(NamedTuple):
-    """The way that is taken of some that could be. value: what it costs, in ticks."""
+    """The way that is taken of some (k,) that could be.
+
+    value: what it costs, in ticks; terms (k, 3): what each costs at once, in ticks.
+    """
 
     value: float
     ways: Ways
     taken: int
+    terms: Floats
     found: Found
 
     @property
@@ -278,7 +282,7 @@ class Plan(NamedTuple):
         lost = np.isinf(self.found.value)
         verdict = np.where(self.found.over, _OVER, np.where(lost, _TANK, 0)).astype(np.int8)
         return Options(
-            self.ways.rows, self.ways.rots, self.ways.seams, np.zeros((len(lost), 3)),
+            self.ways.rows, self.ways.rots, self.ways.seams, self.terms / rate_hz,
             self.found.value / rate_hz, self.found.ticks, verdict, self.taken,
         )  # fmt: skip
 
