@@ -9,7 +9,7 @@ from finloop.animate.beam import Candidates, Found, jumps_of
 from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, touches, wrap
-from finloop.animate.recent import last_on_screen
+from finloop.animate.recent import last_on_screen, times
 from finloop.animate.search import Ends, Here, Rules, jump_cost, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
@@ -73,7 +73,7 @@ def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Ca
         seam, jerk, again = jump_cost(ways.seams[k], faster, ago, rules)
         if ways.jumps[k]:
             terms[k, 0], terms[k, 1] = seam, jerk
-        terms[k, 2] = again
+        terms[k, 2] = again * times(here.repeat, here.recent, row, rules.stay)
         costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
         since[k] = 0 if ways.jumps[k] else here.since + 1
     return terms, Candidates(ways.rows, ways.rots, costs, since)

@@ -141,7 +141,7 @@ class Follower:
         film, jumps = self._film.film, fish.since + 1 >= self.rules.stay
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
         place_px = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
-        here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent)
+        here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
         return self._best(self._film, every, here, along, route)
 
     def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
@@ -156,7 +156,7 @@ class Follower:
         rows = np.ascontiguousarray(rows[footage.film.endless[rows]], np.int64)
         rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
         every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
-        here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent)
+        here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat)
         return self._best(footage, every, here, along, route)
 
     def _best(

@@ -17,7 +17,7 @@ from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST
 from finloop.animate.rare import Rarity
-from finloop.animate.recent import again_cost, last_on_screen
+from finloop.animate.recent import Repeat, again_cost, last_on_screen, times
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
@@ -50,7 +50,8 @@ class Recall(NamedTuple):
     """What a fish remembers, and what it costs to show it again.
 
     tick: now; recent (m, 3): of `Fish`; soon: so many ticks of what follows are looked up; again:
-    ticks that a row just seen costs; memory: ticks until a row is forgotten.
+    ticks that a row just seen costs; memory: ticks until a row is forgotten; repeat: of `Fish`;
+    stay: ticks of a repeat after which going on with it costs twice as much.
     """
 
     tick: int
@@ -58,6 +59,8 @@ class Recall(NamedTuple):
     soon: int
     again: int
     memory: int
+    repeat: Repeat
+    stay: int
 
 
 class ForecastSwimmer:
@@ -131,7 +134,8 @@ class ForecastSwimmer:
         start = np.array([fish.x, fish.y, fish.heading])
         towards, soon = (goal, aim, self._pace), max(1, round(swum.follow))
         again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))
-        recall = Recall(fish.tick, fish.recent, soon, again, memory)
+        stay = max(1, self.waters.ticks(p.stay))
+        recall = Recall(fish.tick, fish.recent, soon, again, memory, fish.repeat, stay)
         rows, chance = ways(swum, fish.row)
         most = max(1, self.waters.ticks(p.follow_most))
         if fish.since + 1 >= most and len(rows) > 1:
@@ -240,7 +244,8 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
                 far = np.hypot(aim.x - place[0], aim.y - place[1])
                 costs[k] += far / pace.speed + off / pace.turning
         last = last_on_screen(recall.recent, rows[k] + 1, rows[k] + recall.soon)
-        costs[k] += again_cost(recall.tick - last, recall.again, recall.memory)
+        longer = times(recall.repeat, recall.recent, rows[k] + 1, recall.stay)
+        costs[k] += longer * again_cost(recall.tick - last, recall.again, recall.memory)
     return costs, free
 
 

@@ -20,6 +20,8 @@ from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.base.arrays import Mask
 from finloop.loops.positions import quadrant
 
+_WIDER = 8  # times as many ways are followed where, of those that were, none leads on
+
 
 class FilmSwimmer:
     """Swims by the film."""
@@ -28,6 +30,7 @@ class FilmSwimmer:
         self.waters = waters
         p = waters.settings
         self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam)
+        self._wide = self.rules._replace(beam=_WIDER * p.beam)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, at a row from which the film goes on for ever."""
@@ -62,12 +65,18 @@ class FilmSwimmer:
         return decide.ways_on(self.waters.film, fish.row + 1, fish.rot, jumps)
 
     def weigh(self, fish: Fish, aim: Spot, ways: Ways) -> Options:
-        """Look ahead from ways (k,) that could be shown next."""
+        """Look ahead from ways (k,) that could be shown next.
+
+        The cheapest ways are much alike, and may all run into one wall. Then more are followed.
+        """
         waters, rate = self.waters, self.waters.motion.rate_hz
-        here = Here(*self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent)
-        terms, found, verdict = decide.weigh(
-            waters.film, waters.tank.legal, ways, here, aim, self.rules
+        here = Here(
+            *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat
         )
+        film, legal = waters.film, waters.tank.legal
+        terms, found, verdict = decide.weigh(film, legal, ways, here, aim, self.rules)
+        if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
+            terms, found, verdict = decide.weigh(film, legal, ways, here, aim, self._wide)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 

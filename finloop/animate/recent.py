@@ -5,13 +5,29 @@ first row, the last row, and the tick at which the first was last on screen. So 
 the jumps of the last seconds, not with the film, and a row is looked up by halving.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from finloop.base.arrays import Ints
-from finloop.base.kernel import for_kernels, kernel
+from finloop.base.kernel import for_kernels, kernel, kernel_part
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
+
+
+class Repeat(NamedTuple):
+    """A run of film that is shown again, as it was before.
+
+    tick: at which the row that is on screen was last on screen before; ticks: of the run so far, 0
+    where that row is shown for the first time.
+    """
+
+    tick: int
+    ticks: int
+
+
+NO_REPEAT = Repeat(NEVER, 0)
 
 
 @for_kernels
@@ -38,6 +54,16 @@ def last_on_screen(recent: Ints, first: int, last: int) -> int:
         tick = max(tick, recent[low, 2] + min(recent[low, 1], last) - recent[low, 0])
         low += 1
     return tick
+
+
+@kernel_part
+def times(repeat: Repeat, recent: Ints, row: int, stay: int) -> float:
+    """How many times as much a row costs again that goes on with a repeat; else 1.
+
+    recent: stretches that were on screen; stay: ticks of a repeat after which it is twice as much.
+    """
+    goes_on = repeat.ticks > 0 and last_on_screen(recent, row, row) == repeat.tick + 1
+    return 1.0 + repeat.ticks / stay if goes_on else 1.0
 
 
 @kernel
@@ -71,3 +97,13 @@ def remembered(recent: Ints, first: int, last: int, tick: int, since: float) -> 
             kept[n, 0], kept[n, 1], kept[n, 2] = after, b, begun + after - a
             n += 1
     return kept[:n].copy()
+
+
+@kernel
+def repeated(repeat: Repeat, recent: Ints, first: int, last: int) -> Repeat:
+    """The repeat after the rows first … last; recent: as it was before they were shown."""
+    tick, ticks = repeat.tick, repeat.ticks
+    for row in range(first, last + 1):
+        before, tick = tick, last_on_screen(recent, row, row)
+        ticks = 0 if tick == NEVER else ticks + 1 if tick == before + 1 else 1
+    return Repeat(tick, ticks)

@@ -18,7 +18,7 @@ from finloop.animate.beam import (
 )
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
-from finloop.animate.recent import again_cost, last_on_screen
+from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import for_kernels, kernel
@@ -28,7 +28,7 @@ class Here(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish that shows it matters.
 
     speed: in body lengths/s; since: ticks since its last jump; recent (m, 3): what was on screen,
-    as `Fish` keeps it.
+    as `Fish` keeps it, and the repeat that this is.
     """
 
     x: float
@@ -37,6 +37,7 @@ class Here(NamedTuple):
     speed: float
     since: int
     recent: Ints
+    repeat: Repeat = NO_REPEAT
 
 
 class Rules(NamedTuple):

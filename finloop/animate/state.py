@@ -15,7 +15,7 @@ from finloop.animate.edit_list import FRAME, SPOT, SPRITE
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
-from finloop.animate.recent import remembered
+from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
 from finloop.base.arrays import Floats, Ints, Mask
@@ -65,7 +65,8 @@ class Fish:
     one shown, −1 in the film; phase: place in its cycle, in frames; area: relative motion area;
     tick: how long it has swum. In the film: row, the last one shown, −1 for none; rot, by how much
     it is turned; since, ticks since the last jump, or since the film was left; waits, ticks without
-    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.recent`).
+    a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.recent`);
+    repeat: whether what is shown repeats them.
     As is foretold: past (L + 1, d), its last states, the present one first
     (`finloop.forecast.sampling`).
     """
@@ -84,6 +85,7 @@ class Fish:
     since: int = 0
     waits: int = 0
     recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
+    repeat: Repeat = NO_REPEAT
     past: Floats | None = None
 
     @property
@@ -212,7 +214,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
             tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
             since=ticks - 1 if stretch.new else fish.since + ticks,
             waits=fish.waits + ticks if stretch.waits else 0,
-            recent=_remembered(fish, stretch, waters),
+            recent=_remembered(fish, stretch, waters), repeat=_repeated(fish, stretch),
             past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
         )  # fmt: skip
     before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
@@ -234,3 +236,9 @@ def _remembered(fish: Fish, stretch: Stretch, waters: Waters) -> Ints:
     since = fish.tick - waters.settings.memory * waters.motion.delta
     first, last = stretch.number[[0, -1]].tolist()
     return remembered(fish.recent, first, last, fish.tick, since)
+
+
+def _repeated(fish: Fish, stretch: Stretch) -> Repeat:
+    """The repeat after a stretch."""
+    first, last = stretch.number[[0, -1]].tolist()
+    return repeated(fish.repeat, fish.recent, first, last)
