@@ -5,12 +5,23 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from toy_film import HEAD, LENGTH, RATE, STEP, TOUCH, lesson, open_tank
+from toy_film import (
+    HEAD,
+    LENGTH,
+    RATE,
+    STEP,
+    TOUCH,
+    lesson,
+    open_tank,
+    players_of,
+    waters_of,
+)
 from toy_tank import played, read, toy_players, view_of
 
 from finloop.animate import kinematics as step
 from finloop.animate import policies
 from finloop.animate.arena import inside
+from finloop.animate.arena import tank as arena_tank
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, PATH, SPRITE
 from finloop.animate.listing import edit_list
 from finloop.animate.motion import TURN
@@ -22,7 +33,7 @@ from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
 from finloop.live.fish import ROW
 from finloop.live.message import parsed
-from finloop.live.tank import LiveTank
+from finloop.live.tank import LiveTank, rehearse
 
 
 def steps(rows):
@@ -388,6 +399,12 @@ def test_a_path_no_longer_than_a_goal_is_one_and_none_leads_out_of_the_tank():
     tank.follow(0, [(-500.0, 300.0), (400.0, 300.0), (5000.0, 9000.0)])
     route = tank.fish[0].errand.route
     assert all(inside(open_tank().legal, x, y) for x, y in zip(route.x, route.y, strict=True))
+
+
+def test_a_tank_with_room_for_no_path_is_opened_all_the_same():
+    side = round(1.2 * LENGTH) + 6
+    room = arena_tank(np.ones((side, side), bool), 0.6 * LENGTH)
+    rehearse(players_of(waters_of(room_=room)))
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -15,12 +15,17 @@ from finloop.live.fish import Ghost, LiveFish
 
 
 def rehearse(players: Mapping[str, Player]) -> None:
-    """Lay out and compile what a drawn path takes, so that the first one need not wait for it."""
+    """Lay out and compile what a drawn path takes, so that the first one need not wait for it.
+
+    Where a fish has no room but for a touch, every path is a goal, and nothing is to be done.
+    """
     for player in players.values():
         rng, waters = np.random.default_rng(0), player.waters
-        (x, y), (to_x, to_y) = (waters.tank.random_point(rng) for _ in range(2))
-        line = Line("a rehearsal", np.array([x, to_x]), np.array([y, to_y]), PX)
-        player.step(player.begin(rng), lay(line, waters.tank, waters.motion, None).route, rng)
+        y, x = (side[[0, -1]].astype(float) for side in np.nonzero(waters.tank.legal))
+        if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
+            line = Line("a rehearsal", x, y, PX)
+            route = lay(line, waters.tank, waters.motion, None).route
+            player.step(player.begin(rng), route, rng)
 
 
 class LiveTank:
@@ -82,10 +87,11 @@ class LiveTank:
             self.fish[number].send((float(x), float(y)), drag)
 
     def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
-        """A fish, or all of them, along a path drawn by hand, x, y px, as often as it is closed.
+        """A fish, or all of them, along a path drawn by hand: places x, y px of the tank's picture.
 
         It is moved to where a fish can be. One that ends where it began, as near as a goal is
-        touched, is closed; one that is hardly longer than a point is a goal.
+        touched, is closed, and swum again and again; one that is hardly longer than a point is a
+        goal.
         """
         waters = self.waters
         x, y = np.array([waters.tank.into(*place) for place in places], float).T
