@@ -27,6 +27,10 @@ one), what it costs in ticks, the candidate that it began with (first), ticks th
 have passed since its last jump."""
 
 
+BRANCH = np.dtype([("total", "f8"), ("first", "i8"), ("way", "i8"), ("jump", "i8"), ("cost", "f8")])
+"""A `Branch`."""
+
+
 class Candidates(NamedTuple):
     """Rows (k,) that could be shown now.
 
@@ -52,23 +56,38 @@ class Found(NamedTuple):
     over: Mask
 
 
-class Beam(NamedTuple):
-    """The best branches of a leg, (beam,) each: their totals, rising, and where in `ways` they are.
+class Branch(NamedTuple):
+    """A way that goes on: the candidate that it began with (first), and its number (way).
 
-    A total is what a branch costs, and is expected to cost.
+    total: what it costs, and is expected to cost; jump: number of the jump that it takes, −1 for
+    none; cost: of that jump.
+    """
+
+    total: float
+    first: int
+    way: int
+    jump: int
+    cost: float
+
+
+class Beam(NamedTuple):
+    """The best branches of a leg (beam,), of dtype `BRANCH`, their totals rising.
+
     over (candidates,): whether a branch of a candidate was given up for better ones.
     """
 
-    totals: Floats
-    order: Ints
-    ways: NDArray[np.void]
+    branches: NDArray[np.void]
     over: Mask
 
 
 class Search(NamedTuple):
-    """A beam search: the ways that are followed now, the branches after them, what was found."""
+    """A beam search: the ways that are followed now, the branches after them, what was found.
+
+    spare: room for the ways after these.
+    """
 
     ways: NDArray[np.void]
+    spare: NDArray[np.void]
     beam: Beam
     found: Found
 
@@ -81,8 +100,9 @@ def begin(film: Film, legal: Mask, candidates: Candidates, place, width: int):  
     """
     count = candidates.rows.size
     found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
-    beam = Beam(np.empty(width), np.empty(width, np.int64), np.empty(width, WAY), found.over)
-    search, n = Search(np.empty(max(width, count), WAY), beam, found), 0
+    beam = Beam(np.empty(width, BRANCH), found.over)
+    most = max(width, count)
+    search, n = Search(np.empty(most, WAY), np.empty(most, WAY), beam, found), 0
     x, y, along = place
     for c in range(count):
         if film.rows[candidates.rows[c]].endless and inside(legal, x, y):
@@ -122,42 +142,39 @@ def jumps_of(film: Film, row: int, may: bool):  # type: ignore[no-untyped-def]
     return np.int64(0), np.int64(0)
 
 
-@kernel_part
-def jump(film: Film, way, number: int, cost: float) -> None:  # type: ignore[no-untyped-def]
-    """Take a way over a jump, which costs so many ticks."""
-    row = film.to[number]
-    if film.body:
-        way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[row].heading)
-    way.row, way.cost, way.since = row, way.cost + cost, 0
-
-
 @kernel
-def keep_best(beam, n, total, way):  # type: ignore[no-untyped-def]
-    """Keep a further branch of this total if it is among the best.
-
-    n: how many there were. Where in `beam.ways` it is, −1 if it is not; how many there are then.
-    """
-    slot, k = n, n
-    if n == len(beam.order):
+def keep_best(beam: Beam, n: int, branch: Branch) -> int:
+    """Keep a further branch if it is among the best: how many there are then; n: there were."""
+    best, most = beam.branches, beam.branches.size
+    k = n
+    if n == most:
         k = n - 1
-        if total >= beam.totals[k]:
-            beam.over[way.first] = True
-            return np.int64(-1), n
-        slot = beam.order[k]
-        beam.over[beam.ways[slot].first] = True
-    while k > 0 and total < beam.totals[k - 1]:
-        beam.totals[k], beam.order[k] = beam.totals[k - 1], beam.order[k - 1]
+        if branch.total >= best[k].total:
+            beam.over[branch.first] = True
+            return n
+        beam.over[best[k].first] = True
+    while k > 0 and branch.total < best[k - 1].total:
+        best[k] = best[k - 1]
         k -= 1
-    beam.totals[k], beam.order[k], beam.ways[slot] = total, slot, way
-    return slot, max(n, slot + 1)
+    at = best[k]
+    at.total, at.first, at.way, at.jump, at.cost = branch
+    return min(n + 1, most)
 
 
 @kernel_part
-def go_on(search: Search, n: int) -> int:
-    """Follow the best branches of a leg, which are n, from now on: how many these are."""
-    for s in range(n):
-        search.ways[s] = search.beam.ways[search.beam.order[s]]
+def go_on(film: Film, search: Search, n: int) -> Search:
+    """Follow the best branches of a leg, which are n, from now on."""
+    found = search.found
+    for k in range(n):
+        branch = search.beam.branches[k]
+        way = search.spare[k]
+        search.spare[k] = search.ways[branch.way]
+        if branch.jump >= 0:
+            row = film.to[branch.jump]
+            if film.body:
+                way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[row].heading)
+            way.row, way.cost, way.since = row, way.cost + branch.cost, 0
     if n == 0:
-        for c in range(search.found.over.size):
-            search.found.over[c] = search.found.over[c] and search.found.value[c] == np.inf
-    return n
+        for c in range(found.over.size):
+            found.over[c] = found.over[c] and found.value[c] == np.inf
+    return Search(search.spare, search.ways, search.beam, found)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
-from finloop.animate.beam import begin, ends, go_on, jump, jumps_of, keep_best, leads_on
+from finloop.animate.beam import Branch, begin, ends, go_on, jumps_of, keep_best, leads_on
 from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film
 from finloop.animate.recent import last_on_screen
@@ -126,21 +126,24 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
             if way.along >= end or way.ticks >= rules.horizon:
                 ends(search.found, way, way.cost + behind)
             else:
-                m = _branch(footage, way, search.beam, m, here, (behind, route, rules, steering))
-        n = go_on(search, int(m))
+                kept = search.beam, m
+                m = _branch(footage, way, s, kept, here, (behind, route, rules, steering))
+        n = int(m)
+        search = go_on(film, search, n)
     return terms, search.found
 
 
 @kernel
-def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
-    """At a loop end: playing on, and every jump, where they are among the best; how many these are.
+def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
+    """Way s at a loop end: playing on, and every jump, where they are among the best.
 
-    n: how many there were; by: what the way costs beside its `cost`, route, rules, steering.
+    kept: the beam, and how many there were; by: what the way costs beside its `cost`, route, rules,
+    steering. Returns how many there are.
     """
-    behind, route, rules, steering = by
-    film, at, most = footage.film, footage.film.rows[way.row], len(beam.order)
+    (beam, n), (behind, route, rules, steering) = kept, by
+    film, at, most = footage.film, footage.film.rows[way.row], beam.branches.size
     tick, total = here.tick + way.ticks, way.cost + behind
-    if n == most and total >= beam.totals[n - 1]:
+    if n == most and total >= beam.branches[n - 1].total:
         beam.over[way.first] = True
         return n
     heading = at.heading + way.rot
@@ -148,12 +151,12 @@ def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
     cos, sin = np.cos(angle), np.sin(angle)
     if at.more and film.rows[way.row + 1].endless:
         off = _soon(footage.leads[way.row], way, cos, sin, tick, (route, steering))
-        _, n = keep_best(beam, n, total + off, way)
+        n = keep_best(beam, n, Branch(total + off, way.first, s, -1, 0.0))
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
     for e in range(first, last):
         other = film.to[e]
         there = film.rows[other]
-        worst = beam.totals[n - 1] if n == most else np.inf
+        worst = beam.branches[n - 1].total if n == most else np.inf
         seam, jerk, _ = jump_cost(film.seam[e], there.speed - at.speed, np.inf, rules)
         if total + (seam + jerk) >= worst:
             beam.over[way.first] = True
@@ -168,9 +171,7 @@ def _branch(footage, way, beam, n, here, by):  # type: ignore[no-untyped-def]
         ago = float(tick - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], there.speed - at.speed, ago, rules)
         cost = seam + jerk + again
-        slot, n = keep_best(beam, n, total + cost + off, way)
-        if slot >= 0:
-            jump(film, beam.ways[slot], e, cost)
+        n = keep_best(beam, n, Branch(total + cost + off, way.first, s, e, cost))
     return n
 
 

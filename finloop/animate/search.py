@@ -6,12 +6,12 @@ import numpy as np
 
 from finloop.animate.arena import inside
 from finloop.animate.beam import (
+    Branch,
     Candidates,
     Found,
     begin,
     ends,
     go_on,
-    jump,
     jumps_of,
     keep_best,
     leads_on,
@@ -174,8 +174,9 @@ def look(
             if touched or way.ticks >= rules.horizon:
                 _finish(film, way, touched, (search.found, ends_at), aim, rules)
             else:
-                m = _branch(film, way, search.beam, m, here, (aim, rules))
-        n = go_on(search, int(m))
+                m = _branch(film, way, s, (search.beam, m), here, (aim, rules))
+        n = int(m)
+        search = go_on(film, search, n)
     return search.found, ends_at
 
 
@@ -194,23 +195,24 @@ def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped
 
 
 @kernel
-def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
-    """At a loop end: playing on, and every jump, where they are among the best; how many these are.
+def _branch(film, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
+    """Way s at a loop end: playing on, and every jump, where they are among the best.
 
-    n: how many there were.
+    kept: the beam, and how many there were; returns how many there are.
     """
-    aim, rules = towards
+    (beam, n), (aim, rules) = kept, towards
+    most = beam.branches.size
     at = film.rows[way.row]
     total = way.ticks + remaining(way.x, way.y, at.heading + way.rot, aim, rules)
     plays = at.more and film.rows[way.row + 1].endless
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
-    if n == len(beam.order) and total + way.cost >= beam.totals[n - 1]:
+    if n == most and total + way.cost >= beam.branches[n - 1].total:
         beam.over[way.first] |= plays or first < last
         return n
     if plays:
-        _, n = keep_best(beam, n, total + way.cost, way)
+        n = keep_best(beam, n, Branch(total + way.cost, way.first, s, -1, 0.0))
     for e in range(first, last):
-        worst = beam.totals[n - 1] if n == len(beam.order) else np.inf
+        worst = beam.branches[n - 1].total if n == most else np.inf
         # Most jumps are too dear for their seam, or their change of speed, alone.
         seam, _, _ = jump_cost(film.seam[e], 0.0, np.inf, rules)
         if total + (way.cost + seam) >= worst:
@@ -225,7 +227,5 @@ def _branch(film, way, beam, n, here, towards):  # type: ignore[no-untyped-def]
         ago = float(here.tick + way.ticks - last_on_screen(here.recent, other, other))
         seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
         cost = seam + jerk + again
-        slot, n = keep_best(beam, n, total + (way.cost + cost), way)
-        if slot >= 0:
-            jump(film, beam.ways[slot], e, cost)
+        n = keep_best(beam, n, Branch(total + (way.cost + cost), way.first, s, e, cost))
     return n
