@@ -477,6 +477,13 @@ def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
     assert back["time_s"].iloc[-1] == pytest.approx(499 / RATE)
 
 
+def test_an_edit_list_of_one_tick_begins_as_any_other(player):
+    one, longer = (played(player, [], ticks, 1) for ticks in (1, 20))
+    apart = ["speed"]  # there is no second place to have moved to
+    pd.testing.assert_frame_equal(one.drop(columns=apart), longer[:1].drop(columns=apart))
+    assert one["speed"].item() == 0 and longer["speed"][0] == longer["speed"][1]
+
+
 def test_orientation_and_rest_make_the_heading(player):
     cut = replace(player, joins=replace(player.joins, kind=CUT, fade=0))
     table = played(cut, [], 2000, 1)

@@ -78,7 +78,8 @@ def edit_columns(
     heading = wrap_deg(way[:, 2])
     step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
     speed = step / motion.body_length_px * motion.rate_hz
-    speed[:1] = speed[1:2]
+    if len(speed) > 1:
+        speed[0] = speed[1]  # before the first tick there is no step
     new = np.array([s.new for s in stretches])[: len(first)] & (first > 0)
     aims = np.array([s.aim for s in stretches])
     state = np.array([s.state for s in stretches])[owner]
