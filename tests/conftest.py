@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 OUTPUTS = ("data", "reports")
+BESIDE = (str(ROOT), str(Path(__file__).parent))
+os.environ["PYTHONPATH"] = os.pathsep.join(BESIDE)  # where the server of processes is started
 FRONT = ("plots-clip", "plots-extract", "plots-features")  # and what these wait for
 TINY_CARP = [
     "clip=carp",
@@ -96,8 +98,9 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """What was imported stays, and is not looked through again and again."""
+    """What was imported stays, and is not looked through again and again; what is new, seldom."""
     gc.freeze()
+    gc.set_threshold(100_000, 20, 100)  # a kernel that is compiled makes a million objects
     gc.enable()
 
 
@@ -224,6 +227,7 @@ def run_copy(make: pytest.TempPathFactory, tiny_run: "TinyRun", words: Collectio
         "DVC_GLOBAL_CONFIG_DIR": str(apart / "global"),
         "DVC_SITE_CACHE_DIR": str(apart / "site"),
     }
+    del env["PYTHONPATH"]
     env.pop("PYTHONDONTWRITEBYTECODE", None)  # else every stage compiles the same modules again
     copy = Copy(root, env, apart)
     copy.git("init", "--quiet", ".")

@@ -40,8 +40,9 @@ def composed_once(overrides: Sequence[str]) -> str:
 
 @cache
 def _params(overrides: tuple[str, ...]) -> str:
-    """Options and the clip's values go by Hydra; plain values are laid over, and checked, here."""
-    plain = [one for one in overrides if "." in one.partition("=")[0] and one[:5] != "clip."]
+    """Options and the film, which is stamped, go by Hydra; plain values are laid over here."""
+    keys = {one: one.partition("=")[0] for one in overrides}
+    plain = [one for one, key in keys.items() if "." in key and key != "clip.path"]
     values = yaml.load(
         _composed(tuple(one for one in overrides if one not in plain)), yaml.CSafeLoader
     )

@@ -23,9 +23,15 @@ from jobs import (
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, ordered_map
+from finloop.base.parallel import Processes, ordered_map, warm_up
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quick_to_start():
+    """Processes are forked from one that has imported their work."""
+    warm_up(["jobs", parallel.__name__])
 
 
 @pytest.fixture(autouse=True)

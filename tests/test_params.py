@@ -8,7 +8,7 @@ import subprocess
 import sys
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
-from itertools import pairwise
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Annotated, Any, Literal, get_type_hints
 
@@ -131,9 +131,16 @@ def made_values(*overrides: str) -> dict[str, Any]:
 
 
 def composed_values(word: str, option: str) -> dict[str, Any]:
-    usual = {word: option} in yaml.safe_load((ROOT / "conf/config.yaml").read_text())["defaults"]
-    asked = [] if usual else [f"{word}={option}", *TO_GIVE.get((word, option), [])]
-    return made_values(*asked)[word]
+    """Of a group; composed together with options of the other groups."""
+    usual = yaml.load((ROOT / "conf/config.yaml").read_text(), yaml.CSafeLoader)["defaults"]
+    others: dict[str, list[str]] = {}
+    for one, other in EVERY:
+        if {one: other} not in usual:
+            others.setdefault(one, []).append(other)
+    at = others[word].index(option) if option in others.get(word, ()) else None
+    asked = [] if at is None else [(one, of[at]) for one, of in others.items() if at < len(of)]
+    given = [(f"{one}={of}", *TO_GIVE.get((one, of), [])) for one, of in asked]
+    return made_values(*chain.from_iterable(given))[word]
 
 
 @pytest.mark.parametrize(("word", "option"), EVERY)

@@ -199,7 +199,9 @@ def onward(footage: Footage, begins: Floats, row: int, rot: float, ticks: int) -
     """A way (k, 3) whose last place shows a row, and on by the film: (k + m, 3), m ≤ ticks."""
     k, more = len(begins), min(ticks, footage.run[row])
     way = np.empty((k + more, 3))
-    way[:k] = begins
+    for i in range(k):  # `way[:k] = begins` takes six seconds to compile
+        for c in range(3):
+            way[i, c] = begins[i, c]
     rows = footage.film.rows
     for t in range(1, more + 1):
         dx, dy = moved(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rot)
