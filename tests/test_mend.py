@@ -26,7 +26,7 @@ Frames = Sequence[np.ndarray]
 
 
 def drawn(**values) -> list[np.ndarray]:
-    carp = {"width_px": 320, "height_px": 240, "body_length_px": 70.0, "colour": False, "fish": 1}
+    carp = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
     return [frame for frame, _ in film(settings("clip", source="carp", **carp, **values))]
 
 
@@ -89,7 +89,7 @@ def test_a_shaking_camera_is_steadied_and_the_border_is_no_arena(tmp_path, carp)
     still, shaken, calm = (np.median(np.std(one, axis=0)[8:-8, 8:-8]) for one in (carp, shot, clip))
     assert calm < 1.02 * still < 1.1 * still < shaken  # as a pixel of the tank changes over time
     assert not one.arena[0].any() and not one.arena[:, -1].any() and one.arena[8:-8, 8:-8].all()
-    np.testing.assert_array_equal(load_mask(tmp_path / "clip" / ARENA_NAME, 320, 240), one.arena)
+    np.testing.assert_array_equal(load_mask(tmp_path / "clip" / ARENA_NAME, 224, 168), one.arena)
 
 
 def test_pictures_shown_twice_are_shown_once_at_their_time(tmp_path, carp):
