@@ -60,7 +60,7 @@ from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
 from finloop.sprites.swimmers import smooth, swimmers
 from finloop.sprites.turn import reflection, rotation, trimmed, turned
 
-ORIENTATIONS = 24  # conf/features/default.yaml
+ORIENTATIONS = 12
 
 RATE, DELTA = 25.0, 5
 POINTS = 33
@@ -686,7 +686,7 @@ def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
     slide = sprites[sprites["sequence"] == "slide"].iloc[3]
     for number in range(ORIENTATIONS):
         one = pictures[int(slide["sprite"]) * ORIENTATIONS + number]
-        off = wrap_deg(np.array(tilt(one) - 15 * number))
+        off = wrap_deg(np.array(tilt(one) - number * 360 / ORIENTATIONS))
         assert abs(off) < 1.5, number + 1
         np.testing.assert_allclose(centre(one), [slide["x_px"], slide["y_px"]], atol=0.1)
 
@@ -708,8 +708,8 @@ def test_pictures_come_in_order(sprites, pictures):
 
 
 def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
-    row = sprites[:1].assign(heading_deg=45.0)
-    one = list(drawn(row, toy.cutouts))[3]  # orientation 4: 45°
+    row = sprites[:1].assign(heading_deg=90.0)
+    one = list(drawn(row, toy.cutouts))[3]  # orientation 4: 90°
     want = toy.cutouts[row["row"].iloc[0]]
     np.testing.assert_array_equal(one.pixels, want.pixels)
     assert (one.x0_px, one.y0_px) == (want.x0_px, want.y0_px)
@@ -846,7 +846,7 @@ def test_tags_and_animations_name_each_sequence_in_each_orientation(tmp_path, fe
         row = few[(few["sequence"] == "left") & (few["step"] == 2)].iloc[0]
         assert motion["turn_deg"] == pytest.approx(row["turn_deg"], abs=1e-4)
     words = ("straight", "left")
-    assert sorted(tags) == sorted(f"{w}/{o:02d}" for w in words for o in range(1, 25))
+    assert sorted(tags) == sorted(f"{w}/{o:02d}" for w in words for o in range(1, ORIENTATIONS + 1))
 
 
 def test_pictures_on_a_page_do_not_touch(few, store):
@@ -915,7 +915,7 @@ def test_stage_writes_sprites_atlas_and_reports(work, sprites, pictures, capsys)
         assert len(store) == len(pictures)
         np.testing.assert_array_equal(store[30].pixels, pictures[30].pixels)
     metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
-    assert metrics["orientations_with_all_types_after"] == 24
+    assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 0
     assert load_picture(work / "reports/sprites/contact_sheet.png").ndim == 3
     assert len(pd.read_csv(work / "reports/sprites/table1_after.csv")) == ORIENTATIONS
@@ -934,7 +934,7 @@ def test_stage_says_what_stands_in(work, capsys):
     assert "no glide with a still tail" in said
     metrics = json.loads((work / "reports/sprites/metrics.json").read_text())
     assert metrics["mirrored_turns"] == metrics["slide_stands_in"] == 1
-    assert metrics["orientations_with_all_types_after"] == 24
+    assert metrics["orientations_with_all_types_after"] == ORIENTATIONS
 
 
 def test_stage_that_fails_leaves_nothing_behind(work):
