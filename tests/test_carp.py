@@ -333,13 +333,13 @@ def test_it_speeds_up_and_glides(long_films):
 
 @pytest.mark.parametrize("fins", [0.0, 0.3, 1.0])
 def test_fins_are_open_the_asked_share_of_the_time(fins):
-    poses = motion(settings("clip", source="carp", frames=4000, fins=fins, seed=5))
+    poses = motion(settings("clip", source="carp", frames=3000, fins=fins, seed=5))
     assert (poses.fins[100:] > 0.5).mean() == pytest.approx(fins, abs=0.08)
 
 
 @pytest.mark.parametrize("fish", [3, 8])
 def test_several_fish_never_touch(fish):
-    params = settings("clip", source="carp", frames=180, fish=fish, seed=2)
+    params = settings("clip", source="carp", frames=120, fish=fish, seed=2)
     assert fits(params)
     poses, skins = motion(params), looks(params)
     clear = np.inf
@@ -349,7 +349,7 @@ def test_several_fish_never_touch(fish):
         lines = [midline_px(params, poses, number, i) for i in range(fish)]
         points = np.concatenate([line[::2] for line in lines])
         clear = min(clear, cdist(points, points)[others].min())
-        if number % 60 == 0:
+        if number % 40 == 0:
             seen = np.zeros((params.height_px, params.width_px))
             for line, skin in zip(lines, skins, strict=True):
                 cut = draw(line, (1.0, 1.0), skin)

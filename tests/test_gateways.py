@@ -294,14 +294,16 @@ def test_frames_a_sprite_leads_to_are_apart(world, apart):
     ways = world.ways(IN, threshold=1e6, apart=apart, top_in=100)
     least = max(1, apart * DELTA)
     for sprite, of in ways.groupby("sprite"):
-        rows = np.sort(of["row"])
+        kept, distance = of["row"].to_numpy(), of["distance"].to_numpy()
+        rows = np.sort(kept)
         same = np.diff(world.features["track_id"].to_numpy()[rows]) == 0
         assert np.diff(rows)[same].min() >= least
         # The nearest stay, and what is left out is near a nearer one.
         lasts = FRAMES - 1 - world.features["frame"].to_numpy() >= SETTINGS.least * DELTA
         for row in np.flatnonzero(lasts & ~np.isin(np.arange(len(lasts)), rows)):
-            kept = of[(np.abs(of["row"] - row) < least) & (of["row"] // FRAMES == row // FRAMES)]
-            assert kept["distance"].min() <= world.near.ahead[sprite, row] or len(of) == 100
+            near = (np.abs(kept - row) < least) & (kept // FRAMES == row // FRAMES)
+            nearest = distance[near].min(initial=np.inf)
+            assert nearest <= world.near.ahead[sprite, row] or len(of) == 100
 
 
 def test_no_frame_is_led_to_twice_by_one_sprite(world):

@@ -44,11 +44,11 @@ def test_every_jump_is_what_a_search_of_every_pair_gives(rng, mirror):
     targets = np.concatenate(values[: 1 + mirror])
     for row in range(n):
         far = np.linalg.norm(targets - values[0, row], axis=1)
-        for j in range(len(targets)):
-            to = j % n
-            ends = np.searchsorted(track, track[to], "right") - 1 - to < LEAST
-            near = j < n and track[to] == track[row] and abs(to - row) < LEAST
-            far[j] = np.inf if ends or near else far[j]
+        j = np.arange(len(targets))
+        to = j % n
+        ends = np.searchsorted(track, track[to], "right") - 1 - to < LEAST
+        near = (j < n) & (track[to] == track[row]) & (np.abs(to - row) < LEAST)
+        far[ends | near] = np.inf
         inner = np.r_[np.inf, far, np.inf]
         best = np.flatnonzero((far < inner[:-2]) & (far <= inner[2:]))
         kept: list[int] = []

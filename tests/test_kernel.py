@@ -6,6 +6,20 @@ import sys
 
 from conftest import ROOT
 
+LOOK = """
+import os
+from pathlib import Path
+import numba
+numba.njit(lambda: 0)()  # what numba loads when it first compiles, which takes seconds
+for number in (1, 1, 2):
+    Path("finloop/inner.py").write_text(Path("inner.txt").read_text().format(number))
+    if not os.fork():  # a process that has seen no kernel of ours
+        from finloop.outer import outer
+        print(outer(), sum(outer.stats.cache_hits.values()), flush=True)
+        os._exit(0)
+    assert os.wait()[1] == 0
+"""
+
 
 def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_file_changes(tmp_path):
     base = tmp_path / "finloop/base"
@@ -19,13 +33,6 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_file_chang
         "from finloop.inner import inner\n" + head + "@kernel\ndef outer():\n    return inner()\n"
     )
     (tmp_path / "finloop/outer.py").write_text(outer)
-    look = "from finloop.outer import outer; print(outer(), sum(outer.stats.cache_hits.values()))"
-    values, hits = [], []
-    for number in (1, 1, 2):
-        (tmp_path / "finloop/inner.py").write_text(inner.format(number))
-        printed = subprocess.check_output([sys.executable, "-c", look], cwd=tmp_path, text=True)
-        value, hit = map(int, printed.split())
-        values.append(value)
-        hits.append(hit)
-    assert values == [1, 1, 2]
-    assert hits == [0, 1, 0]
+    (tmp_path / "inner.txt").write_text(inner)
+    printed = subprocess.check_output([sys.executable, "-c", LOOK], cwd=tmp_path, text=True)
+    assert printed.splitlines() == ["1 0", "1 1", "2 0"]

@@ -104,7 +104,7 @@ coordinate = st.integers(0, 5).map(float)
 near = st.tuples(st.integers(0, 3), st.integers(-2, 2)).map(lambda v: v[0] / 10 + v[1] * 2.0**-55)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(
     st.one_of(
         st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=24),
