@@ -15,7 +15,7 @@ from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
 
 RNG = np.random.default_rng(5)
-CARP = {"width_px": 320, "height_px": 240, "body_length_px": 70.0, "colour": False, "fish": 1}
+CARP = {"width_px": 224, "height_px": 168, "body_length_px": 50.0, "colour": False, "fish": 1}
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_a_good_film_has_no_fault(carp):
     assert quality.noise_grey == pytest.approx(2.5, rel=0.15)  # as drawn
     assert quality.shake_px < 0.05
     assert len(table) == 64 and list(table) == CHECK.names
-    assert tank.shape == (240, 320)
+    assert tank.shape == (168, 224)
 
 
 def test_each_fault_is_found_and_no_other(carp):
