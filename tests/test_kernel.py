@@ -14,8 +14,8 @@ numba.njit(lambda: 0)()  # what numba loads when it first compiles, which takes 
 for number in (1, 1, 2):
     Path("finloop/inner.py").write_text(Path("inner.txt").read_text().format(number))
     if not os.fork():  # a process that has seen no kernel of ours
-        from finloop.outer import outer
-        print(outer(), sum(outer.stats.cache_hits.values()), flush=True)
+        from finloop.outer import a_kind, outer
+        print(outer(a_kind), sum(outer.stats.cache_hits.values()), flush=True)
         os._exit(0)
     assert os.wait()[1] == 0
 """
@@ -28,9 +28,14 @@ def test_a_kernel_is_compiled_again_when_one_that_it_calls_in_another_file_chang
         (tmp_path / name).touch()
     shutil.copy(ROOT / "finloop/base/kernel.py", base)
     head = "from finloop.base.kernel import kernel\n"
-    inner = head + "@kernel\ndef inner():\n    return {}\n"
+    inner = (
+        "from typing import NamedTuple\n" + head + "class Kind{0}(NamedTuple):\n    of: int\n"
+        "a_kind = Kind{0}(1)\n@kernel\ndef inner():\n    return {0}\n"
+    )  # a type, too, has another name
     outer = (
-        "from finloop.inner import inner\n" + head + "@kernel\ndef outer():\n    return inner()\n"
+        "from finloop.inner import a_kind, inner\n"
+        + head
+        + "@kernel\ndef outer(kind):\n    return inner() * kind.of\n"
     )
     (tmp_path / "finloop/outer.py").write_text(outer)
     (tmp_path / "inner.txt").write_text(inner)

@@ -31,8 +31,14 @@ def sources_digest() -> str:
 class _AllSources:
     """Looked up by numba: what must be the same for machine code to be used again."""
 
+    _lineno: int
+
     def get_source_stamp(self) -> str:
         return sources_digest()
+
+    def get_disambiguator(self) -> str:
+        """A name of its own: an older file may name types that are no more, and cannot be read."""
+        return f"{self._lineno}-{sources_digest()[:8]}"
 
 
 class InTree(_AllSources, InTreeCacheLocator):
