@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
+from finloop.animate.company import clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import wrap
 from finloop.base.arrays import Floats, Ints, Mask
@@ -93,19 +94,24 @@ class Search(NamedTuple):
 
 
 @kernel_part
-def begin(film: Film, legal: Mask, candidates: Candidates, place, width: int):  # type: ignore[no-untyped-def]
+def begin(film: Film, legal: Mask, candidates: Candidates, here, along: float, width: int):  # type: ignore[no-untyped-def]
     """The search of a beam of so many ways, and how many there are: one a candidate, where legal.
 
-    place: x, y, along of the candidates.
+    here: of `search.Here`; along: px along the path, if there is one.
     """
     count = candidates.rows.size
     found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
     beam = Beam(np.empty(width, BRANCH), found.over)
     most = max(width, count)
     search, n = Search(np.empty(most, WAY), np.empty(most, WAY), beam, found), 0
-    x, y, along = place
+    x, y = here.x, here.y
     for c in range(count):
-        if film.rows[candidates.rows[c]].endless and inside(legal, x, y):
+        first = film.rows[candidates.rows[c]]
+        heading = first.heading + candidates.rots[c]
+        free = inside(legal, x, y) and clear_ahead(
+            here.company, candidates.rows[c], x, y, heading, here.tick
+        )
+        if first.endless and free:
             way = search.ways[n]
             way.x, way.y, way.along, way.first, way.ticks = x, y, along, c, 0
             way.row, way.rot = candidates.rows[c], candidates.rots[c]

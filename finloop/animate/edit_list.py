@@ -70,11 +70,12 @@ Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the motion area of the stronge
 share of the film's displacement for which there was `room`. Of a phase: the `film_speed` at which
 the film's began."""
 
-REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD = (
-    "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast",
+REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD, WAITING = (
+    "phase", "turn", "wall", "play", "jump", "enter", "spot", "forecast", "wait",
 )  # fmt: skip
 """Swim on like a phase of the film, turn, slow down before a wall; play the film on, jump at a
-loop, enter the film by a gateway, turn on the spot as no way leads on; swim as is foretold."""
+loop, enter the film by a gateway, turn on the spot as no way leads on; swim as is foretold; wait
+for other fish to make way."""
 
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
 """The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
 from finloop.animate.beam import Branch, begin, ends, go_on, jumps_of, keep_best, leads_on
+from finloop.animate.company import clear_ahead
 from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film
 from finloop.animate.recent import last_on_screen
@@ -58,18 +59,18 @@ def runs(more: Mask) -> Ints:
 
 
 @finite_kernel
-def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
+def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most `most` ticks, steered.
 
-    start: the tick at which all ways began; by: rules, steering. `way` is moved on; its row is −1
-    where the film ends or leaves the tank. Returns the ticks that were played.
+    here: where all ways began; by: rules, steering. `way` is moved on; its row is −1 where the film
+    ends, leaves the tank or meets another fish. Returns the ticks that were played.
     """
     rules, steering = by
     rows = footage.film.rows
     angle = np.radians(way.rot)
     cos, sin = np.cos(angle), np.sin(angle)
     x, y, along, row, rot, cost = way.x, way.y, way.along, way.row, way.rot, way.cost
-    t, tick = 0, start + way.ticks
+    t, tick = 0, here.tick + way.ticks
     while True:
         at = rows[row]
         if not at.more:
@@ -85,11 +86,13 @@ def _leg(footage, route, way, most, start, by):  # type: ignore[no-untyped-def]
         x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
         t, tick, row = t + 1, tick + 1, row + 1
         x, y, along, fx, fy, shift = shifted(route, (x, y, along), at.speed, tick, steering)
-        if not inside(footage.legal, x, y):
+        heading = rows[row].heading + rot
+        if not (
+            inside(footage.legal, x, y) and clear_ahead(here.company, row, x, y, heading, tick)
+        ):
             row = -1
             break
         used = turn / steering.turn, shift / max(steering.shift * at.speed, 1e-9)
-        heading = rows[row].heading + rot
         cost += tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering)
         if t >= most or (t >= rules.stride and rows[row].end >= 0):
             break
@@ -110,14 +113,14 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
     rules, steering = by
     film = footage.film
     terms, candidates = priced(film, ways, here, rules)
-    search, n = begin(film, footage.legal, candidates, (here.x, here.y, along), rules.beam)
+    search, n = begin(film, footage.legal, candidates, here, along, rules.beam)
     end = np.inf if route.closed else route.step * (route.x.size - 1)
     while n:
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
             way = search.ways[s]
             most = max(rules.horizon - way.ticks, 1)
-            ticks = _leg(footage, route, way, most, here.tick, by)
+            ticks = _leg(footage, route, way, most, here, by)
             if not leads_on(film, search.found, way, ticks):
                 continue
             behind = 0.0

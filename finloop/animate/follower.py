@@ -142,6 +142,7 @@ class Follower:
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
         place_px = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
+        here = here._replace(company=fish.company)
         return self._best(self._film, every, here, along, route)
 
     def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
@@ -157,6 +158,7 @@ class Follower:
         rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
         every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
         here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat)
+        here = here._replace(company=fish.company)
         return self._best(footage, every, here, along, route)
 
     def _best(

@@ -13,6 +13,7 @@ import numpy as np
 import scipy
 
 from finloop.animate.arena import inside
+from finloop.animate.company import Company, clear_ahead, clear_ticks
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST
@@ -51,7 +52,7 @@ class Recall(NamedTuple):
 
     tick: now; recent (m, 3): of `Fish`; soon: so many ticks of what follows are looked up; again:
     ticks that a row just seen costs; memory: ticks until a row is forgotten; repeat: of `Fish`;
-    stay: ticks of a repeat after which going on with it costs twice as much.
+    stay: ticks of a repeat after which going on with it costs twice as much; company: of `Fish`.
     """
 
     tick: int
@@ -61,6 +62,7 @@ class Recall(NamedTuple):
     memory: int
     repeat: Repeat
     stay: int
+    company: Company
 
 
 class ForecastSwimmer:
@@ -135,7 +137,9 @@ class ForecastSwimmer:
         towards, soon = (goal, aim, self._pace), max(1, round(swum.follow))
         again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))
         stay = max(1, self.waters.ticks(p.stay))
-        recall = Recall(fish.tick, fish.recent, soon, again, memory, fish.repeat, stay)
+        recall = Recall(
+            fish.tick, fish.recent, soon, again, memory, fish.repeat, stay, fish.company
+        )
         rows, chance = ways(swum, fish.row)
         most = max(1, self.waters.ticks(p.follow_most))
         if fish.since + 1 >= most and len(rows) > 1:
@@ -156,8 +160,14 @@ class ForecastSwimmer:
             foretold = follow(swum, past, other, min(ticks, left), swum.control[other])
             foretold = np.ascontiguousarray(foretold[::-1])  # kernels are compiled for it alone
             whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
-            if whole[1] > best:
-                row, states, (way, best, touched) = other, foretold, whole
+            good = min(
+                whole[1],
+                clear_ticks(
+                    fish.company, 1 + other + np.arange(len(whole[0])), whole[0], fish.tick
+                ),
+            )
+            if good > best:
+                row, states, (way, _, touched), best = other, foretold, whole, good
             if min(touched, len(way) - 1) < best:
                 break
         if best == 0:  # a wall holds it up: along it, and round to the aim
@@ -230,7 +240,9 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
         row, place, t, touched = rows[k], (start[0], start[1], start[2]), 0, False
         while t < pace.horizon and sampler.usable[row] and not touched:
             later = moved(place, sampler.states[row + 1], pace)
-            if not inside(legal, later[0], later[1]):  # it is held up, and turns on
+            company, tick = recall.company, recall.tick + t
+            met = not clear_ahead(company, row + 1, later[0], later[1], later[2], tick)
+            if met or not inside(legal, later[0], later[1]):  # it is held up, and turns on
                 later = place[0], place[1], later[2]
                 free[k] = False
                 costs[k] += pace.wall

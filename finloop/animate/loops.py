@@ -49,7 +49,7 @@ class FilmSwimmer:
             taken = self.choose(options, allowed, rng)
             if taken is not None:
                 return self.play(fish, taken, goal, aim)
-        return self._on_the_spot(fish, aim)
+        return self.stay(fish, aim)
 
     def aim(self, fish: Fish, goal: Spot) -> Spot:
         """The point to head for: the goal, or what is in sight of the way to it."""
@@ -71,8 +71,9 @@ class FilmSwimmer:
         """
         waters, rate = self.waters, self.waters.motion.rate_hz
         here = Here(
-            *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat
-        )
+            *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
+            fish.company,
+        )  # fmt: skip
         film, legal = waters.film, waters.tank.legal
         terms, found, verdict = decide.weigh(film, legal, ways, here, aim, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
@@ -112,8 +113,8 @@ class FilmSwimmer:
             options=options,
         )  # fmt: skip
 
-    def _on_the_spot(self, fish: Fish, aim: Spot) -> Stretch:
-        """No way within the tank: turn towards the aim where it is, while the film goes on."""
+    def stay(self, fish: Fish, aim: Spot, turns: bool = True) -> Stretch:
+        """No way on: turn towards the aim where it is, or not even that, while the film goes on."""
         film, most_deg = self.waters.film, self.waters.motion.brisk_deg
         ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1
@@ -130,7 +131,8 @@ class FilmSwimmer:
         bearing = step.bearing(fish.x, fish.y, aim.x, aim.y)
         before = heading = fish.heading
         for k, own in enumerate(filmed):
-            heading += step.towards_by(step.wrap(own - before), bearing - heading, most_deg)
+            if turns:
+                heading += step.towards_by(step.wrap(own - before), bearing - heading, most_deg)
             way[k, 2], before = heading, own
         rots = way[:, 2] - film.heading[rows]
         return Stretch(

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate import kinematics as step
+from finloop.animate.company import clear_ticks
 from finloop.animate.edit_list import PHASE, TURNING, WALL
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import DECELERATE, SLIDE, STATES, TURN
@@ -114,6 +115,7 @@ class SpriteSwimmer:
             self.waters.tank.legal, course.start, Ahead(forward, drift, forward * self._stop),
             course.goal,
         )  # fmt: skip
+        good = min(good, self._clear_ticks(fish, way))
         if good < min(2, len(way)) and touched >= good:
             return None
         n = min(touched + 1, good)
@@ -187,7 +189,7 @@ class SpriteSwimmer:
             way, good, touched = step.turn(
                 self.waters.tank.legal, course.start, swim, course.goal, course.aim, fastest
             )
-            if good:
+            if good and self._clear_ticks(course.fish, way) == len(way):
                 break
         return way, touched, share
 
@@ -202,13 +204,28 @@ class SpriteSwimmer:
             self.waters.tank.legal, course.start,
             Ahead(speed * (self._px / motion.rate_hz), none, none), course.goal,
         )  # fmt: skip
+        good = min(good, self._clear_ticks(fish, way))
         n = min(touched + 1, good)
-        if n == 0:  # at the wall: stay, and wait
-            way, n, touched = np.tile(course.start, (ticks, 1)), ticks, ticks
+        if n == 0:
+            return self.stay(fish, course.aim)
         sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
         return Stretch(
             DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
         )
+
+    def stay(self, fish: Fish, aim: Spot) -> Stretch:
+        """At a wall, or before other fish: stay, and wait."""
+        ticks = self.waters.motion.delta
+        way = np.tile([fish.x, fish.y, fish.heading], (ticks, 1))
+        slower = self.waters.settings.brake ** (np.arange(1, ticks + 1) / ticks)
+        speed = np.maximum(fish.speed * slower, self.waters.motion.low)
+        sprite, phase, new = self._cycle(fish, DECELERATE, speed)
+        return Stretch(DECELERATE, way, sprite, new, aim, False, Decision(WALL), phase=phase)
+
+    def _clear_ticks(self, fish: Fish, way: Floats) -> int:
+        """Ticks of a way (n, 3) that meet no other fish, about: as the picture on screen would."""
+        numbers = np.full(len(way), fish.row if fish.row >= 0 else -1 - fish.sprite)
+        return clear_ticks(fish.company, numbers, way, fish.tick)
 
     def _alike(self, place: int, count: int, rng: np.random.Generator) -> int:
         """One of the `alike` numbers below `count` nearest to a place, all equally likely."""

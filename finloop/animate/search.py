@@ -16,6 +16,7 @@ from finloop.animate.beam import (
     keep_best,
     leads_on,
 )
+from finloop.animate.company import ALONE, Company, clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
@@ -28,7 +29,7 @@ class Here(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish that shows it matters.
 
     speed: in body lengths/s; since: ticks since its last jump; recent (m, 3): what was on screen,
-    as `Fish` keeps it, and the repeat that this is.
+    as `Fish` keeps it, and the repeat that this is; company: of `Fish`.
     """
 
     x: float
@@ -38,6 +39,7 @@ class Here(NamedTuple):
     since: int
     recent: Ints
     repeat: Repeat = NO_REPEAT
+    company: Company = ALONE
 
 
 class Rules(NamedTuple):
@@ -87,12 +89,14 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after `stride` ticks, at most `most` ticks.
+def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
+    """Play forward to the first loop end after some ticks, and at most some: ticks, both.
 
-    `way` is moved on; its row is −1 where the film ends or leaves the tank. Returns the ticks that
-    were played, and whether the last one touches the aim.
+    `way` is moved on; its row is −1 where the film ends, leaves the tank or meets another fish.
+    Returns the ticks that were played, and whether the last one touches the aim.
     """
+    stride, most = ticks
+    tick = here.tick + way.ticks
     x, y, row = way.x, way.y, way.row
     cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
     t, touched = 0, False
@@ -105,11 +109,12 @@ def _leg(rows, legal, way, aim, most, stride):  # type: ignore[no-untyped-def]
         x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
         t, row = t + 1, row + 1
         at = rows[row]
-        if not inside(legal, x, y):
+        heading = at.heading + way.rot
+        if not (inside(legal, x, y) and clear_ahead(here.company, row, x, y, heading, tick + t)):
             row = -1
             break
         # A fish that has reached its goal must be able to swim on.
-        touched = not aim.free and touches(x, y, at.heading + way.rot, aim)
+        touched = not aim.free and touches(x, y, heading, aim)
         touched = touched and at.more and rows[row + 1].endless
         if touched or (t >= stride and at.end >= 0):
             break
@@ -160,13 +165,13 @@ def look(
     """
     count = candidates.rows.size
     ends_at = Ends(np.full(count, np.inf), np.full(count, 180.0))
-    search, n = begin(film, legal, candidates, (here.x, here.y, 0.0), rules.beam)
+    search, n = begin(film, legal, candidates, here, 0.0, rules.beam)
     while n:
         m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
         for s in range(n):
             way = search.ways[s]
             most, shown = max(rules.horizon - way.ticks, 1), way.row
-            ticks, touched = _leg(film.rows, legal, way, aim, most, rules.stride)
+            ticks, touched = _leg(film.rows, legal, way, aim, here, (rules.stride, most))
             if not leads_on(film, search.found, way, ticks):
                 continue
             if way.ticks == ticks:  # the first leg; the next ones are decided anew

@@ -28,6 +28,12 @@ class Settings:
     trials: Annotated[int, Field(ge=0)]
     trial_goals: Count  # random goals of each of them
 
+    # Several fish in one tank.
+    overlap: bool  # whether they may swim through each other
+    # Δ; a fish that looks ahead gives way to another that would stay for so long where the plan of
+    # that one ends
+    give_way: NotNegative
+
     # What is drawn.
     # how a picture follows on another: the pose goes on as it was and the difference dies away, the
     # two pictures are mixed as they are, or neither

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
-from finloop.animate.edit_list import FRAME, SPOT, SPRITE
+from finloop.animate.company import ALONE, Company
+from finloop.animate.edit_list import FRAME, SPOT, SPRITE, WAITING
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
@@ -69,6 +70,7 @@ class Fish:
     repeat: whether what is shown repeats them.
     As is foretold: past (L + 1, d), its last states, the present one first
     (`finloop.forecast.sampling`).
+    company: where the other fish will be, for the decision that is made now alone.
     """
 
     x: float
@@ -87,6 +89,7 @@ class Fish:
     recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
     repeat: Repeat = NO_REPEAT
     past: Floats | None = None
+    company: Company = ALONE
 
     @property
     def bent(self) -> bool:
@@ -184,6 +187,11 @@ class Stretch:
     past: Floats | None = None
     steer: Floats | None = None
 
+    @property
+    def pictures(self) -> Ints:
+        """The `company.picture_number` (n,) of what is shown."""
+        return self.number if self.kind == FRAME else -1 - self.number
+
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""
         if ticks >= len(self.way):
@@ -209,7 +217,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
     if stretch.kind == FRAME and stretch.rot is not None:
         return Fish(
             x, y, float(wrap(heading)),
-            speed=0.0 if stretch.decision.reason == SPOT else float(film.speed[number]),
+            speed=0.0 if stretch.decision.reason in (SPOT, WAITING) else float(film.speed[number]),
             state=stretch.state, sprite=-1, phase=fish.phase, area=float(film.area[number]),
             tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
             since=ticks - 1 if stretch.new else fish.since + ticks,

@@ -10,6 +10,15 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.arena import goal_name, in_sight
+from finloop.animate.avoidance import Avoidance
+from finloop.animate.company import (
+    ALONE,
+    Company,
+    Discs,
+    can_stay,
+    company_of,
+    discs_of,
+)
 from finloop.animate.edit_list import CONSIDERED, FRAME, PATH, SPRITE, VERDICTS, Goal
 from finloop.animate.follower import Follower
 from finloop.animate.joins import Joins
@@ -19,8 +28,10 @@ from finloop.animate.policies import Policy
 from finloop.animate.route import Route
 from finloop.animate.state import Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints
+from finloop.base.errors import FinloopError
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
+_PLACES = 200  # a place clear of the other fish is drawn so often
 
 
 @dataclass(frozen=True)
@@ -50,11 +61,43 @@ class Player:
     cast: Cast
     joins: Joins
 
-    def begin(self, rng: np.random.Generator, route: Route | None = None) -> State:
-        """A fish somewhere in the tank, or at the beginning of a path."""
+    def begin(
+        self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
+    ) -> State:
+        """A fish somewhere in the tank, clear of all others, or at the beginning of a path.
+
+        FinloopError where there is no such place.
+        """
         if route is not None:
             return State(self.follower.begin(route, rng), np.zeros(2))
-        return State(self.policy.begin(rng), np.zeros(2))
+        for _ in range(_PLACES):
+            fish = self.policy.begin(rng)
+            place = np.array([fish.x, fish.y, fish.heading])
+            body = fish.row if fish.row >= 0 else -1 - fish.sprite
+            if can_stay(company, body, place, fish.tick):
+                return State(fish, np.zeros(2))
+        others = company.places.shape[1]
+        raise FinloopError(
+            f"in the tank there is no room for another fish beside {others}",
+            f"at most {others} fish",
+            "take fewer fish, or let them overlap (animate.overlap=true)",
+        )
+
+    def company(self, ways: Sequence[Floats], start: int) -> Company:
+        """What a fish that decides at a tick knows of the others, whose ways (n, 3) are given."""
+        p = self.waters.settings
+        if p.overlap:
+            return ALONE
+        return company_of(ways, start, self.discs, self.waters.ticks(p.give_way))
+
+    @cached_property
+    def discs(self) -> Discs:
+        """The discs that hold the body in every picture."""
+        return discs_of(self.cast.frame_hulls, self.cast.sprite_hulls)
+
+    @cached_property
+    def _avoidance(self) -> Avoidance:
+        return Avoidance(self.policy, self.waters)
 
     @cached_property
     def follower(self) -> Follower:
@@ -71,7 +114,10 @@ class Player:
         """
         waters, fish, place, left = self.waters, state.fish, state.place, 0
         if isinstance(goal, Route):
-            stretch, along = self.follower.next(fish, state.along, goal, rng)
+            whole, along = self.follower.next(fish, state.along, goal, rng)
+            stretch = self._avoidance.clear(fish, whole, rng)
+            # How far along a path a shorter one leads the next step finds from where it was.
+            along = along if stretch is whole else state.along
             return stretch, State(after(fish, stretch, waters), place, 0, along)
         if goal is not None:
             x, y = goal.x_px, goal.y_px
@@ -83,10 +129,14 @@ class Player:
             x, y = place
         free = goal is None and waters.settings.wander == "film"
         spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
-        stretch = self.policy.next(fish, spot, rng)
+        stretch = self._avoidance.clear(fish, self.policy.next(fish, spot, rng), rng)
         wanders = goal is None and not stretch.touched
         left = left - len(stretch.way) * (stretch.state != TURN) if wanders else 0
         return stretch, State(after(fish, stretch, waters), place, left)
+
+    def clear(self, state: State, stretch: Stretch) -> bool:
+        """Whether a stretch from a state meets no other fish, now or where it ends."""
+        return self._avoidance.ticks(state.fish, stretch) == len(stretch.way)
 
     def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
         """A stretch that began in a state, stopped after some ticks, and the state then."""

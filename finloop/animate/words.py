@@ -11,6 +11,7 @@ from finloop.animate.edit_list import (
     PLAY,
     SPOT,
     TURNING,
+    WAITING,
     WALL,
 )
 from finloop.animate.state import Decision
@@ -43,6 +44,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
         SPOT: "no way on: turn on the spot",
+        WAITING: "other fish are in the way: wait",
         FORETOLD: f"as is foretold, one of {decision.ways} rows: {decision.value_s:.1f} s",
     }
     if decision.reason in sprites:

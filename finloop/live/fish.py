@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.animate.company import Company, picture_number
 from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.listing import edit_columns
 from finloop.animate.route import Route, place
@@ -74,6 +75,10 @@ Ghost = Callable[[Row], bool]
 """Whether the two pictures of a cross-fade, as they are in a row, are too unlike to be mixed."""
 
 
+Others = Callable[["LiveFish", int], list[Floats]]
+"""The ways of the other fish of the tank from a tick on."""
+
+
 class Errand(NamedTuple):
     """A path to be swum. begun: whether the fish has come to its beginning."""
 
@@ -105,18 +110,23 @@ class Choice:
 
 
 class LiveFish:
-    """One fish. `born`: the tick of the tank that is its first; `name`: of its goals."""
+    """One fish.
+
+    `born`: the tick of the tank that is its first; `name`: of its goals; `others`: the ways of the
+    other fish from a tick of the tank on, as `LiveFish.way` has them.
+    """
 
     def __init__(
         self, players: Mapping[str, Player], mode: str, born: int, name: str,
-        rng: np.random.Generator, ghost: Ghost,
+        rng: np.random.Generator, ghost: Ghost, others: Others,
     ) -> None:  # fmt: skip
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.errand: Errand | None = None
         self.reached = False
         self._players, self._rng, self._ghost = players, rng, ghost
-        self._state = self._player.begin(rng)
+        self._others = others
+        self._state = self._player.begin(rng, None, self._company(0))
         self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
@@ -142,6 +152,18 @@ class LiveFish:
         if not self._oldest <= tick <= self.now:
             return None
         return Row._make((*self._ring[tick % HISTORY].item(), self._poses[tick % HISTORY]))
+
+    def way(self, tick: int) -> Floats:
+        """Its way (n, 4) from a tick on, as far as it is planned, n ≥ 1, as `Company` has it."""
+        first = self.born + self._state.fish.tick - len(self._plan)
+        rest = self._plan[min(max(tick - first, 0), len(self._plan) - 1) :]
+        frames = self._player.waters.film.filmed
+        body = picture_number(rest["kind"], rest["source"], rest["mirrored"], frames)
+        return np.column_stack([rest["x_px"], rest["y_px"], rest["heading_deg"], body])
+
+    def _company(self, tick: int) -> Company:
+        """The other fish, from one of its own ticks on."""
+        return self._player.company(self._others(self, self.born + tick), tick)
 
     def errand_at(self, tick: int) -> Errand | None:
         """The path that it was sent along at a tick that is known."""
@@ -188,7 +210,7 @@ class LiveFish:
     def on(self) -> None:
         """One tick."""
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
-            self._cut()
+            self._decide_anew()
         if self._played == len(self._plan):
             self._decide(self._target())
         self._played += 1
@@ -238,7 +260,7 @@ class LiveFish:
         self.mode, self._state, self._rng.bit_generator.state = (
             choice.mode, choice.state, choice.draws,
         )  # fmt: skip
-        self._decide(choice.goal)
+        self._decide(choice.goal, choice.state.fish.company)
         self._played = tick - choice.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached, self._cut_after = None, row.reached, 0
@@ -248,19 +270,35 @@ class LiveFish:
             dragged = isinstance(choice.goal, Route) or choice.goal != self.goal
             self._cut_after = self._drag if dragged and not row.reached else 0
 
-    def _cut(self) -> None:
-        """Forget what was planned beyond the tick on screen."""
-        self._cut_after = 0
-        if 0 < self._played < len(self._plan):
-            last = self._choices[-1]
-            player = self._players[last.mode]
-            stretch, self._state = player.cut(last.state, last.stretch, self._played)
-            self._choices[-1] = replace(last, stretch=stretch)
-            self._plan = self._plan[: self._played]
+    def _decide_anew(self) -> None:
+        """Forget what was planned beyond the tick on screen, and plan anew.
 
-    def _decide(self, goal: Goal | Route | None) -> None:
-        """Plan the next stretch."""
+        Other fish rely on what was planned. Where nothing else is clear of them it is swum to its
+        end.
+        """
+        self._cut_after = 0
+        if not 0 < self._played < len(self._plan):
+            return
+        last, planned = self._choices[-1], (self._plan, self._plan_poses, self._played)
         state, draws = self._state, self._rng.bit_generator.state
+        player = self._players[last.mode]
+        stretch, self._state = player.cut(last.state, last.stretch, self._played)
+        self._choices[-1] = replace(last, stretch=stretch)
+        self._plan = self._plan[: self._played]
+        self._decide(self._target())
+        choice = self._choices[-1]
+        if not self._player.clear(choice.state, choice.stretch):
+            self._choices.pop()
+            self._choices[-1] = last
+            self._state, self._rng.bit_generator.state = state, draws
+            self._plan, self._plan_poses, self._played = planned
+
+    def _decide(self, goal: Goal | Route | None, known: Company | None = None) -> None:
+        """Plan the next stretch. known: of the other fish, when it was planned before."""
+        fish = self._state.fish
+        company = self._company(fish.tick) if known is None else known
+        state = self._state._replace(fish=replace(fish, company=company))
+        draws = self._rng.bit_generator.state
         stretch, self._state = self._player.step(state, goal, self._rng)
         begins = self.born + state.fish.tick
         self._choices.append(Choice(begins, self.mode, state, draws, goal, stretch))

@@ -11,7 +11,7 @@ from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
-from finloop.live.fish import Ghost, LiveFish
+from finloop.live.fish import Floats, Ghost, LiveFish
 
 
 def rehearse(players: Mapping[str, Player]) -> None:
@@ -68,15 +68,24 @@ class LiveTank:
             fish.on()
 
     def count(self, fish: int) -> None:
-        """So many fish: further ones come anywhere, the last ones go."""
+        """So many fish, or as many as there is room for: further ones come, the last ones go."""
         del self.fish[fish:]
         while len(self.fish) < fish:
             rng = np.random.default_rng([self._seed, self._born])
             self._born += 1
             name = goal_name(len(self.fish))
-            one = LiveFish(self.players, self.mode, self.tick, name, rng, self._ghost)
+            try:
+                one = LiveFish(
+                    self.players, self.mode, self.tick, name, rng, self._ghost, self._others
+                )
+            except FinloopError:
+                return
             one.on()
             self.fish.append(one)
+
+    def _others(self, fish: LiveFish, tick: int) -> list[Floats]:
+        """The ways of all fish but one, from a tick on."""
+        return [other.way(tick) for other in self.fish if other is not fish]
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""

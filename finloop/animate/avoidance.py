@@ -1,0 +1,76 @@
+"""Keeping clear of the other fish of a tank: what a fish does whose way is not free."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from finloop.animate.company import lasting_ticks
+from finloop.animate.edit_list import SPOT, WAITING
+from finloop.animate.kinematics import Spot
+from finloop.animate.loops import FilmSwimmer
+from finloop.animate.motion import TURN
+from finloop.animate.policies import Policy
+from finloop.animate.state import Decision, Fish, Stretch, Waters
+
+_AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
+
+
+class Avoidance:
+    """Keeps fish clear of each other. policy: of the mode."""
+
+    def __init__(self, policy: Policy, waters: Waters) -> None:
+        self._policy, self._waters = policy, waters
+        self._film = FilmSwimmer(waters)
+
+    def clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
+        """What of a stretch meets no other fish, now or where it ends; else what can be done.
+
+        A fish whose way is blocked, or that finds none beside another, makes way for that.
+        """
+        company, others = fish.company, fish.company.places[0]
+        if not len(others):
+            return stretch
+        ticks = self.ticks(fish, stretch)
+        far = np.hypot(others[:, 0] - fish.x, others[:, 1] - fish.y)
+        stuck = stretch.decision.reason == SPOT and far.min() < 2 * company.discs.reach
+        if ticks and not stuck:
+            return stretch.cut(ticks)
+        x, y = others[far.argmin(), :2].tolist()
+        for other in self._making_way(fish, x, y, rng):
+            if ticks := self.ticks(fish, other):
+                return other.cut(ticks)
+        return other.cut(1)
+
+    def ticks(self, fish: Fish, stretch: Stretch) -> int:
+        """How many ticks of a stretch can be swum, clear of all, so that the fish can stay then."""
+        return lasting_ticks(fish.company, stretch.pictures, stretch.way, fish.tick)
+
+    def _making_way(
+        self, fish: Fish, x: float, y: float, rng: np.random.Generator
+    ) -> Iterator[Stretch]:
+        """To swim away from x, y; to stay, turning away; not turning; showing the same picture."""
+        far = _AWAY * self._waters.motion.body_length_px
+        angle = np.arctan2(fish.y - y, fish.x - x)
+        to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
+        to_x, to_y = self._waters.tank.into(float(to_x), float(to_y))
+        away = Spot(to_x, to_y, 0.0, 0.0)
+        leaves = self._policy.next(fish, away, rng)
+        if leaves.decision.reason != SPOT:
+            yield replace(leaves, touched=False)
+        waits = Decision(WAITING)
+        if fish.row < 0:
+            stays = replace(self._policy.sprites.stay(fish, away), decision=waits)
+            yield stays
+            same, phase = (np.full(len(stays.way), one) for one in (fish.sprite, fish.phase))
+            turns = fish.state == TURN  # it goes on with the turn then
+            yield replace(
+                stays, state=fish.state, number=same, phase=None if turns else phase, new=False,
+                whole=not turns,
+            )  # fmt: skip
+            return
+        yield replace(self._film.stay(fish, away), decision=waits)
+        stays = replace(self._film.stay(fish, away, turns=False), decision=waits)
+        yield stays
+        rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
+        yield replace(stays, number=np.full(len(rot), fish.row), rot=rot, new=False)

@@ -1,0 +1,187 @@
+"""Where the other fish of a tank will be, and whether a fish keeps clear of them, compiled.
+
+A body is a few discs that hold an outline of the film. What the others have planned is known; at
+the end of that they count as staying where they are. A fish plans nothing that meets any of it, and
+nothing at the end of which it could not stay. So whoever finds no way on can always stay where it
+is, and no fish touches another.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import FRAME
+from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.kernel import kernel
+
+_DISCS = 6
+_POINTS = 60  # of an outline, at least, so that every disc has some
+_LOT = 10_000  # outlines at a time
+_EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
+
+
+class Discs(NamedTuple):
+    """The discs that hold the body in every picture.
+
+    table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
+    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther.
+    """
+
+    table: Floats
+    frames: int
+    reach: float
+
+
+class Company(NamedTuple):
+    """The other fish (m) of a tank, as one fish knows them when it decides.
+
+    start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
+    heading in degrees and the `picture_number` at every tick from then on, the last ones for ever;
+    until: the last tick at which who looks ahead reckons with them.
+    """
+
+    start: int
+    places: Floats
+    discs: Discs
+    until: int = 0
+
+
+ALONE = Company(0, np.zeros((1, 0, 4)), Discs(np.zeros((0, _DISCS, 3)), 0, 0.0))
+
+
+def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> Company:
+    """The company of fish whose ways (n, 4), as in `Company`, from a tick on are known; n ≥ 1.
+
+    stays: ticks after these for which who looks ahead reckons with them.
+    """
+    if not ways:
+        return ALONE
+    ticks = max(map(len, ways))
+    places = np.stack([way[np.minimum(np.arange(ticks), len(way) - 1)] for way in ways], axis=1)
+    return Company(start, np.ascontiguousarray(places, float), discs, start + ticks + stays)
+
+
+def picture_number(
+    kind: NDArray[np.str_] | str, number: Ints, mirrored: Mask | bool, frames: int
+) -> Ints:
+    """The numbers (…) by which discs are looked up: a row of `Film`, or −1 − that of a sprite.
+
+    frames: of the film; mirrored: whether a frame is.
+    """
+    return np.where(np.asarray(kind) == FRAME, number + frames * np.asarray(mirrored), -1 - number)
+
+
+def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:
+    """The discs of outlines (n, p, 2), (p, 2), px ahead of and to the left of the mass centre."""
+    lots = [frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT)]
+    lots += [np.asarray(hull)[None] for hull in sprite_hulls]
+    table = np.concatenate([_discs(np.asarray(lot, float)) for lot in lots])
+    reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
+    return Discs(table, len(frame_hulls), float(reach.max()))
+
+
+def _discs(hulls: Floats) -> Floats:
+    """Discs (n, k, 3) that hold outlines (n, p, 2), each as long a part of their length."""
+    finer = -(-_POINTS // hulls.shape[1])  # points along each side of a coarse outline
+    share = (np.arange(finer) / finer)[:, None]
+    sides = np.roll(hulls, -1, axis=1) - hulls
+    ahead, left = np.moveaxis((hulls[:, :, None] + share * sides[:, :, None]), -1, 0).reshape(
+        2, len(hulls), -1
+    )
+    back = ahead.min(axis=1, keepdims=True)
+    part = np.maximum(np.ptp(ahead, axis=1, keepdims=True), 1e-9) / _DISCS
+    own = np.minimum((ahead - back) // part, _DISCS - 1)
+    discs = np.empty((len(hulls), _DISCS, 3))
+    for k in range(_DISCS):
+        low = np.where(own == k, left, np.inf).min(axis=1)
+        high = np.where(own == k, left, -np.inf).max(axis=1)
+        some = low <= high
+        low, high = np.where(some, low, 0.0), np.where(some, high, 0.0)
+        discs[:, k, 0] = (back + (k + 0.5) * part)[:, 0]
+        discs[:, k, 1] = (low + high) / 2
+        discs[:, k, 2] = np.hypot(high - low, part[:, 0]) / 2 + _EDGE_PX
+    return discs
+
+
+@kernel
+def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
+    """Whether a picture shown at a place, at a tick, meets no other fish."""
+    others, near = company.places, 4.0 * company.discs.reach**2
+    if others.shape[1] == 0:
+        return True
+    t = min(max(tick - company.start, 0), others.shape[0] - 1)
+    for k in range(others.shape[1]):
+        dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
+        if dx * dx + dy * dy < near:
+            second = int(others[t, k, 3]), others[t, k, 2]
+            if _meet(company.discs, (picture, heading), second, dx, dy):
+                return False
+    return True
+
+
+@kernel
+def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
+    """The same for who looks ahead; later than `until` nobody knows where the others are."""
+    return tick > company.until or clear(company, picture, x, y, heading, tick)
+
+
+@kernel
+def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
+    """Whether two pictures' discs overlap, the second dx, dy px (y down) from the first.
+
+    first, second: number, heading.
+    """
+    side, own, cos, sin = _turned(discs, first)
+    other_side, theirs, other_cos, other_sin = _turned(discs, second)
+    for i in range(own.shape[0]):
+        ahead, left = own[i, 0], side * own[i, 1]
+        x, y = dx - (ahead * cos - left * sin), dy + ahead * sin + left * cos
+        for j in range(theirs.shape[0]):
+            ahead, left = theirs[j, 0], other_side * theirs[j, 1]
+            far_x = x + ahead * other_cos - left * other_sin
+            far_y = y - (ahead * other_sin + left * other_cos)
+            apart = own[i, 2] + theirs[j, 2]
+            if far_x * far_x + far_y * far_y < apart * apart:
+                return True
+    return False
+
+
+@kernel
+def _turned(discs, one):  # type: ignore[no-untyped-def]
+    """Of a picture, number and heading: the side that is its left (±1), discs, cosine and sine."""
+    number, angle = one[0], np.radians(one[1])
+    side = 1.0
+    if number < 0:
+        number = discs.frames - 1 - number
+    elif number >= discs.frames:
+        number, side = number - discs.frames, -1.0
+    return side, discs.table[number], np.cos(angle), np.sin(angle)
+
+
+@kernel
+def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
+    """How many ticks of a way (n, 3), begun at a tick, meet no other; numbers (n,): of pictures."""
+    for t in range(len(way)):
+        if not clear(company, numbers[t], way[t, 0], way[t, 1], way[t, 2], tick + t):
+            return t
+    return len(way)
+
+
+@kernel
+def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type: ignore[no-untyped-def]
+    """Whether a picture can be shown at a place (x, y, heading) from a tick on, clear of all."""
+    last = max(company.start + company.places.shape[0] - 1, tick)
+    while tick <= last and clear(company, picture, place[0], place[1], place[2], tick):
+        tick += 1
+    return tick > last
+
+
+@kernel
+def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
+    """How many ticks of a way (n, 3) a fish can swim, clear of all, and stay where it is then."""
+    n = clear_ticks(company, numbers, way, tick)
+    while n > 0 and not can_stay(company, numbers[n - 1], way[n - 1], tick + n - 1):
+        n -= 1
+    return n

@@ -1,0 +1,244 @@
+"""Several fish in one tank: a body is a few discs, and nobody swims through another."""
+
+from functools import cache
+
+import cv2
+import numpy as np
+import pytest
+from toy_film import HULL, LENGTH, players_of, waters_of
+
+from finloop.animate.arena import tank as arena_tank
+from finloop.animate.company import (
+    ALONE,
+    can_stay,
+    clear,
+    clear_ahead,
+    clear_ticks,
+    company_of,
+    discs_of,
+    lasting_ticks,
+    picture_number,
+)
+from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.base.errors import FinloopError
+from finloop.live.tank import LiveTank
+
+NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])
+EDGE = 1.5  # px around every body
+
+
+def bent(rng: np.random.Generator) -> np.ndarray:
+    """The outline (50, 2) of a fish of 60 px that bends to one side, thin at the tail."""
+    along = np.linspace(30, -30, 25)
+    middle = rng.uniform(-20, 20) * ((30 - along) / 60) ** 2
+    wide = 3 + 4 * (along + 30) / 60
+    return np.concatenate([
+        np.column_stack([along, middle + wide]), np.column_stack([along, middle - wide])[::-1]
+    ])  # fmt: skip
+
+
+def placed(outline, x, y, heading, mirrored=False):
+    """An outline (p, 2) on screen, px, y down."""
+    ahead, left = (outline * (1, -1 if mirrored else 1)).T
+    angle = np.radians(heading)
+    return np.column_stack([
+        x + ahead * np.cos(angle) - left * np.sin(angle),
+        y - ahead * np.sin(angle) - left * np.cos(angle),
+    ])  # fmt: skip
+
+
+def overlap(one, other) -> bool:
+    """Whether two outlines on screen have a pixel in common, but for their edges."""
+    corner = np.minimum(one.min(0), other.min(0))
+    size = np.ceil(np.maximum(one.max(0), other.max(0)) - corner).astype(int) + 1
+    masks = []
+    for outline in (one, other):
+        mask = np.zeros(size[::-1], np.uint8)
+        cv2.fillPoly(mask, [np.rint(16 * (outline - corner)).astype(np.int32)], 1, shift=4)
+        masks.append(mask)
+    return bool((masks[0] & masks[1]).any())
+
+
+# --- discs
+
+
+def test_discs_hold_their_outline():
+    outlines = np.stack([bent(np.random.default_rng(seed)) for seed in range(20)])
+    for outline, own in zip(outlines, discs_of(outlines, []).table, strict=True):
+        apart = np.hypot(*(outline[:, None] - own[None, :, :2]).transpose(2, 0, 1))
+        assert (apart <= own[:, 2]).any(axis=1).all()
+
+
+def test_discs_are_no_wider_than_they_must_be():
+    own = discs_of(NEEDLE[None], []).table[0]
+    assert own[:, 0] == pytest.approx([-25, -15, -5, 5, 15, 25])
+    assert own[:, 1] == pytest.approx(0) and own[:, 2] == pytest.approx(np.hypot(2, 5) + EDGE)
+
+
+def test_sprites_come_after_the_frames_and_mirror_images_before_them():
+    numbers = picture_number(
+        np.array([FRAME, FRAME, SPRITE]), np.array([2, 2, 1]), np.array([False, True, False]), 5
+    )
+    assert list(numbers) == [2, 7, -2]
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_who_is_clear_of_another_does_not_overlap_it(seed):
+    rng = np.random.default_rng(seed)
+    outlines = [bent(rng), bent(rng), bent(rng)]
+    discs = discs_of(np.stack(outlines[:2]), outlines[2:])
+    shown = [(0, 0, False), (1, 1, False), (2, 0, True), (3, 1, True), (-1, 2, False)]
+    met = 0
+    for _ in range(40):
+        (one, own, flip), (other, theirs, flop) = (shown[rng.integers(5)] for _ in range(2))
+        a, b = ((*rng.uniform(0, 60, 2), rng.uniform(-180, 180)) for _ in range(2))
+        company = company_of([np.array([[*b, other]])], 0, discs, 0)
+        apart = clear(company, one, *a, 0)
+        back = clear(company_of([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
+        assert apart == back  # whoever asks
+        shared = overlap(placed(outlines[own], *a, flip), placed(outlines[theirs], *b, flop))
+        assert not (apart and shared)
+        met += not apart
+    assert 0 < met < 40
+
+
+def test_side_by_side_is_nearer_than_head_to_tail():
+    discs = discs_of(NEEDLE[None], [])
+    company = company_of([np.array([[0.0, 0, 0, 0]])], 0, discs, 0)
+    wide = 2 * (np.hypot(2, 5) + EDGE)
+    assert clear(company, 0, 0.0, wide + 0.1, 0.0, 0)
+    assert not clear(company, 0, 0.0, wide - 0.1, 0.0, 0)
+    assert not clear(company, 0, 50.0, 0.0, 0.0, 0) and clear(company, 0, 70.0, 0.0, 0.0, 0)
+
+
+# --- ways
+
+
+def crossing():
+    """The company of a needle that swims to the right for 20 ticks, and stays there."""
+    way = np.column_stack([5.0 * np.arange(20), np.zeros(20), np.zeros(20), np.zeros(20)])
+    return company_of([way], 10, discs_of(NEEDLE[None], []), 6)
+
+
+def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
+    company = crossing()
+    for tick, x in ((10, 0.0), (14, 20.0), (29, 95.0), (80, 95.0)):
+        assert not clear(company, 0, x + 60, 0.0, 0.0, tick)
+        assert clear(company, 0, x + 75, 0.0, 0.0, tick)
+
+
+def test_who_looks_ahead_forgets_them_after_a_while():
+    company = crossing()
+    assert company.until == 10 + 20 + 6
+    for tick in range(10, 60):
+        ahead = clear_ahead(company, 0, 95.0, 0.0, 90.0, tick)
+        assert ahead == (tick > 36 or clear(company, 0, 95.0, 0.0, 90.0, tick))
+
+
+def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
+    company, ends = crossing(), set()
+    for begins in np.linspace(-150, 200, 30):
+        way = np.column_stack([np.full(40, 40.0), begins + 3.0 * np.arange(40), np.full(40, -90.0)])
+        numbers = np.zeros(40, np.int64)
+        free = [clear(company, 0, *place, 10 + t) for t, place in enumerate(way)]
+        n = free.index(False) if False in free else 40
+        assert clear_ticks(company, numbers, way, 10) == n
+        lasts = [
+            all(clear(company, 0, *way[k - 1], tick) for tick in range(9 + k, 100))
+            for k in range(1, n + 1)
+        ]
+        most = max((k for k, good in enumerate(lasts, 1) if good), default=0)
+        assert lasting_ticks(company, numbers, way, 10) == most
+        assert can_stay(company, 0, way[0], 10) == (n > 0 and lasts[0])
+        ends.add((n, most))
+    assert any(0 < most < n for n, most in ends)
+    assert min(ends)[0] < 3 and max(ends)[0] == 40
+
+
+def test_alone_every_place_is_clear():
+    assert clear(ALONE, 0, 0.0, 0.0, 0.0, 0) and company_of([], 3, ALONE.discs, 1) is ALONE
+
+
+# --- fish of one tank
+
+
+@cache
+def company_players(overlap_=False):
+    """Players of fish as wide as HULL, in a tank of ten lengths."""
+    arena = np.zeros((600, 800), bool)
+    arena[100:500, 200:600] = True
+    return players_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH), overlap=overlap_))
+
+
+def outlines_of(tank):
+    """What all fish look like on screen."""
+    for fish in tank.fish:
+        row = fish.at(tank.tick)
+        yield placed(HULL, row.x_px, row.y_px, row.heading_deg)
+
+
+def overlaps(tank) -> int:
+    """Pairs of fish that overlap now."""
+    outlines = list(outlines_of(tank))
+    return sum(overlap(a, b) for k, a in enumerate(outlines) for b in outlines[:k])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_nobody_swims_through_another(mode):
+    met = {}
+    for through in (False, True):
+        tank, rng = LiveTank(company_players(through), mode, 6, 1), np.random.default_rng(3)
+        met[through], still = 0, 0
+        for tick in range(240):
+            if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
+                tank.send(int(rng.integers(6)), *rng.uniform((200, 100), (600, 500)))
+            before = [(fish.at(tank.tick).x_px, fish.at(tank.tick).y_px) for fish in tank.fish]
+            tank.on()
+            met[through] += overlaps(tank)
+            still += sum(
+                (row := fish.at(tank.tick)).x_px == x and row.y_px == y
+                for fish, (x, y) in zip(tank.fish, before, strict=True)
+            )
+        # Sprites are not led round another fish, but stop before it.
+        assert len(tank.fish) == 6 and still < (0.6 if mode == NETWORK else 0.2) * 6 * 240
+    assert met[False] == 0 < met[True]
+
+
+def test_two_fish_sent_to_each_other_pass():
+    tank, passed = LiveTank(company_players(), HYBRID, 2, 5), 0
+    for _ in range(4):
+        for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
+            tank.send(number, x, 300.0)
+        for _ in range(600):
+            tank.on()
+            assert not overlaps(tank)
+            if all(fish.reached for fish in tank.fish):
+                passed += 1
+                break
+    assert passed == 4
+
+
+@pytest.mark.parametrize("mode", [HYBRID, NETWORK])
+def test_together_they_swim_on_from_the_past_as_they_did(mode):
+    tank = LiveTank(company_players(), mode, 4, 2)
+    for _ in range(150):
+        tank.on()
+    was = [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish]
+    tank.back_to(60)
+    while tank.tick < 150:
+        tank.on()
+    assert [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
+
+
+def test_more_fish_than_fit():
+    arena = np.zeros((80, 130), bool)
+    arena[10:70, 10:120] = True
+    players = players_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
+    tank = LiveTank(players, LOOPS, 40, 0)
+    assert 1 <= len(tank.fish) < 40
+    player, fish = players[LOOPS], [one.way(tank.tick) for one in tank.fish]
+    everywhere = [
+        np.array([[x, y, 0.0, 0.0]]) for x in range(10, 120, 10) for y in range(10, 70, 10)
+    ]
+    with pytest.raises(FinloopError, match="no room"):
+        player.begin(np.random.default_rng(0), None, player.company(fish + everywhere, 0))
