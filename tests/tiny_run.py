@@ -25,14 +25,21 @@ def paths(stage: dict[str, Any]) -> set[str]:
     return {next(iter(one)) if isinstance(one, dict) else one for one in every}
 
 
+MAKERS = [
+    ({str(one) for one in (Path(out), *Path(out).parents)}, word)
+    for word, stage in STAGES.items()
+    for out in paths(stage)
+]
+"""What a stage makes, and every folder that it lies in, with the stage."""
+
+
 def with_those_before(words: Iterable[str]) -> list[str]:
     """Stages and all that they wait for, in the order of dvc.yaml, in which each can run."""
-    makers = [(Path(out), one) for one, stage in STAGES.items() for out in paths(stage)]
     todo, wanted = [*words], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        deps = [Path(dep) for dep in STAGES[word]["deps"]]  # a folder, or in one
-        near = {one for out, one in makers for dep in deps if dep in (out, *out.parents)}
+        deps = STAGES[word]["deps"]  # a folder, or in one
+        near = {one for places, one in MAKERS if not places.isdisjoint(deps)}
         todo += near - wanted
     return [one for one in STAGES if one in wanted]
 
