@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[1]
 OUTPUTS = ("data", "reports")
-BESIDE = (str(ROOT), str(Path(__file__).parent))
-os.environ["PYTHONPATH"] = os.pathsep.join(BESIDE)  # where the server of processes is started
+# Processes are forked from a server, which imports their work wherever a test has started it.
+os.environ["PYTHONPATH"] = os.pathsep.join((str(ROOT), str(Path(__file__).parent)))
 FRONT = ("plots-clip", "plots-extract", "plots-features")  # and what these wait for
 TINY_CARP = [
     "clip=carp",
@@ -68,10 +68,10 @@ TINY_CARP = [
 
 
 SLOW = ("pipeline",
-        "experiment", "gait_stage", "params", "carp", "bpn",
-        "extract", "sprites", "features", "distance_map", "footage_film", "clip",
-        "animate_film", "realism", "examples", "morph_stage", "render", "animate_forecast", "gateways", "play",
-        "loops", "morph_simple", "play_server", "curve_dynamics", "forecast", "report")  # fmt: skip
+        "gait_stage", "experiment", "params", "carp", "mend", "bpn",
+        "extract", "sprites", "footage_film", "resume", "animate_forecast", "animate_film", "render", "play",
+        "play_server", "morph_simple", "loops", "paths", "realism", "forecast", "gateways", "jumps", "examples",
+        "features", "distance_map", "clip", "tank_scene", "check", "report", "given_tracks", "export")  # fmt: skip
 """The files that take longest, by the word after `test_`."""
 
 
