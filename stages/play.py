@@ -70,6 +70,8 @@ def main() -> None:
 
         try:
             with opened(asked.mode, asked.fish, asked.seed) as view:
+                if (room := len(view.tank.fish)) < asked.fish:
+                    print(f"play: the tank has room for {room} fish", file=sys.stderr)
                 Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)

@@ -218,6 +218,18 @@ def test_two_fish_sent_to_each_other_pass():
     assert passed == 4
 
 
+def test_along_one_path_they_follow_each_other():
+    tank, angle = LiveTank(company_players(), LOOPS, 3, 5), np.linspace(0, 2 * np.pi, 40)
+    ring = np.column_stack([400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle)])
+    tank.follow(None, [(float(x), float(y)) for x, y in ring])
+    on_it = 0
+    for _ in range(300):
+        tank.on()
+        assert not overlaps(tank)
+        on_it += sum(fish.errand.begun for fish in tank.fish)
+    assert on_it > 300
+
+
 @pytest.mark.parametrize("mode", [HYBRID, NETWORK])
 def test_together_they_swim_on_from_the_past_as_they_did(mode):
     tank = LiveTank(company_players(), mode, 4, 2)

@@ -160,12 +160,8 @@ class ForecastSwimmer:
             foretold = follow(swum, past, other, min(ticks, left), swum.control[other])
             foretold = np.ascontiguousarray(foretold[::-1])  # kernels are compiled for it alone
             whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
-            good = min(
-                whole[1],
-                clear_ticks(
-                    fish.company, 1 + other + np.arange(len(whole[0])), whole[0], fish.tick
-                ),
-            )
+            numbers = other + 1 + np.arange(len(foretold))
+            good = min(whole[1], clear_ticks(fish.company, numbers, whole[0], fish.tick))
             if good > best:
                 row, states, (way, _, touched), best = other, foretold, whole, good
             if min(touched, len(way) - 1) < best:

@@ -73,8 +73,8 @@ class Player:
         for _ in range(_PLACES):
             fish = self.policy.begin(rng)
             place = np.array([fish.x, fish.y, fish.heading])
-            body = fish.row if fish.row >= 0 else -1 - fish.sprite
-            if can_stay(company, body, place, fish.tick):
+            picture = fish.row if fish.row >= 0 else -1 - fish.sprite
+            if can_stay(company, picture, place, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
         raise FinloopError(
@@ -84,7 +84,7 @@ class Player:
         )
 
     def company(self, ways: Sequence[Floats], start: int) -> Company:
-        """What a fish that decides at a tick knows of the others, whose ways (n, 3) are given."""
+        """What a fish that decides at a tick knows of the others, whose ways (n, 4) are given."""
         p = self.waters.settings
         if p.overlap:
             return ALONE
