@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from finloop.animate.arena import inside
 from finloop.animate.company import lasting_ticks
 from finloop.animate.edit_list import SPOT, WAITING
 from finloop.animate.kinematics import Spot
@@ -12,8 +13,10 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
 from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.base.arrays import Floats
 
 _AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
+_DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
 class Avoidance:
@@ -49,7 +52,7 @@ class Avoidance:
     def _making_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
     ) -> Iterator[Stretch]:
-        """To swim away from x, y; to stay, turning away; not turning; showing the same picture."""
+        """To swim away from x, y; to drift away, turning or not, or with one picture; to stay."""
         far = _AWAY * self._waters.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
@@ -58,19 +61,37 @@ class Avoidance:
         leaves = self._policy.next(fish, away, rng)
         if leaves.decision.reason != SPOT:
             yield replace(leaves, touched=False)
-        waits = Decision(WAITING)
+        drift = self._drift(fish, away)
         if fish.row < 0:
-            stays = replace(self._policy.sprites.stay(fish, away), decision=waits)
-            yield stays
+            stays = self._policy.sprites.stay(fish, away)
             same, phase = (np.full(len(stays.way), one) for one in (fish.sprite, fish.phase))
             turns = fish.state == TURN  # it goes on with the turn then
-            yield replace(
+            frozen = replace(
                 stays, state=fish.state, number=same, phase=None if turns else phase, new=False,
                 whole=not turns,
             )  # fmt: skip
-            return
-        yield replace(self._film.stay(fish, away), decision=waits)
-        stays = replace(self._film.stay(fish, away, turns=False), decision=waits)
-        yield stays
-        rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
-        yield replace(stays, number=np.full(len(rot), fish.row), rot=rot, new=False)
+            ways = [stays, frozen]
+        else:
+            stays = self._film.stay(fish, away, turns=False)
+            rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
+            same = np.full(len(rot), fish.row)
+            frozen = replace(stays, number=same, rot=rot, new=False)
+            ways = [self._film.stay(fish, away), stays, frozen]
+        for one in ways:
+            moved = one.way.copy()
+            moved[:, :2] = drift[: len(moved)]
+            yield replace(one, way=moved, decision=Decision(WAITING))
+        yield replace(frozen, decision=Decision(WAITING))
+
+    def _drift(self, fish: Fish, away: Spot) -> Floats:
+        """Places (n, 2) of a fish that drifts away while it stays, as far as the tank goes."""
+        motion, tank = self._waters.motion, self._waters.tank
+        ticks = max(motion.delta, self._film.rules.stride)
+        far = np.arange(1, ticks + 1) * _DRIFT * motion.body_length_px / motion.delta
+        way = np.subtract(away[:2], (fish.x, fish.y))
+        places = (fish.x, fish.y) + far[:, None] * way / max(float(np.hypot(*way)), 1e-9)
+        free = [inside(tank.legal, x, y) for x, y in places]
+        n = free.index(False) if False in free else ticks
+        last = places[n - 1] if n else (fish.x, fish.y)
+        places[n:] = last
+        return places

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate import kinematics as step
-from finloop.animate.company import clear_ticks
+from finloop.animate.company import clear_ticks, past
 from finloop.animate.edit_list import PHASE, TURNING, WALL
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import DECELERATE, SLIDE, STATES, TURN
@@ -74,6 +74,8 @@ class SpriteSwimmer:
         """Fig. 18, playing in network mode: turn, or swim straight, towards the goal."""
         settings = self.waters.settings
         aim = self.waters.aim(fish, goal, settings.arrived * self.waters.touch_px)
+        x, y = past(fish.company, (fish.x, fish.y), aim[:2], self._px)
+        aim = aim._replace(x=x, y=y)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > settings.near * self._px
