@@ -4,8 +4,9 @@
 film each (none: the one that it is called in), and writes benchmarks/company.csv. Eight fish, or as
 many as there is room for, swim in the live tank for two minutes of film, each to a random place and
 at once to the next: clear of each other, and with `animate.overlap=true`. Outlines are those of the
-pictures that are shown; a fish that moves less than a twentieth of a body length in a second is
-still. Beside it stands what the animals of the film do.
+pictures, at the heading that is planned, without what joins still bend and turn. A fish that moves
+less than a twentieth of a body length in a second is still. Beside it stands what the animals of
+the film do.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -40,7 +41,7 @@ PATIENCE_S = 60.0  # then a fish is sent elsewhere
 def outline(player: Player, row: Row) -> np.ndarray:
     """The outline (p, 2) of a fish on screen, px."""
     hull = player.hull(row.kind, row.source) * (1, -1 if row.kind == FRAME and row.mirrored else 1)
-    place = ahead_left(hull, np.radians(row.heading_deg))  # who is turned by it twice is back
+    place = ahead_left(hull, np.radians(row.heading_deg))  # it is its own inverse
     return place + np.array([row.x_px, row.y_px])
 
 

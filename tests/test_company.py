@@ -17,10 +17,11 @@ from finloop.animate.company import (
     company_of,
     discs_of,
     lasting_ticks,
-    past,
     picture_number,
+    round_others,
 )
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.live.tank import LiveTank
 
@@ -68,6 +69,18 @@ def test_discs_hold_their_outline():
     for outline, own in zip(outlines, discs_of(outlines, []).table, strict=True):
         apart = np.hypot(*(outline[:, None] - own[None, :, :2]).transpose(2, 0, 1))
         assert (apart <= own[:, 2]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("length", [40.0, 400.0])
+def test_discs_hold_an_outline_of_few_and_long_sides(length):
+    corners = length * np.array(
+        [[0.5, 0.02], [0.3, 0.1], [-0.5, 0.01], [-0.45, -0.02], [0.4, -0.08]]
+    )
+    share = np.linspace(0, 1, 200)[:, None, None]
+    sides = corners + share * (np.roll(corners, -1, axis=0) - corners)
+    own = discs_of(np.empty((0, 5, 2)), [corners]).table[0]
+    apart = np.hypot(*(sides.reshape(-1, 1, 2) - own[None, :, :2]).transpose(2, 0, 1))
+    assert (apart <= own[:, 2]).any(axis=1).all()
 
 
 def test_discs_are_no_wider_than_they_must_be():
@@ -130,10 +143,10 @@ def test_others_are_where_they_planned_to_be_and_stay_where_that_ends():
 
 def test_who_looks_ahead_forgets_them_after_a_while():
     company = crossing()
-    assert company.until == 10 + 20 + 6
+    assert company.until == 10 + 19 + 6
     for tick in range(10, 60):
         ahead = clear_ahead(company, 0, 95.0, 0.0, 90.0, tick)
-        assert ahead == (tick > 36 or clear(company, 0, 95.0, 0.0, 90.0, tick))
+        assert ahead == (tick > 35 or clear(company, 0, 95.0, 0.0, 90.0, tick))
 
 
 def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
@@ -163,11 +176,13 @@ def test_alone_every_place_is_clear():
 def test_a_fish_in_the_way_is_passed_on_the_nearer_side():
     company = company_of([np.array([[100.0, -4, 0, 0]])], 0, discs_of(NEEDLE[None], []), 0)
     here, length = (0.0, 0.0), 60.0
-    assert past(company, here, (300.0, 0.0), length) == pytest.approx((100.0, 56.0))
-    assert past(company, here, (300.0, -40.0), length)[1] < -20  # now the other is below the way
+    assert round_others(company, here, (300.0, 0.0), length) == pytest.approx((100.0, 56.0))
+    assert (
+        round_others(company, here, (300.0, -40.0), length)[1] < -20
+    )  # now the other is below the way
     for clear_of_it in ((50.0, 0.0), (0.0, 300.0), (-300.0, 0.0)):
-        assert past(company, here, clear_of_it, length) == clear_of_it
-    assert past(ALONE, here, (300.0, 0.0), length) == (300.0, 0.0)
+        assert round_others(company, here, clear_of_it, length) == clear_of_it
+    assert round_others(ALONE, here, (300.0, 0.0), length) == (300.0, 0.0)
 
 
 # --- fish of one tank
@@ -250,6 +265,37 @@ def test_together_they_swim_on_from_the_past_as_they_did(mode):
     while tank.tick < 150:
         tank.on()
     assert [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
+
+
+def test_a_plan_that_others_rely_on_is_swum_to_its_end(monkeypatch):
+    tank = LiveTank(company_players(), HYBRID, 3, 2)
+    for _ in range(30):
+        tank.on()
+    fish = tank.fish[0]
+    tank.send(0, *fish.way(tank.tick)[-1, :2].tolist())  # to where its plan ends
+    tank.on()
+    monkeypatch.setattr(Player, "is_clear", lambda *_: False)
+    for far in ((220.0, 120.0), (580.0, 480.0), (220.0, 480.0)):
+        while len(plan := fish.way(tank.tick)) < 4:
+            tank.on()
+        tank.send(0, *far)
+        tank.switch(NETWORK if tank.mode == HYBRID else HYBRID)
+        tank.on()
+        assert np.array_equal(fish.way(tank.tick), plan[-len(fish.way(tank.tick)) :])
+        for _ in plan:  # to the end of the old plan, which may touch the old goal
+            tank.on()
+        assert not fish.reached
+    was = [[one.at(tick).x_px for tick in range(tank.tick + 1)] for one in tank.fish]
+    begin, mode = tank.tick, tank.mode
+    for _ in range(20):
+        tank.on()
+    now = [one.at(tank.tick).x_px for one in tank.fish]
+    tank.back_to(begin)
+    assert tank.mode == mode
+    while tank.tick < begin + 20:
+        tank.on()
+    assert [one.at(tank.tick).x_px for one in tank.fish] == now
+    assert [[one.at(tick).x_px for tick in range(begin + 1)] for one in tank.fish] == was
 
 
 def test_more_fish_than_fit():

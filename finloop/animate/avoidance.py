@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from finloop.animate.arena import inside
 from finloop.animate.company import lasting_ticks
 from finloop.animate.edit_list import SPOT, WAITING
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.motion import TURN
+from finloop.animate.motion import FORECAST, TURN
 from finloop.animate.policies import Policy
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats
@@ -25,11 +24,13 @@ class Avoidance:
     def __init__(self, policy: Policy, waters: Waters) -> None:
         self._policy, self._waters = policy, waters
         self._film = FilmSwimmer(waters)
+        motion = waters.motion
+        self._drift_px = _DRIFT * motion.body_length_px / motion.delta  # in a tick
 
-    def clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
+    def kept_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
         """What of a stretch meets no other fish, now or where it ends; else what can be done.
 
-        A fish whose way is blocked, or that finds none beside another, makes way for that.
+        A fish that is blocked, or turns on the spot beside another, makes way for the other.
         """
         company, others = fish.company, fish.company.places[0]
         if not len(others):
@@ -52,14 +53,21 @@ class Avoidance:
     def _making_way(
         self, fish: Fish, x: float, y: float, rng: np.random.Generator
     ) -> Iterator[Stretch]:
-        """To swim away from x, y; to drift away, turning or not, or with one picture; to stay."""
+        """What a fish can do that is blocked by another at x, y, the best first.
+
+        It swims away, if that is quicker than a drift; drifts away, turning away; drifts, not
+        turning; drifts with the same picture; stays with the same picture.
+        """
         far = _AWAY * self._waters.motion.body_length_px
         angle = np.arctan2(fish.y - y, fish.x - x)
         to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
         to_x, to_y = self._waters.tank.into(float(to_x), float(to_y))
         away = Spot(to_x, to_y, 0.0, 0.0)
         leaves = self._policy.next(fish, away, rng)
-        if leaves.decision.reason != SPOT:
+        # Who is blocked all round may swim, too, and gain nothing: a drift is quicker.
+        gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
+        ticks = self.ticks(fish, leaves)
+        if ticks and gains[ticks - 1] > ticks * self._drift_px:
             yield replace(leaves, touched=False)
         drift = self._drift(fish, away)
         if fish.row < 0:
@@ -77,6 +85,8 @@ class Avoidance:
             same = np.full(len(rot), fish.row)
             frozen = replace(stays, number=same, rot=rot, new=False)
             ways = [self._film.stay(fish, away), stays, frozen]
+            if fish.state == FORECAST:
+                *ways, frozen = (replace(one, state=FORECAST) for one in (*ways, frozen))
         for one in ways:
             moved = one.way.copy()
             moved[:, :2] = drift[: len(moved)]
@@ -84,14 +94,9 @@ class Avoidance:
         yield replace(frozen, decision=Decision(WAITING))
 
     def _drift(self, fish: Fish, away: Spot) -> Floats:
-        """Places (n, 2) of a fish that drifts away while it stays, as far as the tank goes."""
-        motion, tank = self._waters.motion, self._waters.tank
-        ticks = max(motion.delta, self._film.rules.stride)
-        far = np.arange(1, ticks + 1) * _DRIFT * motion.body_length_px / motion.delta
+        """Places (n, 2) of a fish that drifts away while it waits; at a wall, along it."""
+        ticks = max(self._waters.motion.delta, self._film.rules.stride)
+        far = np.arange(1, ticks + 1) * self._drift_px
         way = np.subtract(away[:2], (fish.x, fish.y))
         places = (fish.x, fish.y) + far[:, None] * way / max(float(np.hypot(*way)), 1e-9)
-        free = [inside(tank.legal, x, y) for x, y in places]
-        n = free.index(False) if False in free else ticks
-        last = places[n - 1] if n else (fish.x, fish.y)
-        places[n:] = last
-        return places
+        return np.array([self._waters.tank.into(x, y) for x, y in places.tolist()])

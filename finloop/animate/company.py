@@ -1,9 +1,9 @@
 """Where the other fish of a tank will be, and whether a fish keeps clear of them, compiled.
 
-A body is a few discs that hold an outline of the film. What the others have planned is known; at
-the end of that they count as staying where they are. A fish plans nothing that meets any of it, and
-nothing at the end of which it could not stay. So whoever finds no way on can always stay where it
-is, and no fish touches another.
+A body is a few discs that hold an outline of the film. A fish knows what the others have planned;
+after that they count as staying in place. It plans nothing that meets them, and stops only where it
+can stay. So a fish that finds no way on can stay in place, and no two bodies overlap. What joins
+bend and turn for some ticks, and the second picture of a cross-fade, are not looked at.
 """
 
 from collections.abc import Sequence
@@ -17,9 +17,9 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.kernel import kernel
 
 _DISCS = 6
-_POINTS = 60  # of an outline, at least, so that every disc has some
+_STEP = 1 / 60  # of a body's length; points of an outline are no farther apart
 _LOT = 10_000  # outlines at a time
-_SEES = 3.0  # body lengths; a fish that is nearer than that is swum round
+_SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
 
 
@@ -40,7 +40,7 @@ class Company(NamedTuple):
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the `picture_number` at every tick from then on, the last ones for ever;
-    until: the last tick at which who looks ahead reckons with them.
+    until: the last tick for which a search takes them into account.
     """
 
     start: int
@@ -55,13 +55,13 @@ ALONE = Company(0, np.zeros((1, 0, 4)), Discs(np.zeros((0, _DISCS, 3)), 0, 0.0))
 def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> Company:
     """The company of fish whose ways (n, 4), as in `Company`, from a tick on are known; n ≥ 1.
 
-    stays: ticks after these for which who looks ahead reckons with them.
+    stays: ticks after these for which a search takes them into account.
     """
     if not ways:
         return ALONE
     ticks = max(map(len, ways))
     places = np.stack([way[np.minimum(np.arange(ticks), len(way) - 1)] for way in ways], axis=1)
-    return Company(start, np.ascontiguousarray(places, float), discs, start + ticks + stays)
+    return Company(start, np.ascontiguousarray(places, float), discs, start + ticks - 1 + stays)
 
 
 def picture_number(
@@ -85,9 +85,11 @@ def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:
 
 def _discs(hulls: Floats) -> Floats:
     """Discs (n, k, 3) that hold outlines (n, p, 2), each as long a part of their length."""
-    finer = -(-_POINTS // hulls.shape[1])  # points along each side of a coarse outline
-    share = (np.arange(finer) / finer)[:, None]
     sides = np.roll(hulls, -1, axis=1) - hulls
+    length = np.maximum(np.ptp(hulls[..., 0], axis=1, keepdims=True), 1e-9)
+    longest = float((np.hypot(*np.moveaxis(sides, -1, 0)) / length).max())
+    finer = max(1, int(np.ceil(longest / _STEP)))  # points along each side
+    share = (np.arange(finer) / finer)[:, None]
     ahead, left = np.moveaxis((hulls[:, :, None] + share * sides[:, :, None]), -1, 0).reshape(
         2, len(hulls), -1
     )
@@ -124,8 +126,9 @@ def clear(company: Company, picture: int, x: float, y: float, heading: float, ti
 
 @kernel
 def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
-    """The same for who looks ahead; later than `until` nobody knows where the others are."""
-    return tick > company.until or clear(company, picture, x, y, heading, tick)
+    """`clear` for a search, which knows where the others are from `start` to `until` alone."""
+    unknown = tick < company.start or tick > company.until
+    return unknown or clear(company, picture, x, y, heading, tick)
 
 
 @kernel
@@ -188,7 +191,7 @@ def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> in
     return n
 
 
-def past(
+def round_others(
     company: Company, place: tuple[float, float], to: tuple[float, float], length_px: float
 ) -> tuple[float, float]:
     """Where to head for on the way to a point, px: there, or beside the first fish in the way."""

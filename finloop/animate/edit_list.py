@@ -84,7 +84,8 @@ PATH = "path"
 """The goal of whoever swims a path."""
 
 VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
-"""Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better."""
+"""Of a way: it passes the tests of Fig. 19; which test it fails; or it was given up for better.
+A way that meets another fish fails as one that leaves the tank."""
 
 CONSIDERED = Schema(
     *columns("int32", "1", "tick", "row"),

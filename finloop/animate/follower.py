@@ -15,6 +15,7 @@ import numpy as np
 
 from finloop.animate import decide
 from finloop.animate.beam import Found
+from finloop.animate.company import Company
 from finloop.animate.decide import Ways
 from finloop.animate.edit_list import (
     FORETOLD,
@@ -142,7 +143,7 @@ class Follower:
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
         place_px = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
-        here = here._replace(company=fish.company)
+        here = here._replace(company=_a_tick_later(fish.company))
         return self._best(self._film, every, here, along, route)
 
     def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
@@ -158,7 +159,7 @@ class Follower:
         rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
         every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
         here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat)
-        here = here._replace(company=fish.company)
+        here = here._replace(company=_a_tick_later(fish.company))
         return self._best(footage, every, here, along, route)
 
     def _best(
@@ -260,6 +261,11 @@ class Follower:
         """A place a body length ahead on the path."""
         x, y = map(float, place(route, along + self.steering.length_px))
         return Spot(x, y, self.waters.touch_px, self.waters.head_px)
+
+
+def _a_tick_later(company: Company) -> Company:
+    """The company of a fish, as paths count: the first tick that is swum is `fish.tick` + 1."""
+    return company._replace(start=company.start + 1, until=company.until + 1)
 
 
 class Plan(NamedTuple):

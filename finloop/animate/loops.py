@@ -114,7 +114,7 @@ class FilmSwimmer:
         )  # fmt: skip
 
     def stay(self, fish: Fish, aim: Spot, turns: bool = True) -> Stretch:
-        """No way on: turn towards the aim where it is, or not even that, while the film goes on."""
+        """No way on: stay in place while the film goes on. turns: whether towards the aim."""
         film, most_deg = self.waters.film, self.waters.motion.brisk_deg
         ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1

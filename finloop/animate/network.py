@@ -6,14 +6,15 @@ that angle moved. Otherwise the fish slides, accelerates, decelerates or swims s
 long, as fast and drifting as much as a stretch of the film that began at the same speed.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
 from finloop.animate import kinematics as step
-from finloop.animate.company import clear_ticks, past
-from finloop.animate.edit_list import PHASE, TURNING, WALL
+from finloop.animate.company import clear_ticks, round_others
+from finloop.animate.edit_list import PHASE, TURNING, WAITING, WALL
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import DECELERATE, SLIDE, STATES, TURN
 from finloop.animate.sprites import TurnPlan, from_bend, plan_turn
@@ -74,8 +75,10 @@ class SpriteSwimmer:
         """Fig. 18, playing in network mode: turn, or swim straight, towards the goal."""
         settings = self.waters.settings
         aim = self.waters.aim(fish, goal, settings.arrived * self.waters.touch_px)
-        x, y = past(fish.company, (fish.x, fish.y), aim[:2], self._px)
-        aim = aim._replace(x=x, y=y)
+        beside = round_others(fish.company, (fish.x, fish.y), aim[:2], self._px)
+        if beside != aim[:2]:
+            x, y = self.waters.tank.into(*beside)
+            aim = aim._replace(x=x, y=y)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > settings.near * self._px
@@ -191,7 +194,8 @@ class SpriteSwimmer:
             way, good, touched = step.turn(
                 self.waters.tank.legal, course.start, swim, course.goal, course.aim, fastest
             )
-            if good and self._clear_ticks(course.fish, way) == len(way):
+            done = way[: touched + 1]
+            if good and self._clear_ticks(course.fish, done) == len(done):
                 break
         return way, touched, share
 
@@ -206,13 +210,14 @@ class SpriteSwimmer:
             self.waters.tank.legal, course.start,
             Ahead(speed * (self._px / motion.rate_hz), none, none), course.goal,
         )  # fmt: skip
-        good = min(good, self._clear_ticks(fish, way))
-        n = min(touched + 1, good)
+        clear = self._clear_ticks(fish, way)
+        decision = Decision(WAITING if clear < good else WALL)
+        n = min(touched + 1, good, clear)
         if n == 0:
-            return self.stay(fish, course.aim)
+            return replace(self.stay(fish, course.aim), decision=decision)
         sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
         return Stretch(
-            DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
+            DECELERATE, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase
         )
 
     def stay(self, fish: Fish, aim: Spot) -> Stretch:

@@ -135,15 +135,15 @@ def planner(made: Material, p: Settings) -> Planner:
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
-    company = players(waters, cast, made.model, gates, how)
+    by_mode = players(waters, cast, made.model, gates, how)
     swum = None if made.forecast is None else endless(made.forecast, way.more)
     if swum is not None and swum.usable.any() and p.sprites == "learned":
         swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy(), rarity)
         for mode in (NETWORK, HYBRID):
-            policy = replace(company[mode].policy, forecast=swimmer)
-            company[mode] = replace(company[mode], policy=policy)
+            policy = replace(by_mode[mode].policy, forecast=swimmer)
+            by_mode[mode] = replace(by_mode[mode], policy=policy)
     path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
-    return Planner(waters, company, pictures, facts.step_median, reach_px, path)
+    return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArray[np.float32]:

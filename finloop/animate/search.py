@@ -90,7 +90,7 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
 
 @kernel
 def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after some ticks, and at most some: ticks, both.
+    """Play forward to the first loop end after a stride, at most for so long. ticks: stride, most.
 
     `way` is moved on; its row is −1 where the film ends, leaves the tank or meets another fish.
     Returns the ticks that were played, and whether the last one touches the aim.

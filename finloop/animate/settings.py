@@ -30,8 +30,7 @@ class Settings:
 
     # Several fish in one tank.
     overlap: bool  # whether they may swim through each other
-    # Δ; a fish that looks ahead gives way to another that would stay for so long where the plan of
-    # that one ends
+    # Δ after the end of another's plan; for so long a search takes it that this one stays there
     give_way: NotNegative
 
     # What is drawn.

@@ -51,6 +51,11 @@ class Cast:
         """Drawn size / filmed size (n,) of every sprite."""
         return self.sprites["scale"].to_numpy(float)
 
+    @cached_property
+    def discs(self) -> Discs:
+        """The discs that hold the body in every picture."""
+        return discs_of(self.frame_hulls, self.sprite_hulls)
+
 
 @dataclass(frozen=True)
 class Player:
@@ -64,9 +69,9 @@ class Player:
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """A fish somewhere in the tank, clear of all others, or at the beginning of a path.
+        """A fish somewhere in the tank, clear of the others; or at the beginning of a path.
 
-        FinloopError where there is no such place.
+        There it is whoever else is. FinloopError where, of many places drawn, none is clear.
         """
         if route is not None:
             return State(self.follower.begin(route, rng), np.zeros(2))
@@ -86,14 +91,9 @@ class Player:
     def company(self, ways: Sequence[Floats], start: int) -> Company:
         """What a fish that decides at a tick knows of the others, whose ways (n, 4) are given."""
         p = self.waters.settings
-        if p.overlap:
+        if p.overlap or not ways:
             return ALONE
-        return company_of(ways, start, self.discs, self.waters.ticks(p.give_way))
-
-    @cached_property
-    def discs(self) -> Discs:
-        """The discs that hold the body in every picture."""
-        return discs_of(self.cast.frame_hulls, self.cast.sprite_hulls)
+        return company_of(ways, start, self.cast.discs, self.waters.ticks(p.give_way))
 
     @cached_property
     def _avoidance(self) -> Avoidance:
@@ -115,7 +115,7 @@ class Player:
         waters, fish, place, left = self.waters, state.fish, state.place, 0
         if isinstance(goal, Route):
             whole, along = self.follower.next(fish, state.along, goal, rng)
-            stretch = self._avoidance.clear(fish, whole, rng)
+            stretch = self._avoidance.kept_clear(fish, whole, rng)
             # How far along a path a shorter one leads the next step finds from where it was.
             along = along if stretch is whole else state.along
             return stretch, State(after(fish, stretch, waters), place, 0, along)
@@ -129,12 +129,12 @@ class Player:
             x, y = place
         free = goal is None and waters.settings.wander == "film"
         spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
-        stretch = self._avoidance.clear(fish, self.policy.next(fish, spot, rng), rng)
+        stretch = self._avoidance.kept_clear(fish, self.policy.next(fish, spot, rng), rng)
         wanders = goal is None and not stretch.touched
         left = left - len(stretch.way) * (stretch.state != TURN) if wanders else 0
         return stretch, State(after(fish, stretch, waters), place, left)
 
-    def clear(self, state: State, stretch: Stretch) -> bool:
+    def is_clear(self, state: State, stretch: Stretch) -> bool:
         """Whether a stretch from a state meets no other fish, now or where it ends."""
         return self._avoidance.ticks(state.fish, stretch) == len(stretch.way)
 

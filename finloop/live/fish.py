@@ -79,6 +79,14 @@ Others = Callable[["LiveFish", int], list[Floats]]
 """The ways of the other fish of the tank from a tick on."""
 
 
+class Wish(NamedTuple):
+    """What a fish is asked for at a tick: mode, path, ticks till its plan is cut (0: it is not)."""
+
+    mode: str
+    errand: "Errand | None"
+    cut_after: int
+
+
 class Errand(NamedTuple):
     """A path to be swum. begun: whether the fish has come to its beginning."""
 
@@ -130,7 +138,7 @@ class LiveFish:
         self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
-        self._errands = np.full(HISTORY, None, object)
+        self._wishes = np.full(HISTORY, None, object)
         self._choices: deque[Choice] = deque()
         self._plan = np.zeros(0, ROW)  # the last stretch, of which so much has been played:
         self._plan_poses = np.zeros(0, object)
@@ -167,8 +175,8 @@ class LiveFish:
 
     def errand_at(self, tick: int) -> Errand | None:
         """The path that it was sent along at a tick that is known."""
-        errand: Errand | None = self._errands[tick % HISTORY]
-        return errand
+        wish: Wish = self._wishes[tick % HISTORY]
+        return wish.errand
 
     def places(self, ticks: range) -> Floats:
         """Where it was, (n, 2) px, at those of the ticks that are known, all up to now."""
@@ -223,7 +231,7 @@ class LiveFish:
             self._arrive(last)
         goal = self.goal
         self._poses[self.now % HISTORY] = row.pose
-        self._errands[self.now % HISTORY] = self.errand
+        self._wishes[self.now % HISTORY] = Wish(self.mode, self.errand, self._cut_after)
         self._ring[self.now % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
@@ -244,7 +252,7 @@ class LiveFish:
         if errand is not None and errand.begun:
             self.reached = errand.route.done(self._state.along, fish.tick)
             self.errand = None if self.reached else errand
-        elif last.stretch.touched and last.goal:
+        elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
             if errand is None:
                 self.reached = True
             else:
@@ -263,18 +271,16 @@ class LiveFish:
         self._decide(choice.goal, choice.state.fish.company)
         self._played = tick - choice.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
-        self.goal, self.reached, self._cut_after = None, row.reached, 0
-        self.errand = self.errand_at(tick)
+        self.goal, self.reached = None, row.reached
+        self.mode, self.errand, self._cut_after = self._wishes[tick % HISTORY]
         if not math.isnan(row.goal_x_px):
             self.goal = self._goal(row.goal_x_px, row.goal_y_px)
-            dragged = isinstance(choice.goal, Route) or choice.goal != self.goal
-            self._cut_after = self._drag if dragged and not row.reached else 0
 
     def _decide_anew(self) -> None:
         """Forget what was planned beyond the tick on screen, and plan anew.
 
-        Other fish rely on what was planned. Where nothing else is clear of them it is swum to its
-        end.
+        Other fish rely on the old plan. Where no new one is clear of them, the old one is swum to
+        its end.
         """
         self._cut_after = 0
         if not 0 < self._played < len(self._plan):
@@ -287,7 +293,7 @@ class LiveFish:
         self._plan = self._plan[: self._played]
         self._decide(self._target())
         choice = self._choices[-1]
-        if not self._player.clear(choice.state, choice.stretch):
+        if not self._player.is_clear(choice.state, choice.stretch):
             self._choices.pop()
             self._choices[-1] = last
             self._state, self._rng.bit_generator.state = state, draws
