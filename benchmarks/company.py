@@ -2,7 +2,7 @@
 
 `python -m benchmarks.company FOLDER …` takes working copies in which the pipeline was run, of a
 film each (none: the one that it is called in), and writes benchmarks/company.csv. Eight fish, or as
-many as there is room for, swim in the live tank for two minutes of film, each to a random place and
+many as there is room for, swim in the live tank for a minute of film, each to a random place and
 at once to the next: clear of each other, and with `animate.overlap=true`. Outlines are those of the
 pictures, at the heading that is planned, without what joins still bend and turn. A fish that moves
 less than a twentieth of a body length in a second is still. Beside it stands what the animals of
@@ -34,7 +34,7 @@ from finloop.live.tank import LiveTank
 from stages.animate import material
 from stages.settings import load
 
-FISH, SECONDS, STILL = 8, 120.0, 0.05
+FISH, SECONDS, STILL = 8, 60.0, 0.05
 PATIENCE_S = 60.0  # then a fish is sent elsewhere
 
 

@@ -267,35 +267,56 @@ def test_together_they_swim_on_from_the_past_as_they_did(mode):
     assert [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish] == was
 
 
-def test_a_plan_that_others_rely_on_is_swum_to_its_end(monkeypatch):
-    tank = LiveTank(company_players(), HYBRID, 3, 2)
+def kept_plan(tank, monkeypatch, wish) -> int:
+    """The tick at which a wish is refused, as others rely on the plan; three ticks of it are left."""
+    while len(tank.fish[0].way(tank.tick)) < 4:
+        tank.on()
+    plan = tank.fish[0].way(tank.tick)
+    wish()
+    with monkeypatch.context() as patch:
+        patch.setattr(Player, "is_clear", lambda *_: False)
+        tank.on()
+    assert np.array_equal(tank.fish[0].way(tank.tick), plan[1:])
+    return tank.tick
+
+
+def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
+    tank = LiveTank(company_players(), HYBRID, 1, 2)
+    fish, kept = tank.fish[0], 0
+    for number in range(8):
+        tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
+        while not fish.reached:
+            tank.on()
+            ends = fish.choice(tank.tick).stretch.touched and len(fish.way(tank.tick)) > 4
+            if ends:
+                kept_plan(tank, monkeypatch, lambda: tank.send(0, 400.0, 120.0))
+                while len(fish.way(tank.tick)) > 1:
+                    tank.on()
+                assert not fish.reached
+                kept += 1
+                break
+    assert kept
+
+
+def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
+    tank = LiveTank(company_players(), HYBRID, 2, 2)
     for _ in range(30):
         tank.on()
-    fish = tank.fish[0]
-    tank.send(0, *fish.way(tank.tick)[-1, :2].tolist())  # to where its plan ends
-    tank.on()
-    monkeypatch.setattr(Player, "is_clear", lambda *_: False)
-    for far in ((220.0, 120.0), (580.0, 480.0), (220.0, 480.0)):
-        while len(plan := fish.way(tank.tick)) < 4:
-            tank.on()
-        tank.send(0, *far)
-        tank.switch(NETWORK if tank.mode == HYBRID else HYBRID)
+
+    def elsewhere():
+        tank.send(0, 220.0, 480.0)
+        tank.switch(NETWORK)
+
+    begin = kept_plan(tank, monkeypatch, elsewhere)
+    for _ in range(40):
         tank.on()
-        assert np.array_equal(fish.way(tank.tick), plan[-len(fish.way(tank.tick)) :])
-        for _ in plan:  # to the end of the old plan, which may touch the old goal
-            tank.on()
-        assert not fish.reached
-    was = [[one.at(tick).x_px for tick in range(tank.tick + 1)] for one in tank.fish]
-    begin, mode = tank.tick, tank.mode
-    for _ in range(20):
-        tank.on()
-    now = [one.at(tank.tick).x_px for one in tank.fish]
+    was = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
     tank.back_to(begin)
-    assert tank.mode == mode
-    while tank.tick < begin + 20:
+    assert tank.mode == NETWORK
+    for _ in range(40):
         tank.on()
-    assert [one.at(tank.tick).x_px for one in tank.fish] == now
-    assert [[one.at(tick).x_px for tick in range(begin + 1)] for one in tank.fish] == was
+    now = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
+    assert repr(now) == repr(was)
 
 
 def test_more_fish_than_fit():
