@@ -17,7 +17,7 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.kernel import kernel
 
 _DISCS = 6
-_STEP = 1 / 60  # of a body's length; points of an outline are no farther apart
+_STEP = 1 / 60  # of a body's extent; points of an outline are no farther apart
 _LOT = 10_000  # outlines at a time
 _SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
@@ -86,8 +86,8 @@ def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:
 def _discs(hulls: Floats) -> Floats:
     """Discs (n, k, 3) that hold outlines (n, p, 2), each as long a part of their length."""
     sides = np.roll(hulls, -1, axis=1) - hulls
-    length = np.maximum(np.ptp(hulls[..., 0], axis=1, keepdims=True), 1e-9)
-    longest = float((np.hypot(*np.moveaxis(sides, -1, 0)) / length).max())
+    extent = np.maximum(np.ptp(hulls, axis=1).max(axis=-1), 1e-9)
+    longest = float((np.hypot(sides[..., 0], sides[..., 1]).max(axis=1) / extent).max())
     finer = max(1, int(np.ceil(longest / _STEP)))  # points along each side
     share = (np.arange(finer) / finer)[:, None]
     ahead, left = np.moveaxis((hulls[:, :, None] + share * sides[:, :, None]), -1, 0).reshape(
