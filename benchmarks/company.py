@@ -35,7 +35,6 @@ from stages.animate import material
 from stages.settings import load
 
 FISH, SECONDS, STILL = 8, 60.0, 0.05
-PATIENCE_S = 60.0  # then a fish is sent elsewhere
 
 
 def outline(player: Player, row: Row) -> np.ndarray:
@@ -89,14 +88,12 @@ def swum(mode: str, plans: Planner) -> dict[str, object]:
     y, x = np.nonzero(waters.tank.legal)
     count, ticks = len(tank.fish), round(SECONDS * rate)
     places, near, met, reached, took = np.empty((ticks, count, 2)), [], 0, 0, 0.0
-    since = np.full(count, np.inf)
     for tick in range(ticks):
         for number, fish in enumerate(tank.fish):
             reached += fish.reached
-            if fish.reached or since[number] > PATIENCE_S * rate:
-                place, since[number] = rng.integers(len(x)), 0
+            if fish.reached or fish.goal is None:
+                place = rng.integers(len(x))
                 tank.send(number, float(x[place]), float(y[place]))
-        since += 1
         begin = time.process_time()
         tank.on()
         took += time.process_time() - begin
