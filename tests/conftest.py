@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[1]
 OUTPUTS = ("data", "reports")
 # Processes are forked from a server, which imports their work wherever a test has started it.
-os.environ["PYTHONPATH"] = os.pathsep.join((str(ROOT), str(Path(__file__).parent)))
+os.environ["PYTHONPATH"] = os.pathsep.join(
+    [str(ROOT), str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
+)
 FRONT = ("plots-clip", "plots-extract", "plots-features")  # and what these wait for
 TINY_CARP = [
     "clip=carp",
