@@ -1,9 +1,11 @@
 """Work on several processes: the order of results, errors, and that nothing is left hanging."""
 
+import errno
 import gc
 import multiprocessing
 import os
 import signal
+from concurrent.futures import ProcessPoolExecutor
 from fractions import Fraction
 
 import numpy as np
@@ -126,6 +128,26 @@ def test_a_worker_that_is_killed_again_and_again_is_one_message(monkeypatch):
     with pytest.raises(FinloopError, match="worker") as caught:
         list(ordered_map(is_killed, range(9), Processes(2)))
     assert "FINLOOP_THREADS=1" in caught.value.do
+
+
+@pytest.mark.parametrize(
+    "error", [OSError("handle is closed"), OSError(errno.EAGAIN, "no more processes")]
+)
+def test_a_pool_that_breaks_while_a_worker_starts_is_begun_anew(error, monkeypatch):
+    submit, errors = ProcessPoolExecutor.submit, [error]
+
+    def breaks_once(pool, *job):
+        if errors:
+            raise errors.pop()
+        return submit(pool, *job)
+
+    monkeypatch.setattr(ProcessPoolExecutor, "submit", breaks_once)
+    results = ordered_map(square, range(5), Processes(2))
+    if error.errno is None:
+        assert list(results) == [0, 1, 4, 9, 16]
+    else:
+        with pytest.raises(OSError, match="no more processes"):
+            list(results)
 
 
 @pytest.mark.parametrize("workers", [1, 2])

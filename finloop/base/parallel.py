@@ -85,7 +85,20 @@ class Processes:
         start = multiprocessing.get_context("forkserver" if _FORKSERVER else "spawn")
         with ProcessPoolExecutor(self.count, start, _begin) as pool, ExitStack() as stack:
             stack.callback(pool.shutdown, wait=True, cancel_futures=True)
-            yield lambda item: pool.submit(work, item)
+            yield partial(_submit, pool, work)
+
+
+def _submit(pool: ProcessPoolExecutor, work: Callable[[A], B], item: A) -> Future[B]:
+    """`pool.submit`, which fails otherwise where a worker is killed while another one starts.
+
+    The pool's own thread closes its pipes then: "handle is closed", an OSError without a number.
+    """
+    try:
+        return pool.submit(work, item)
+    except OSError as error:
+        if error.errno is not None:
+            raise
+        raise BrokenProcessPool("a worker was killed while another one started") from error
 
 
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:
