@@ -231,7 +231,7 @@ class SpriteSwimmer:
 
     def _clear_ticks(self, fish: Fish, way: Floats) -> int:
         """Ticks of a way (n, 3) that meet no other fish, about: as the picture on screen would."""
-        numbers = np.full(len(way), fish.row if fish.row >= 0 else -1 - fish.sprite)
+        numbers = np.full(len(way), fish.picture)
         return clear_ticks(fish.company, numbers, way, fish.tick)
 
     def _alike(self, place: int, count: int, rng: np.random.Generator) -> int:

@@ -96,6 +96,11 @@ class Fish:
         """Whether it was stopped in a turn; at the end of a turn a fish is straight."""
         return self.row < 0 and self.state == TURN and self.area > 0
 
+    @property
+    def picture(self) -> int:
+        """The number of the picture that it shows, as `company.picture_number` has it."""
+        return self.row if self.row >= 0 else -1 - self.sprite
+
 
 class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.

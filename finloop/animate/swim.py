@@ -78,8 +78,7 @@ class Player:
         for _ in range(_PLACES):
             fish = self.policy.begin(rng)
             place = np.array([fish.x, fish.y, fish.heading])
-            picture = fish.row if fish.row >= 0 else -1 - fish.sprite
-            if can_stay(company, picture, place, fish.tick):
+            if can_stay(company, fish.picture, place, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
         raise FinloopError(
