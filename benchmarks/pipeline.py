@@ -9,6 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 ROOT = Path(__file__).parents[1]
 STAGES = ("clip", "extract", "features")
 
@@ -25,6 +27,21 @@ def stage(folder: Path, word: str) -> dict[str, Any]:
     """Run one stage in `folder`; its metrics."""
     _python(folder, f"stages.{word}")
     return json.loads((folder / f"reports/{word}/metrics.json").read_text(encoding="utf-8"))
+
+
+def needed(last: Sequence[str]) -> list[str]:
+    """The stages that some wait for, and these, in their order; those of plots are left out."""
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    makers = {
+        out if isinstance(out, str) else next(iter(out)): word
+        for word, one in stages.items()
+        for out in one.get("outs", [])
+    }
+    todo, wanted = [*last], set[str]()
+    while todo:
+        wanted.add(word := todo.pop())
+        todo += {makers[dep] for dep in stages[word]["deps"] if dep in makers} - wanted
+    return [word for word in stages if word in wanted - {"params"}]
 
 
 _LAUNCHER = """

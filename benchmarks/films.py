@@ -1,0 +1,113 @@
+"""Films as people have them, with no parameter but the path, from the film to `render`.
+
+`python -m benchmarks.films [FILM …]` draws carp as a quick, a slow, a flickering, a shaking, a
+short, a large and a small film, and runs the pipeline on each of them and on the films that are
+given. How well each ends is written into films.csv. `--realism` asks for that stage, too.
+"""
+
+import argparse
+import tempfile
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.pipeline import ROOT, needed, prepare, stage
+from finloop.base.settings import settings
+from finloop.drawn.carp.film import film
+from finloop.io.movie import VideoWriter
+from finloop.io.table import save_csv
+
+DRAWN: dict[str, dict[str, Any]] = {
+    "1.4 s at 500 Hz": {"frames": 700, "frame_rate_hz": 500.0},
+    "60 s at 12 Hz": {"frames": 720, "frame_rate_hz": 12.0},
+    "98 frames": {"frames": 98},
+    "40 px long, 40 s": {"frames": 1000, "body_length_px": 40.0},
+    "400 px long, 12 s": {"frames": 300, "body_length_px": 400.0, "width_px": 1920,
+                          "height_px": 1440},
+    "light that flickers by 10 %, 16 s": {"frames": 400},
+    "camera that shakes by 2 px, 16 s": {"frames": 400},
+}  # fmt: skip
+MODES = ("nn", "loops", "hybrid")
+_RATE = 25
+_TABLE = ROOT / "benchmarks/films.csv"
+
+
+def spoilt(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
+    """The pictures of a film, in a light that flickers or from a camera that shakes."""
+    rng = np.random.default_rng(0)
+    for picture in pictures:
+        if "flickers" in name:
+            yield np.clip(picture * rng.uniform(0.9, 1.1), 0, 255).astype(np.uint8)
+        else:
+            yield np.roll(picture, rng.integers(-2, 3, 2), axis=(0, 1))
+
+
+def overrides(name: str, folder: Path) -> list[str]:
+    """What is given of a drawn film: the drawing, or the path of a file that is written here."""
+    values = DRAWN[name]
+    if "flickers" not in name and "shakes" not in name:
+        return ["clip=carp", *(f"clip.{key}={value}" for key, value in values.items())]
+    carp = settings("clip", source="carp", **values)
+    path = folder / "film.mp4"
+    with VideoWriter(path, carp.width_px, carp.height_px, Fraction(_RATE), carp.colour) as writer:
+        for picture in spoilt(name, (np.asarray(one[0]) for one in film(carp))):
+            writer.write(picture)
+    return given(path)
+
+
+def given(path: Path) -> list[str]:
+    """What is given of a film: its path."""
+    return ["clip=file", f"clip.path='{path.resolve()}'"]
+
+
+def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
+    """Run the pipeline on a film: one row of the table."""
+    prepare(folder, [*overridden, "animate.trials=4"])
+    numbers = {word: stage(folder, word) for word in needed(last)}
+    features, swum = numbers["features"], numbers["animate"]
+    row = {
+        "rows": features["fish_frames"],
+        "delta_s": features["delta_s"],
+        "heading_error_median_deg": features.get("truth_heading_error_median_deg"),
+        "head_tail_swaps": features.get("truth_head_tail_swaps"),
+        "heading_off_travel_median_deg": features["heading_off_travel_median_deg"],
+        "film_share_pct": swum["hybrid_film_pct"],
+        "video": (folder / "data/render/hybrid.mp4").is_file(),
+    }
+    for mode in MODES:
+        for name in ("trials_goals_reached_pct", "seam_ratio_p95", "steps_above_film_p995_pct",
+                     "longest_exact_repeat_s", "frames_outside"):  # fmt: skip
+            row[f"{mode}_{name}"] = swum.get(f"{mode}_{name}")
+        if "realism" in numbers:
+            row[f"{mode}_auc"] = numbers["realism"].get(f"{mode}_auc")
+    return row
+
+
+def main() -> None:
+    """Run, print, write."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("films", nargs="*", type=Path)
+    parser.add_argument("--realism", action="store_true", help="a classifier looks at each, too")
+    parser.add_argument("--only", nargs="*", default=DRAWN, help="of the drawn films")
+    parser.add_argument("--keep", type=Path, help="a folder to work in, which stays")
+    wanted = parser.parse_args()
+    last = ["render", "realism"] if wanted.realism else ["render"]
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        for name in [*wanted.only, *map(str, wanted.films)]:
+            folder = (wanted.keep or Path(scratch)) / f"film-{len(rows)}"
+            folder.mkdir(parents=True, exist_ok=True)
+            drawn = name in DRAWN
+            told = f"drawn carp, {name}" if drawn else Path(name).stem
+            overridden = overrides(name, folder) if drawn else given(Path(name))
+            rows.append({"film": told, **ended(folder, overridden, last)})
+            print(pd.Series(rows[-1]).to_string(), end="\n\n", flush=True)
+    save_csv(_TABLE, pd.DataFrame(rows), decimals=3)
+
+
+if __name__ == "__main__":
+    main()
