@@ -256,6 +256,22 @@ def test_few_shapes_explain_the_postures():
     assert np.allclose(shapes.shapes @ shapes.shapes.T, np.eye(len(shapes.shapes)))
 
 
+def test_which_way_an_eigenvector_points_makes_no_other_codes(monkeypatch):
+    posture = filmed(*film()).posture
+    eigh, flips = np.linalg.eigh, np.array([1.0, -1.0])
+    one = PoseShapes.fit(posture, share=0.999)
+
+    def other_library(matrix):
+        values, vectors = eigh(matrix)
+        noise = 1e-12 * np.random.default_rng(0).normal(size=vectors.shape)
+        return values, vectors * np.resize(flips, len(values)) + noise
+
+    monkeypatch.setattr(np.linalg, "eigh", other_library)
+    for _ in range(2):
+        assert np.abs(PoseShapes.fit(posture, share=0.999).codes - one.codes).max() < 1e-9
+        flips *= -1
+
+
 def test_a_pose_beyond_all_filmed_is_clamped_and_said():
     posture = filmed(*film()).posture
     shapes = PoseShapes.fit(posture, share=0.99)

@@ -18,6 +18,7 @@ from finloop.puppet.pose import bends, mirrored, steps
 
 _ASKED = 50_000  # postures whose nearest others say how far these are; a quantile needs no more
 _EXACT = 1e-5  # of codes, which files hold as float32
+_ROUNDING = 1e-6  # of the greatest component of a shape
 
 
 class Nearest(NamedTuple):
@@ -80,7 +81,7 @@ class PoseShapes:
         apart -= mean
         apart *= weights
         variance, shapes = np.linalg.eigh(apart.T @ apart / len(both))
-        variance, shapes = np.maximum(variance[::-1], 0), shapes.T[::-1]
+        variance, shapes = np.maximum(variance[::-1], 0), _signed(shapes.T[::-1])
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
@@ -140,3 +141,13 @@ class PoseShapes:
             from_film = (far - self.codes[row]) * (self.gap / apart)[:, None]
             near[clamped] = self.codes[row] + from_film
         return NearestCodes(near, clamped)
+
+
+def _signed(shapes: Floats) -> Floats:
+    """Shapes (c, d), their greatest component positive: an eigenvector's sign is the library's.
+
+    Of components that are as great but for rounding the first one counts.
+    """
+    size = np.abs(shapes)
+    greatest = (size > (1 - _ROUNDING) * size.max(axis=1, keepdims=True)).argmax(axis=1)
+    return shapes * np.sign(np.take_along_axis(shapes, greatest[:, None], axis=1))
