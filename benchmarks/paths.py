@@ -25,7 +25,7 @@ from finloop.animate.path_measures import limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import swim
+from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
 from stages.animate import material
 from stages.settings import load

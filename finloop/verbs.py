@@ -75,7 +75,7 @@ from finloop.mended import make_clip
 from finloop.normalise import open_source
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
-from finloop.render.gallery import Gallery, placed, shelves
+from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, drawn, sprite_table
@@ -285,13 +285,13 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     mode: str = HYBRID,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Send the fish to its goals: an edit list, columns of `EDIT`, a row a frame (Figs. 18, 19).
+    """Send fish to their goals: an edit list, columns of `EDIT`, a row a tick and fish (Fig. 18).
 
     `mode`: "nn" (as the forecast foretells; without one, sprites alone), "loops" (film alone) or
     "hybrid". `changes`: of
     `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
-    and height) and seconds=30.0, or path="way.csv" in their place. Without loops there is no mode
-    "loops".
+    and height) and seconds=30.0, or path="way.csv" in their place; fish=8 for several. Without
+    loops there is no mode "loops".
     """
     film, p = tracks.film, settings("animate", **changes)
     made = Material(
@@ -313,7 +313,7 @@ def write_video(
     path: str | Path, edit: pd.DataFrame, tracks: Tracks, reel: Reel, poses: FilmPoses,
     **changes: Any,
 ) -> None:  # fmt: skip
-    """Draw an edit list over the empty tank: an MP4 of H.264, a frame a row.
+    """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
 
     `changes`: of `finloop.render.settings.Settings`; crf counts here, the quality.
     """
@@ -324,8 +324,8 @@ def write_video(
     painter = Painter(tracks.background)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
-        for one in placed(edit, gallery):
-            painter.show(one)
+        for fish in frames(edit, gallery):
+            painter.show(*fish)
             writer.write(painter.frame)
 
 

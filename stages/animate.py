@@ -13,14 +13,14 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate import measures, path_measures
+from finloop.animate import encounters, measures, path_measures
 from finloop.animate.arena import fits
-from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal
-from finloop.animate.listing import play
+from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fish
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import Player, Swim, random_goals
+from finloop.animate.shoal import deal
+from finloop.animate.swim import Player, Swim
 from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
@@ -93,17 +93,18 @@ def bring(p: Settings) -> Iterator[Planner]:
 def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, float]]]:
     """The measures of animations to random goals, by mode; none looks at a picture.
 
+    Every fish has goals of its own.
     For its own process, which brings together what plans once: of a film of hours that takes long.
     """
     with bring(p) as plans:
-        waters = plans.waters
-        film_motion = measures.motion_of_film(plans.pictures.reel.features, waters.motion)
-        ticks = waters.duration
+        features = plans.pictures.reel.features
+        film_motion = measures.motion_of_film(features, plans.waters.motion)
 
         def measured(player: Player, seed: int) -> dict[str, float]:
-            rng = np.random.default_rng([p.seed, seed])
-            goals = random_goals(waters, p.trial_goals, rng)
-            return measures.of_plan(play(player, goals, ticks, rng), goals, player, film_motion)
+            edit, goals = plans.trial(player, seed)
+            each = zip(by_fish(edit), deal(goals, p.fish), strict=True)
+            rows = [measures.of_plan(*one, player, film_motion) for one in each]
+            return measures.averaged(rows) | encounters.of_shoal(edit, player)
 
         plain = {
             mode: replace(player, joins=replace(player.joins, kind=CUT, fade=0))
@@ -160,28 +161,33 @@ def animation(
 
     steps: columns of `STEPS`.
     """
-    player, waters, pictures = plans.players[mode], plans.waters, plans.pictures
-    ticks = waters.duration
+    player, ticks, filmed = plans.players[mode], plans.waters.duration, plans.waters.film.filmed
     swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
-    save_table(
-        folder / f"{mode}_considered.parquet",
-        swum.considered(ticks, waters.film.filmed),
-        CONSIDERED,
-    )
+    weighed = [one.considered(ticks, filmed, fish) for fish, one in enumerate(swum)]
+    save_table(folder / f"{mode}_considered.parquet", pd.concat(weighed), CONSIDERED)
+    path = None if plans.path is None else followed(mode, swum[0], plans)
+    each = zip(by_fish(edit), deal(goals, len(swum)), strict=True)
+    rows = [
+        measures.of_plan(one, own, player, film_motion) | of_pictures(one, plans, steps)
+        for one, own in each
+    ]
+    numbers = measures.averaged(rows) | encounters.of_shoal(edit, player)
+    return (path.numbers if path else {}) | numbers, edit, path
+
+
+def of_pictures(edit: pd.DataFrame, plans: Planner, steps: pd.DataFrame) -> dict[str, float]:
+    """The measures of one fish that need pictures. steps: columns of `STEPS`."""
+    pictures, rate = plans.pictures, plans.waters.motion.rate_hz
     joins, jumps = seams(edit, pictures)
-    rate = waters.motion.rate_hz
-    path = None if plans.path is None else followed(mode, swum, plans)
     return {
-        **(path.numbers if path else {}),
-        **measures.of_plan(edit, goals, player, film_motion),
         **measures.of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
         **measures.of_seams(joins, steps["step"].to_numpy(float)),
         **measures.of_poses(edit, pictures.bodies.poses.shapes),
         **measures.of_states(edit),
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
-    }, edit, path  # fmt: skip
+    }
 
 
 def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
@@ -200,15 +206,18 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
                 file=sys.stderr,
             )
         goals = plans.goals()
+        plans.check_room(goals)
         save_records(folder / "goals.json", goals)
         swum = measures.motion_of_film(features, waters.motion)
         for mode, player in plans.players.items():
             numbers[mode], edit, path = animation(folder, mode, goals, plans, steps, swum)
             paths += [path] if path else []
-            moved[mode] = measures.motion_of_edit(edit, player)
+            each = [measures.motion_of_edit(one, player) for one in by_fish(edit)]
+            speed, turn_rate = np.concatenate(each, axis=1)
+            moved[mode] = speed, turn_rate
         film_numbers = measures.of_film(
             features, swum, steps["as_filmed"].to_numpy(float), waters.motion
-        )
+        ) | (encounters.of_film(features) if p.fish > 1 else {})
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
         if paths:

@@ -25,7 +25,7 @@ from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.render.gallery import Gallery, placed
+from finloop.render.gallery import Gallery, frames
 from finloop.render.painter import Box
 from finloop.sprites.stretch import SIDES, WORDS
 from stages.edit import DATA, load_drawn
@@ -58,10 +58,11 @@ def films(
                 advance()
         made[name] = {"frames": webm.frames, "width_px": shape[1], "height_px": shape[0]}
 
-    with progress("export", len(edit) + sum(len(rows) for rows, _ in cycles.values())) as advance:
+    ticks = edit["tick"].nunique()
+    with progress("export", ticks + sum(len(rows) for rows, _ in cycles.values())) as advance:
         tank = Alone(facts.height_px, facts.width_px, channels)
-        crop = way(placed(edit, gallery), tank)
-        pictures = cut_out(placed(edit, gallery), tank, crop)
+        crop = way(frames(edit, gallery), tank)
+        pictures = cut_out(frames(edit, gallery), tank, crop)
         film(p.mode, pictures, crop, round(p.webp_seconds * rate))
         made[p.mode] |= {"left_px": crop.left, "top_px": crop.top, "loops": False}
         for word, (steps, half) in cycles.items():
@@ -123,7 +124,7 @@ def main() -> None:
         REPORT / "metrics.json",
         {f"crop_{side}": made["films"][p.mode][side] for side in ("width_px", "height_px")}
         | {
-            "frames": len(edit),
+            "frames": made["films"][p.mode]["frames"],
             "animals": len(points.individuals),
             "track_rows_share": len(points.frame) / len(tracks),
         },

@@ -15,7 +15,7 @@ from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
 from finloop.io.record import load_records
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.render.gallery import Gallery, placed
+from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import Marks
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
@@ -37,28 +37,29 @@ def films(
     advance: Callable[[], None],
 ) -> list[float]:
     """Write the films of an edit list; the steps between its frames."""
-    rows, rate = placed(edit, gallery), load_facts(CLIP / FACTS_NAME).frame_rate
+    shown, ticks = frames(edit, gallery), edit["tick"].nunique()
+    rate = load_facts(CLIP / FACTS_NAME).frame_rate
     clean, change = Painter(background), list[float]()
     steps = Steps(clean)
     seen = Painter(background, colour=True) if p.marks else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
-        outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, len(edit))]  # the last: ticks
+        outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
         if p.marks:
             marks = Marks(seen, edit, goals)
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
-            outputs.append((mp4, seen, len(edit)))
+            outputs.append((mp4, seen, ticks))
         if webp_ticks := round(p.webp_seconds * rate):
             how = seen.frame.shape, rate, p.webp_width_px, p.webp_quality
             outputs.append((WebpWriter(folder / f"{p.mode}.webp", *how), seen, webp_ticks))
         for writer, _, _ in outputs:
             stack.enter_context(writer)
-        for tick, one in enumerate(rows):
-            change.append(steps.to(clean.show(one)))
+        for tick, fish in enumerate(shown):
+            change.append(steps.to(clean.show(*fish)))
             if p.marks:
-                marks.show(tick, one)
-            for writer, painter, ticks in outputs:
-                if tick < ticks:
+                marks.show(tick, *fish)
+            for writer, painter, most in outputs:
+                if tick < most:
                     writer.write(painter.frame)
             advance()
     return change
@@ -70,7 +71,7 @@ def main() -> None:
     facts = load_facts(CLIP / FACTS_NAME)
     background = load_picture(DATA / "extract/background.png")
     drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
-    ticks = len(drawn.edit)
+    ticks = drawn.edit["tick"].nunique()
     with open_gallery(drawn) as gallery, progress("render", ticks) as advance:
         change = films(p, drawn.edit, goals, gallery, background, advance)
         natural = film_steps(Painter(background), gallery, drawn.tracks)

@@ -43,6 +43,7 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
     """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
     edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", USED)
+    edit = edit[edit["fish"] == 0]
     edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))

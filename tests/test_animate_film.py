@@ -63,8 +63,9 @@ from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
 from finloop.animate.search import Ends, Here, Rules
+from finloop.animate.shoal import swim
 from finloop.animate.state import Decision, Fish, Options, after
-from finloop.animate.swim import random_goals, swim
+from finloop.animate.swim import random_goals
 from finloop.animate.words import in_words
 from finloop.distance.picture import BODY, FILM
 from finloop.features.table import wrap_deg

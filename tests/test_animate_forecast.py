@@ -17,8 +17,9 @@ from finloop.animate.path_measures import swum_path
 from finloop.animate.paths import lay
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
+from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State, after
-from finloop.animate.swim import Player, swim
+from finloop.animate.swim import Player
 from finloop.base.line import PX, Line
 from finloop.forecast.film import film_states
 from finloop.forecast.learning import learn

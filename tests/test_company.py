@@ -2,7 +2,6 @@
 
 from functools import cache
 
-import cv2
 import numpy as np
 import pytest
 from toy_film import HULL, LENGTH, players_of, waters_of
@@ -17,16 +16,19 @@ from finloop.animate.company import (
     company_of,
     discs_of,
     lasting_ticks,
-    picture_number,
     round_others,
 )
-from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, SPRITE
+from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK
+from finloop.animate.encounters import overlap, placed
+from finloop.animate.kinematics import Spot
+from finloop.animate.state import Decision, Stretch
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.live.tank import LiveTank
 
 NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])
 EDGE = 1.5  # px around every body
+SPOT = Spot(0.0, 0.0, 0.0, 0.0)
 
 
 def bent(rng: np.random.Generator) -> np.ndarray:
@@ -37,28 +39,6 @@ def bent(rng: np.random.Generator) -> np.ndarray:
     return np.concatenate([
         np.column_stack([along, middle + wide]), np.column_stack([along, middle - wide])[::-1]
     ])  # fmt: skip
-
-
-def placed(outline, x, y, heading, mirrored=False):
-    """An outline (p, 2) on screen, px, y down."""
-    ahead, left = (outline * (1, -1 if mirrored else 1)).T
-    angle = np.radians(heading)
-    return np.column_stack([
-        x + ahead * np.cos(angle) - left * np.sin(angle),
-        y - ahead * np.sin(angle) - left * np.cos(angle),
-    ])  # fmt: skip
-
-
-def overlap(one, other) -> bool:
-    """Whether two outlines on screen have a pixel in common, but for their edges."""
-    corner = np.minimum(one.min(0), other.min(0))
-    size = np.ceil(np.maximum(one.max(0), other.max(0)) - corner).astype(int) + 1
-    masks = []
-    for outline in (one, other):
-        mask = np.zeros(size[::-1], np.uint8)
-        cv2.fillPoly(mask, [np.rint(16 * (outline - corner)).astype(np.int32)], 1, shift=4)
-        masks.append(mask)
-    return bool((masks[0] & masks[1]).any())
 
 
 # --- discs
@@ -89,11 +69,19 @@ def test_discs_are_no_wider_than_they_must_be():
     assert own[:, 1] == pytest.approx(0) and own[:, 2] == pytest.approx(np.hypot(2, 5) + EDGE)
 
 
-def test_sprites_come_after_the_frames_and_mirror_images_before_them():
-    numbers = picture_number(
-        np.array([FRAME, FRAME, SPRITE]), np.array([2, 2, 1]), np.array([False, True, False]), 5
-    )
-    assert list(numbers) == [2, 7, -2]
+def test_sprites_are_looked_up_after_the_frames_and_their_mirror_images():
+    way = np.arange(6.0).reshape(2, 3)
+    frames = Stretch(0, way, np.array([2, 7]), False, SPOT, False, Decision(""), FRAME)
+    sprites = Stretch(0, way, np.array([0, 1]), False, SPOT, False, Decision(""))
+    assert frames.pictures.tolist() == [2, 7] and sprites.pictures.tolist() == [-1, -2]
+    assert frames.shown.tolist() == [[0, 1, 2, 2], [3, 4, 5, 7]]
+
+
+def test_of_a_way_that_is_over_its_last_tick_is_left():
+    way = np.arange(9.0).reshape(3, 3)
+    one = Stretch(0, way, np.arange(3), False, SPOT, False, Decision(""), FRAME)
+    for gone, left in ((0, 3), (1, 2), (2, 1), (3, 1), (9, 1)):
+        assert one.rest(gone).tolist() == one.shown[-left:].tolist()
 
 
 @pytest.mark.parametrize("seed", range(30))
@@ -110,7 +98,8 @@ def test_who_is_clear_of_another_does_not_overlap_it(seed):
         apart = clear(company, one, *a, 0)
         back = clear(company_of([np.array([[*a, one]])], 0, discs, 0), other, *b, 0)
         assert apart == back  # whoever asks
-        shared = overlap(placed(outlines[own], *a, flip), placed(outlines[theirs], *b, flop))
+        one_there, other_there = placed(outlines[own], *a, flip), placed(outlines[theirs], *b, flop)
+        shared = overlap(one_there, other_there)
         assert not (apart and shared)
         met += not apart
     assert 0 < met < 40
@@ -200,7 +189,7 @@ def outlines_of(tank):
     """What all fish look like on screen."""
     for fish in tank.fish:
         row = fish.at(tank.tick)
-        yield placed(HULL, row.x_px, row.y_px, row.heading_deg)
+        yield placed(HULL, row.x_px, row.y_px, row.heading_deg, False)
 
 
 def overlaps(tank) -> int:

@@ -74,7 +74,7 @@ def journey(channels, count=9):
     pictures = [picture(noise(rng, 20, 27, channels), 12.7, 9.9) for _ in range(2)]
     for k in range(count):
         a, b = (Turned(one, 31.0 * k, 0.8 + 0.05 * k) for one in pictures)
-        yield Placed(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0)
+        yield (Placed(30.3 + 12 * k, 40.8 - k, a, b, 0.3 if k % 2 else 0.0),)
 
 
 # --- the fish alone ------------------------------------------------------------------------------
@@ -98,8 +98,8 @@ def test_laid_over_any_tank_it_is_what_the_painter_paints(channels):
     tank = np.random.default_rng(2).integers(0, 256, (HEIGHT, WIDTH, channels - 1), np.uint8)
     alone, painter = Alone(HEIGHT, WIDTH, channels - 1), Painter(tank)
     crop = way(journey(channels), alone)
-    for one, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
-        painter.show(one)
+    for fish, frame in zip(journey(channels), cut_out(journey(channels), alone, crop), strict=True):
+        painter.show(*fish)
         alpha = frame[..., 3:] / 255
         faint = np.where(
             frame[..., 3:] < 16, frame[..., 3:], 0
@@ -126,7 +126,7 @@ def test_the_crop_holds_all_there_is_and_little_more():
 def test_nothing_is_left_of_the_frame_before_and_a_fish_outside_is_not_there():
     one = Turned(picture(drop(), 15.0, 15.0))
     places = [(20, 20), (60, 50), (-500, 20), (20, 20)]
-    rows = [Placed(x, y, one, None, 0.0) for x, y in places]
+    rows = [[Placed(x, y, one, None, 0.0)] for x, y in places]
     alone = Alone(HEIGHT, WIDTH, 1)
     frames = [frame.copy() for frame in cut_out(rows, alone, Box(0, 0, HEIGHT, WIDTH))]
     assert np.array_equal(frames[0], frames[3]) and not frames[2].any()
@@ -141,7 +141,7 @@ def test_colour_reaches_out_under_the_edge():
     pixels = np.full((8, 8, 2), 255, np.uint8)
     pixels[..., 0] = 200
     row = Placed(40.0, 40.0, Turned(picture(pixels, 3.5, 3.5), 20.0), None, 0.0)
-    frame = next(cut_out([row], alone := Alone(HEIGHT, WIDTH, 1), way([row], alone)))
+    frame = next(cut_out([[row]], alone := Alone(HEIGHT, WIDTH, 1), way([[row]], alone)))
     solid = (frame[..., 3] >= 16).astype(np.uint8)
     beside = (cv2.dilate(solid, np.ones((5, 5))) > solid).astype(bool)
     assert (frame[beside][:, 3] == 0).any() and (frame[beside][:, 3] > 0).any()
@@ -170,7 +170,7 @@ def edit_list(n, **columns):
         if not one.nullable and one.dtype != "string"
     }
     given = {
-        "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
+        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
         "source": np.arange(n), "scale": 1.0, "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0,
         "mode": "nn", "state": "straight", "goal": "A",
     }  # fmt: skip
@@ -628,7 +628,7 @@ def test_a_cycle_keeps_the_mass_centre_in_the_middle():
     steps, half = cycle(sprite_table(), "left", gallery)
     alone = Alone(2 * half + 1, 2 * half + 1, 1)
     crop = way(steps, alone)
-    assert len(steps) == 3 and {one.fish.scale for one in steps} == {1.2}
+    assert len(steps) == 3 and {one.fish.scale for (one,) in steps} == {1.2}
     for frame in cut_out(steps, alone, crop):
         at = centre(frame[..., 3].astype(float)) + (crop.left, crop.top)
         assert at == pytest.approx([half, half], abs=0.02)

@@ -22,8 +22,8 @@ from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, PATH
 from finloop.animate.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.route import Route, asked_at, foot, place
+from finloop.animate.shoal import swim
 from finloop.animate.steering import Steering, steered
-from finloop.animate.swim import swim
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, checked_line
 from finloop.io.line import load_line

@@ -25,8 +25,8 @@ from finloop.animate.arena import tank as arena_tank
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, PATH, SPRITE
 from finloop.animate.listing import edit_list
 from finloop.animate.motion import TURN
+from finloop.animate.shoal import swim
 from finloop.animate.sprites import from_bend
-from finloop.animate.swim import swim
 from finloop.base.errors import FinloopError
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg

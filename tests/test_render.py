@@ -15,6 +15,7 @@ import pandas as pd
 import pytest
 from av.video.reformatter import ColorRange, Colorspace
 from conftest import TINY_CARP
+from matplotlib.collections import LineCollection
 from PIL import Image
 from scratch import content, prepare
 
@@ -45,7 +46,7 @@ from finloop.plots.render import (
     window,
 )
 from finloop.puppet import Line
-from finloop.render.gallery import Gallery, Shelf, placed
+from finloop.render.gallery import Gallery, Shelf, frames, placed
 from finloop.render.lay import _sample
 from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
 from finloop.render.painter import Bent, Box, Painter, Picture, Turned, picture
@@ -320,7 +321,7 @@ def test_the_box_holds_all_that_was_drawn():
 def edit_list(n, **columns):
     """An edit list of n ticks on the film's own pictures, every column as given."""
     usual = {
-        "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
+        "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / 25, "kind": "frame", "source": 0,
         "orientation": pd.array([pd.NA] * n, "Int8"), "partner_orientation": pd.array([pd.NA] * n, "Int8"),
         "rotation_deg": 0.0, "scale": 1.0, "x_px": np.linspace(30, 90, n), "y_px": 45.0,
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
@@ -340,6 +341,63 @@ def gallery(count=3, keep=512):
     return Gallery(
         {"frame": Shelf(store, own + [[10 + 3 * i, 20] for i in range(count)])}, keep=keep
     )
+
+
+# --- several fish
+
+
+def two_fish(n=3, **columns):
+    """Two fish at one place, of different pictures."""
+    both = pd.concat([edit_list(n), edit_list(n, fish=1, source=2)], ignore_index=True)
+    return both.assign(x_px=60.0, **columns)
+
+
+def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
+    ticks = list(frames(two_fish(), gallery()))
+    assert [len(fish) for fish in ticks] == [2, 2, 2]
+    for lower, upper in ticks:
+        painter, wanted, other = Painter(TANK), Painter(TANK), Painter(TANK)
+        boxes = [wanted.draw(*lower), wanted.draw(*upper)]
+        assert painter.show(lower, upper) == Box.around(boxes)
+        assert np.array_equal(painter.frame, wanted.frame)
+        other.show(upper, lower)
+        assert not np.array_equal(painter.frame, other.frame)
+
+
+def test_tables_in_which_fish_are_not_as_long_are_refused():
+    for bad in (two_fish().iloc[:5], two_fish(tick=np.arange(6))):
+        with pytest.raises(FinloopError, match="of each fish"):
+            frames(bad, gallery())
+
+
+def test_marks_of_several_fish_grow_each_its_own_way():
+    edit = two_fish(4).assign(
+        x_px=[20.0, 30, 40, 50, 100, 110, 120, 130], y_px=[40.0] * 4 + [80.0] * 4,
+        goal=["A"] * 4 + ["B", "B", "", ""],
+    )  # fmt: skip
+    painter = Painter(np.full((400, 500), 120, np.uint8), colour=True)
+    before, marks = painter.floor.copy(), Marks(painter, edit, [])
+    for tick, fish in enumerate(frames(edit, gallery())):
+        marks.show(tick, *fish)
+    new = (painter.floor != before).any(axis=2)
+    assert new[40, 21:50].all() and new[80, 101:130].all()
+    assert not new[:, 55:95].any()  # no line leads from one fish to the other
+
+
+def test_the_trajectory_of_several_fish_does_not_join_them():
+    edit = two_fish(4).assign(
+        x_px=[20.0, 30, 40, 50, 100, 110, 120, 130], goal=["A"] * 3 + [""] + ["B"] * 4
+    )
+    figure = trajectory(edit, [Goal("A", 20.0, 20.0), Goal("B", 90.0, 20.0)], TANK)
+    lines = [
+        s
+        for one in figure.axes[0].collections
+        if isinstance(one, LineCollection)
+        for s in one.get_segments()
+    ]
+    assert len(lines) == 6 and max(np.hypot(*np.diff(s, axis=0).T).max() for s in lines) < 11
+    texts = [one.get_text() for one in figure.axes[0].texts]
+    assert texts == ["A  0.1 s", "B"]  # reached; the list ends before
 
 
 # --- poses

@@ -10,10 +10,8 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from finloop.animate.edit_list import FRAME
-from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel
 
 _DISCS = 6
@@ -27,7 +25,8 @@ class Discs(NamedTuple):
     """The discs that hold the body in every picture.
 
     table (n + s, k, 3): of n frames of the film, then of s sprites: px ahead of the mass centre and
-    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther.
+    to its left, and the radius; frames: n; reach: px from the centre, none reaches farther. A
+    picture is looked up by its number: the row of `Film` that it is of, or −1 − that of a sprite.
     """
 
     table: Floats
@@ -39,8 +38,8 @@ class Company(NamedTuple):
     """The other fish (m) of a tank, as one fish knows them when it decides.
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
-    heading in degrees and the `picture_number` at every tick from then on, the last ones for ever;
-    until: the last tick for which a search takes them into account.
+    heading in degrees and the number of the picture at every tick from then on, the last ones for
+    ever; until: the last tick for which a search takes them into account.
     """
 
     start: int
@@ -59,19 +58,10 @@ def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> 
     """
     if not ways:
         return ALONE
-    ticks = max(map(len, ways))
-    places = np.stack([way[np.minimum(np.arange(ticks), len(way) - 1)] for way in ways], axis=1)
-    return Company(start, np.ascontiguousarray(places, float), discs, start + ticks - 1 + stays)
-
-
-def picture_number(
-    kind: NDArray[np.str_] | str, number: Ints, mirrored: Mask | bool, frames: int
-) -> Ints:
-    """The numbers (…) by which discs are looked up: a row of `Film`, or −1 − that of a sprite.
-
-    frames: of the film; mirrored: whether a frame is.
-    """
-    return np.where(np.asarray(kind) == FRAME, number + frames * np.asarray(mirrored), -1 - number)
+    ticks = np.array([len(way) for way in ways])
+    most = int(ticks.max())
+    rows = np.cumsum(ticks) - ticks + np.minimum(np.arange(most)[:, None], ticks - 1)
+    return Company(start, np.concatenate(ways, dtype=float)[rows], discs, start + most - 1 + stays)
 
 
 def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:

@@ -1,10 +1,12 @@
 """The edit list: what is drawn where at every tick. Planners write it, renderers read it.
 
-A tick is the time of one film frame. The picture, `source`, is the number of a sprite, in one of
-its orientations (1 … n), or a row of the film, a frame, which has no orientation. A frame may be
-`mirrored`, about the line through its mass centre in the direction of its heading. It is turned by
-`rotation_deg` anticlockwise about its mass centre, which is drawn at (x_px, y_px) of the tank. In a
-cross-fade a second picture, the partner, is drawn at the same place, and `weight` is its share.
+It has a row for every fish and tick, fish after fish; fish are numbered from 0 on. A tick is the
+time of one film frame. The picture, `source`, is the number of a sprite, in one of its orientations
+(1 … n), or a row of the film, a frame, which has no orientation. A frame may be `mirrored`, about
+the line through its mass centre in the direction of its heading. It is turned by `rotation_deg`
+anticlockwise about its mass centre, which is drawn at (x_px, y_px) of the tank. In a cross-fade a
+second picture, the partner, is drawn at the same place, and `weight` is its share. A fish of a
+higher number is drawn over those of lower numbers.
 
 Where `pose` is not empty, the animal is drawn in another posture than it was filmed in: the one of
 these codes of the film's principal shapes (stage `pose`), as seen on screen, so after mirroring.
@@ -12,6 +14,8 @@ Place, heading and size are those of the source; the partner is drawn there and 
 """
 
 from typing import NamedTuple
+
+import pandas as pd
 
 from finloop.base.schema import ANY, Column, Schema, columns
 
@@ -26,6 +30,7 @@ INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 
 EDIT = Schema(
+    Column("fish", "int16", "1"),
     Column("tick", "int32", "1"),
     Column("time_s", "float64", "s"),
     Column("kind", "string", "1"),
@@ -88,6 +93,7 @@ VERDICTS = ("", "tank", "quadrant", "heading", "passed over")
 A way that meets another fish fails as one that leaves the tank."""
 
 CONSIDERED = Schema(
+    Column("fish", "int16", "1"),
     *columns("int32", "1", "tick", "row"),
     Column("mirrored", "bool", "1"),
     Column("seam", "float32", "median step of the film"),
@@ -107,3 +113,8 @@ class Goal(NamedTuple):
     x_px: float
     y_px: float
     radius_px: float = 0.0
+
+
+def by_fish(edit: pd.DataFrame) -> list[pd.DataFrame]:
+    """The edit list of each fish by itself, its rows counted from 0 on."""
+    return [one.reset_index(drop=True) for _, one in edit.groupby("fish")]

@@ -11,14 +11,15 @@ from finloop.animate.edit_list import EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
 from finloop.animate.film import Film
 from finloop.animate.joins import INERTIAL, Shown, cross_fades, inertialized
 from finloop.animate.motion import FORECAST, STATES
+from finloop.animate.shoal import swim
 from finloop.animate.state import Decision, Stretch
-from finloop.animate.swim import Player, Swim, swim
+from finloop.animate.swim import Player, Swim
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
 
-def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
-    """The first `ticks` ticks as an edit list with the columns of `EDIT`."""
+def edit_list(swum: Swim, ticks: int, player: Player, fish: int = 0) -> pd.DataFrame:
+    """The first `ticks` ticks as an edit list with the columns of `EDIT`; fish: its number."""
     table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, player))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
@@ -26,8 +27,14 @@ def edit_list(swum: Swim, ticks: int, player: Player) -> pd.DataFrame:
     table.loc[~faded, ["partner_rotation_deg", "partner_scale"]] = np.nan
     for side in ("", "partner_"):
         table.loc[table[f"{side}kind"] != SPRITE, f"{side}orientation"] = pd.NA
-    table = table.assign(**decision_columns(swum.stretches, ticks))
+    table = table.assign(fish=fish, **decision_columns(swum.stretches, ticks))
     return table[EDIT.names]
+
+
+def edit_lists(swum: Sequence[Swim], ticks: int, player: Player) -> pd.DataFrame:
+    """The same of several fish, one after the other, in one table."""
+    each = [edit_list(one, ticks, player, fish) for fish, one in enumerate(swum)]
+    return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
 
 
 def play(

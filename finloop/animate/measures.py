@@ -33,10 +33,15 @@ KINEMATICS = Schema(
 _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
+def averaged(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Measures of several fish on average, each of those that have it."""
+    return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
+
+
 def of_plan(
     edit: pd.DataFrame, goals: Sequence[Goal], player: Player, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
-    """All measures that need no picture. `film`: its kinematics, as `motion_of_film` gives them."""
+    """All measures of one fish that need no picture. film: of `motion_of_film`."""
     return {
         **(of_goals(edit, goals, player.waters) if goals else {}),
         **of_kinematics(motion_of_edit(edit, player), film),
@@ -112,7 +117,7 @@ def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
 
 
 def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
-    """Speed [body lengths/s] and turn rate [°/s], both over Δ as the film's are (Eq. 3).
+    """Speed [body lengths/s] and turn rate [°/s] of one fish, both over Δ as the film's (Eq. 3).
 
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """

@@ -15,7 +15,7 @@ from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
 from finloop.animate.forecast import ForecastSwimmer, endless
 from finloop.animate.joins import Joins, joins
-from finloop.animate.listing import edit_list
+from finloop.animate.listing import edit_lists
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
 from finloop.animate.network import SpriteSwimmer
@@ -24,9 +24,10 @@ from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
 from finloop.animate.settings import Settings
+from finloop.animate.shoal import Task, refuse_meetings, settle, shoal, tasks
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, Player, Swim, swim
+from finloop.animate.swim import Cast, Player, Swim, random_goals
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.line import Line
@@ -83,21 +84,52 @@ class Planner:
     path: Path | None = None
 
     def goals(self) -> list[Goal]:
-        """The goals of the parameters, none where a path is swum; FinloopError if out of reach."""
+        """The goals of the parameters, none where a path is swum.
+
+        FinloopError if one is out of reach, or two fish are sent to one place.
+        """
         if self.path is not None:
             return []
         p, waters = self.waters.settings, self.waters
         touch_px = waters.touch_px + waters.head_px
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
-        return [goal._replace(radius_px=waters.touch_px) for goal in placed]
+        goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
+        if not p.overlap:
+            refuse_meetings(goals, p.fish)
+        return goals
 
-    def plan(self, mode: str, goals: list[Goal]) -> tuple[Swim, pd.DataFrame]:
-        """An animation in a mode, the path first, and its edit list (columns of `EDIT`)."""
+    def tasks(self, goals: Sequence[Goal]) -> list[Task]:
+        """What each fish does: the first one swims the path, if there is one."""
+        p, route = self.waters.settings, None if self.path is None else self.path.route
+        return tasks(goals, p.fish, np.random.default_rng(p.seed), route)
+
+    def trial(self, player: Player, number: int) -> tuple[pd.DataFrame, list[Goal]]:
+        """A further animation, to random goals of each fish: its edit list, and the goals."""
+        todo, goals = self._trial(number)
+        ticks = self.waters.duration
+        return edit_lists(shoal(player, todo, ticks), ticks, player), goals
+
+    def _trial(self, number: int) -> tuple[list[Task], list[Goal]]:
+        p = self.waters.settings
+        rng = np.random.default_rng([p.seed, number])
+        goals = random_goals(self.waters, p.trial_goals * p.fish, rng)
+        return tasks(goals, p.fish, rng), goals
+
+    def check_room(self, goals: Sequence[Goal]) -> None:
+        """FinloopError, before anything is planned, if there is no room for all fish."""
+        p = self.waters.settings
+        if p.fish > 1:
+            for player in self.players.values():
+                settle(player, self.tasks(goals))
+                for number in range(p.trials):
+                    settle(player, self._trial(number)[0])
+
+    def plan(self, mode: str, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
+        """An animation in a mode, fish by fish, and its edit list (columns of `EDIT`)."""
         player, p = self.players[mode], self.waters.settings
         ticks = self.waters.duration
-        route = None if self.path is None else self.path.route
-        swum = swim(player, goals, ticks, np.random.default_rng(p.seed), route)
-        edit = edit_list(swum, ticks, player)
+        swum = shoal(player, self.tasks(goals), ticks)
+        edit = edit_lists(swum, ticks, player)
         if p.join == FADE:
             edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
         return swum, edit

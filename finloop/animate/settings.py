@@ -14,7 +14,8 @@ Share = Annotated[float, Field(ge=0, le=1)]
 class Settings:
     """Where the fish is sent, how it decides, and what it weighs."""
 
-    # x and y of A, B, C …, reached one after the other; afterwards the fish wanders
+    # x and y of A, B, C …, reached one after the other; afterwards the fish wanders; of several
+    # fish see `fish`
     goals: list[list[float]]
     # their unit: shares of the tank's width and height, from the upper left; or px of the clip
     goals_in: Literal["tank", "px"]
@@ -29,6 +30,8 @@ class Settings:
     trial_goals: Count  # random goals of each of them
 
     # Several fish in one tank.
+    # fish; goals are dealt: A to the first, B to the second …; whoever has none left wanders
+    fish: Annotated[int, Field(ge=1, le=64)]
     overlap: bool  # whether they may swim through each other
     # Δ after the end of another's plan; for so long a search takes it that this one stays there
     give_way: NotNegative

@@ -5,6 +5,7 @@ stretch that is cut short it is the state at the cut.
 """
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -98,7 +99,7 @@ class Fish:
 
     @property
     def picture(self) -> int:
-        """The number of the picture that it shows, as `company.picture_number` has it."""
+        """The number of the picture that it shows, by which discs are looked up."""
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
@@ -194,8 +195,17 @@ class Stretch:
 
     @property
     def pictures(self) -> Ints:
-        """The `company.picture_number` (n,) of what is shown."""
+        """The numbers (n,) of what is shown, by which discs are looked up (`company.Discs`)."""
         return self.number if self.kind == FRAME else -1 - self.number
+
+    @cached_property
+    def shown(self) -> Floats:
+        """Its way and its pictures (n, 4) as `Company` has them."""
+        return np.column_stack([self.way, self.pictures])
+
+    def rest(self, gone: int) -> Floats:
+        """What is shown (k, 4) after so many of its ticks, at least its last one."""
+        return self.shown[min(gone, len(self.way) - 1) :]
 
     def cut(self, ticks: int) -> "Stretch":
         """Its first `ticks` ≥ 1 alone."""

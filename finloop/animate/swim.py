@@ -1,4 +1,4 @@
-"""Goals → edit list: the fish is sent from goal to goal, then wanders (Figs. 16-18)."""
+"""Who swims, and the next stretch: to a goal, along a path, or anywhere (Figs. 16-18)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from finloop.animate.company import (
     company_of,
     discs_of,
 )
-from finloop.animate.edit_list import CONSIDERED, FRAME, PATH, SPRITE, VERDICTS, Goal
+from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
 from finloop.animate.follower import Follower
 from finloop.animate.joins import Joins
 from finloop.animate.kinematics import Spot
@@ -32,6 +32,10 @@ from finloop.base.errors import FinloopError
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
 _PLACES = 200  # a place clear of the other fish is drawn so often
+
+
+class NoRoom(FinloopError):
+    """No place in the tank is clear of the fish that are there."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +75,7 @@ class Player:
     ) -> State:
         """A fish somewhere in the tank, clear of the others; or at the beginning of a path.
 
-        There it is whoever else is. FinloopError where, of many places drawn, none is clear.
+        There it is whoever else is. NoRoom where, of many places drawn, none is clear.
         """
         if route is not None:
             return State(self.follower.begin(route, rng), np.zeros(2))
@@ -81,7 +85,7 @@ class Player:
             if can_stay(company, fish.picture, place, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
-        raise FinloopError(
+        raise NoRoom(
             f"in the tank there is no room for another fish beside {others}",
             f"at most {others} fish",
             "take fewer fish, or let them overlap (animate.overlap=true)",
@@ -164,10 +168,10 @@ class Swim:
     names: list[str]  # of the goal, for each stretch
     reached: Ints
 
-    def considered(self, ticks: int, filmed: int) -> pd.DataFrame:
+    def considered(self, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
         """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
 
-        filmed: rows of the film, after which its mirror images are counted.
+        filmed: rows of the film, after which its mirror images are counted; fish: its number.
         """
         begins = np.cumsum([0] + [len(s.way) for s in self.stretches])
         rows = [
@@ -178,37 +182,9 @@ class Swim:
                 zip(o.rows, o.seams, o.value, o.verdict, strict=True)
             )
         ]
-        table = pd.DataFrame(rows, columns=CONSIDERED.names)
+        table = pd.DataFrame(rows, columns=CONSIDERED.names[1:])
+        table.insert(0, "fish", fish)
         return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
-
-
-def swim(
-    player: Player,
-    goals: Sequence[Goal],
-    ticks: int,
-    rng: np.random.Generator,
-    route: Route | None = None,
-) -> Swim:
-    """Swim at least `ticks` ticks: a path, to goals one after the other, afterwards anywhere."""
-    state = player.begin(rng, route)
-    reached = np.full(len(goals), -1)
-    stretches, names, number = [], [], 0
-    while route is not None and state.fish.tick < ticks:
-        if route.done(state.along, state.fish.tick):
-            break
-        stretch, state = player.step(state, route, rng)
-        stretches.append(stretch)
-        names.append(PATH)
-    while state.fish.tick < ticks:
-        goal = goals[number] if number < len(goals) else None
-        stretch, state = player.step(state, goal, rng)
-        stretches.append(stretch)
-        names.append(goal.name if goal else "")
-        if goal and stretch.touched:
-            reached[number] = state.fish.tick - 1
-            number += 1
-    reached[reached >= ticks] = -1
-    return Swim(stretches, names, reached)
 
 
 def random_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:

@@ -1,10 +1,10 @@
-"""What other programs take: the fish alone, without its tank, and an edit list that needs no store.
+"""What other programs take: fish alone, without their tank, and an edit list that needs no store.
 
 Coordinates in px, x right, y down, pixel centres at integers.
 """
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -40,7 +40,7 @@ known."""
 
 
 class Alone:
-    """A fish without its tank: painted over black and over white, which tells its alpha.
+    """Fish without their tank: painted over black and over white, which tells its alpha.
 
     Over black a pixel is F, premultiplied by alpha a; over white it is F + 255 − a.
     """
@@ -50,10 +50,10 @@ class Alone:
         black = np.zeros((height, width, channels), np.uint8)
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
-    def show(self, one: Placed) -> Box:
-        """Paint this fish, and no other; where it is."""
-        self.white.show(one)
-        return self.black.show(one)
+    def show(self, *fish: Placed) -> Box:
+        """Paint these fish, and no others, the lowest first; where they are."""
+        self.white.show(*fish)
+        return self.black.show(*fish)
 
     def cut(self, box: Box) -> Image:
         """What was painted there, (h, w, 4) RGBA uint8 premultiplied by alpha.
@@ -67,24 +67,24 @@ class Alone:
         return np.concatenate([rgb, alpha], axis=2)
 
 
-def way(rows: Iterable[Placed], alone: Alone) -> Box:
+def way(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
     """The smallest box of the canvas that holds all fish, and the rim of their colour."""
-    boxes = [box for one in rows if not (box := alone.show(one)).empty]
+    boxes = [box for fish in frames if not (box := alone.show(*fish)).empty]
     if not boxes:
         return Box(0, 0, 1, 1)
     return _rimmed(Box.around(boxes)).within(alone.black.canvas.shape)
 
 
-def cut_out(rows: Iterable[Placed], alone: Alone, crop: Box) -> Iterator[Image]:
-    """Row by row the fish on nothing: the part `crop` of the canvas, RGBA with straight alpha.
+def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
+    """Tick by tick the fish on nothing: the part `crop` of the canvas, RGBA with straight alpha.
 
     The array is drawn on again: take a copy to keep it. `crop` is that of `way`, or a smaller one.
     """
     frame = np.zeros((crop.bottom - crop.top, crop.right - crop.left, 4), np.uint8)
     last = Box(0, 0, 0, 0)
-    for one in rows:
+    for fish in frames:
         frame[last.of] = 0
-        box = _common(_rimmed(alone.show(one)), crop)
+        box = _common(_rimmed(alone.show(*fish)), crop)
         last = Box(0, 0, 0, 0)
         if not box.empty:
             last = Box(
@@ -123,8 +123,10 @@ def _common(a: Box, b: Box) -> Box:
     )
 
 
-def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[Placed], int]:
-    """A sequence of sprites on the spot, headed right: one row a step; half the canvas [px].
+def cycle(
+    sprites: pd.DataFrame, sequence: str, gallery: Gallery
+) -> tuple[list[tuple[Placed]], int]:
+    """A sequence of sprites on the spot, headed right: a fish a step; half the canvas [px].
 
     The mass centre is the middle pixel of a square canvas, 2 half + 1 px wide.
     """
@@ -134,7 +136,7 @@ def cycle(sprites: pd.DataFrame, sequence: str, gallery: Gallery) -> tuple[list[
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
     half = RIM + max(math.ceil(one.scale * math.hypot(*one.picture.near.shape)) for one in steps)
-    return [Placed(half, half, one, None, 0.0) for one in steps], half
+    return [(Placed(half, half, one, None, 0.0),) for one in steps], half
 
 
 def readable(

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.company import Company, picture_number
+from finloop.animate.company import Company
 from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.listing import edit_columns
 from finloop.animate.route import Route, place
@@ -163,11 +163,8 @@ class LiveFish:
 
     def way(self, tick: int) -> Floats:
         """Its way (n, 4) from a tick on, as far as it is planned, n ≥ 1, as `Company` has it."""
-        first = self.born + self._state.fish.tick - len(self._plan)
-        rest = self._plan[min(max(tick - first, 0), len(self._plan) - 1) :]
-        frames = self._player.waters.film.filmed
-        body = picture_number(rest["kind"], rest["source"], rest["mirrored"], frames)
-        return np.column_stack([rest["x_px"], rest["y_px"], rest["heading_deg"], body])
+        last = self._choices[-1].stretch
+        return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
     def _company(self, tick: int) -> Company:
         """The other fish, from one of its own ticks on."""

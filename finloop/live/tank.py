@@ -42,7 +42,7 @@ class LiveTank:
                 "take another mode, or let more frames join (loops.threshold)",
             )
         self.players, self.mode, self.tick = players, mode, 0
-        self._seed, self._ghost, self._born = seed, ghost, 0
+        self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.count(fish)
 
@@ -71,7 +71,7 @@ class LiveTank:
         """So many fish, or as many as there is room for: further ones come, the last ones go."""
         del self.fish[fish:]
         while len(self.fish) < fish:
-            rng = np.random.default_rng([self._seed, self._born])
+            rng = self._draws.spawn(1)[0] if self._born else self._draws
             self._born += 1
             name = goal_name(len(self.fish))
             try:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from finloop.animate.edit_list import FRAME, Goal
+from finloop.animate.edit_list import FRAME, Goal, by_fish
 from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank
 from finloop.render.marks import aims, parts, rgb, sought, write
 from finloop.render.painter import Painter, Placed
@@ -24,24 +24,29 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
     """Fig. 16: the way over the empty tank, coloured by state (or mode), and the goals.
 
-    Once the goals are done the fish wanders; that part is a thin grey line. Beside each goal stands
+    Once the goals are done fish wander; that part is a thin grey line. Beside each goal stands
     when it was reached.
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
-    way = edit[["x_px", "y_px"]].to_numpy(float)
-    steps = np.stack([way[:-1], way[1:]], axis=1)
-    aimed = sought(edit)[1:]
-    named = names.to_numpy()[1:]
+    way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
+    goes_on = np.flatnonzero(fish[1:] == fish[:-1]) + 1
+    steps = np.stack([way[goes_on - 1], way[goes_on]], axis=1)
+    aimed = sought(edit)[goes_on]
+    named = names.to_numpy()[goes_on]
     axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
         chosen = steps[aimed & (named == name)]
         axes.add_collection(LineCollection(list(chosen), colors=colour, lw=2.4, capstyle="round"))
-    sent = edit[np.r_[False, aimed]]
+    sent = edit.iloc[goes_on[aimed]]
     now_and_then = sent.iloc[min(12, len(sent)) :: max(1, len(sent) // 12)]
     arrows(axes, now_and_then, color="black", zorder=3)
-    axes.plot(*way[0], "o", mfc="white", mec="black", ms=7, zorder=4)
-    reached = {name: edit["time_s"].iloc[stop] for name, _, stop in aims(edit) if stop < len(edit)}
+    starts = edit.groupby("fish").head(1)
+    axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
+    reached = {
+        name: one["time_s"].iloc[stop]
+        for one in by_fish(edit) for name, _, stop in aims(one) if stop < len(one)
+    }  # fmt: skip
     for goal in goals:
         when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
         ring = Circle((goal.x_px, goal.y_px), goal.radius_px, fill=False, lw=1.8, zorder=4)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, FRAME, LOOPS
+from finloop.animate.edit_list import EDIT, FRAME, LOOPS, by_fish
 from finloop.animate.planner import Planner
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.animate.swim import random_goals
@@ -18,17 +18,20 @@ Work = tuple[pd.DataFrame, Sequence[int]]
 
 
 def animations(planner: Planner, mode: str, seconds: float, p: AnimateSettings) -> Iterator[Work]:
-    """Animations of so many seconds in all, as `animate` makes them, with other seeds and goals.
+    """Animations of so many seconds of one fish in all, with other seeds and goals than `animate`.
 
-    Each is `animate.seconds` long: to random goals first, then the fish wanders.
+    Each is `animate.seconds` long: to random goals first, then fish wander. Fish that swim together
+    have an edit list each.
     """
     waters = planner.waters
-    for number in range(int(np.ceil(seconds / p.seconds))):
-        left = seconds - number * p.seconds
+    for number in range(int(np.ceil(seconds / p.seconds / p.fish))):
+        left = seconds / p.fish - number * p.seconds
         one = replace(p, seed=p.seed + 1 + number, seconds=min(p.seconds, left))
-        goals = random_goals(waters, p.trial_goals, np.random.default_rng(one.seed))
+        goals = random_goals(waters, p.trial_goals * p.fish, np.random.default_rng(one.seed))
         again = replace(planner, waters=replace(waters, settings=one))
-        yield again.plan(mode, [g._replace(radius_px=waters.touch_px) for g in goals])[1], ()
+        edit = again.plan(mode, [g._replace(radius_px=waters.touch_px) for g in goals])[1]
+        for fish in by_fish(edit):
+            yield fish, ()
 
 
 def filmed(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Work]:

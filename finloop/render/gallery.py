@@ -141,6 +141,16 @@ def placed(edit: pd.DataFrame, gallery: Gallery) -> Iterator[Placed]:
     return map(gallery.place, edit[_COLUMNS].itertuples(index=False))
 
 
+def frames(edit: pd.DataFrame, gallery: Gallery) -> Iterator[tuple[Placed, ...]]:
+    """Tick by tick what an edit list (schema EDIT) wants drawn: every fish, the lowest first.
+
+    FinloopError at once, listing all that cannot be drawn.
+    """
+    _refuse(edit, gallery)
+    rows = edit.sort_values(["tick", "fish"], kind="stable")[_COLUMNS].itertuples(index=False)
+    return zip(*[map(gallery.place, rows)] * edit["fish"].nunique(), strict=True)
+
+
 def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
     """Raise if an edit list cannot be drawn: every kind of problem, each with its first tick."""
     shelves, bodies = gallery.shelves, gallery.bodies
@@ -157,7 +167,9 @@ def _refuse(edit: pd.DataFrame, gallery: Gallery) -> None:
             problems.append(f"tick {tick}: {column} is {value}, wanted {wanted}{more}")
 
     sizes = {kind: len(shelf.centres_px) for kind, shelf in shelves.items()}
-    refuse(edit["tick"] != np.arange(len(edit)), "tick", "0, 1, 2, …")
+    refuse(edit["tick"] != edit.groupby("fish").cumcount(), "tick", "0, 1, 2, … of each fish")
+    last = edit.groupby("fish")["tick"].transform("max")
+    refuse(last < last.max(), "fish", "as many ticks of each fish")
     for column in ("x_px", "y_px"):
         refuse(~np.isfinite(edit[column].to_numpy(float)), column, "a place")
     refuse(~edit["weight"].between(0, 1), "weight", "0 … 1")

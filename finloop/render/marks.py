@@ -1,12 +1,13 @@
-"""Marks in a film: goals, the way so far, and in a corner time, state and goal (Figs. 16, 18).
+"""Marks in a film: goals, ways so far, and in a corner time, state and goal (Figs. 16, 18).
 
-What lies on the floor (goals, way) is drawn there once and stays, below the fish; only the caption
-is written anew at every tick. Sizes follow the picture's height. Colours are those of Okabe and
-Ito, told apart by colour-blind eyes too.
+Of several fish the corner has time and number. What lies on the floor (goals, ways) is drawn there
+once and stays, below the fish; only the caption is written anew at every tick. Sizes follow the
+picture's height. Colours are those of Okabe and Ito, told apart by colour-blind eyes too.
 """
 
 from collections.abc import Sequence
 from itertools import cycle, pairwise
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -28,6 +29,7 @@ COLOURS = {
 """Of the states, or where an edit list has several modes, of the modes."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")
 _WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
+_SEVERAL = (255, 255, 255)  # in place of the state of one fish
 _EDGE = (25, 25, 25)  # around what is bright, so that it is seen on a bright tank too
 _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
@@ -72,6 +74,17 @@ def write(
     cv2.putText(picture, text, place, colour, _FONT, size, weight)  # a face keeps its last weight
 
 
+class Course(NamedTuple):
+    """What is marked of a fish. places (ticks, 2): of its way, px; pens: colour and width there.
+
+    goals: the name of the goal from each tick on at which that changes, "" = wandering.
+    """
+
+    places: NDArray[np.float64]
+    pens: list[tuple[tuple[int, int, int], int]]
+    goals: dict[int, str]
+
+
 class Marks:
     """Draws the fish of an edit list with the marks, tick by tick, with a painter of colour."""
 
@@ -81,48 +94,56 @@ class Marks:
         self._size = max(9, round(height / 36))
         self._line = max(1, round(height / 450))
         names, colours = parts(edit)
-        self._colour = [rgb(colours[name]) for name in names]
-        pale = _pale(painter.floor), 1
-        self._way = [
-            (colour, self._line) if goal else pale
-            for colour, goal in zip(self._colour, sought(edit), strict=True)
+        colour, pale = [rgb(colours[name]) for name in names], (_pale(painter.floor), 1)
+        pens = [
+            (own, self._line) if goal else pale
+            for own, goal in zip(colour, sought(edit), strict=True)
         ]
-        self._places = edit[["x_px", "y_px"]].to_numpy(float)
-        self._turns = {first: (name, stop) for name, first, stop in aims(edit)}
-        self._times = [f"{time:.1f} s" for time in edit["time_s"]]
-        self._words = [
+        places = edit[["x_px", "y_px"]].to_numpy(float)
+        self._courses = [
+            Course(
+                places[rows], [pens[row] for row in rows],
+                {first: name for name, first, _ in aims(edit.iloc[rows])},
+            )
+            for rows in edit.groupby("fish").indices.values()
+        ]  # fmt: skip
+        fish, ticks = len(self._courses), len(self._courses[0].places)
+        self._colour = colour if fish == 1 else [_SEVERAL] * ticks
+        self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
+        self._words = [f"{fish} fish"] * ticks if fish > 1 else [
             f"{state} → {goal}" if goal else f"{state}, wandering"
             for state, goal in zip(edit["state"], edit["goal"], strict=True)
-        ]
+        ]  # fmt: skip
         gap = self._size // 2
         self._at_time = self._size + 2 * gap
         self._at_words = self._at_time + self._width(max(self._times, key=len)) + 2 * gap
         plate = self._at_words + max(map(self._width, set(self._words))) + gap, 2 * self._size
-        self._plate = _free_corner(self._places, plate, (height, width), gap)
-        self._current: str | None = None
+        self._plate = _free_corner(places, plate, (height, width), gap)
+        self._current: list[str | None] = [None] * fish
         for name in self._goals:
             self._goal(name, _WAITING)
 
-    def show(self, tick: int, one: Placed) -> None:
-        """Draw a tick; every one in its turn, since the way grows by it."""
+    def show(self, tick: int, *fish: Placed) -> None:
+        """Draw a tick; every one in its turn, since the ways grow by it."""
         self._below(tick)
-        self._painter.show(one)
+        self._painter.show(*fish)
         self._above(tick)
 
     def _below(self, tick: int) -> None:
-        """Bring the floor up to a tick: goals in their colours, the way that far."""
-        if tick in self._turns:
-            if self._current in self._goals:
-                self._goal(str(self._current), _WAITING, reached=True)
-            self._current = self._turns[tick][0]
-            if self._current in self._goals:
-                self._goal(self._current, _CURRENT)
-        if tick:
-            start, stop = self._places[tick - 1], self._places[tick]
-            colour, width = self._way[tick]
-            ends = _fixed(start), _fixed(stop)
-            cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
-            self._touch(np.stack([start, stop]), self._line + 2)
+        """Bring the floor up to a tick: goals in their colours, the ways that far."""
+        for fish, course in enumerate(self._courses):
+            if tick in course.goals:
+                if self._current[fish] in self._goals:
+                    self._goal(str(self._current[fish]), _WAITING, reached=True)
+                self._current[fish] = name = course.goals[tick]
+                if name in self._goals:
+                    self._goal(name, _CURRENT)
+            if tick:
+                start, stop = course.places[tick - 1], course.places[tick]
+                colour, width = course.pens[tick]
+                ends = _fixed(start), _fixed(stop)
+                cv2.line(self._painter.floor, *ends, colour, width, cv2.LINE_AA, _SHIFT)
+                self._touch(np.stack([start, stop]), self._line + 2)
 
     def _above(self, tick: int) -> None:
         """Write time, state and goal into the corner."""

@@ -155,10 +155,11 @@ class Painter:
             self.canvas[box.of] = self.floor[box.of]
         self._touched.clear()
 
-    def show(self, one: Placed) -> Box:
-        """The floor with this fish alone; where it is."""
+    def show(self, *fish: Placed) -> Box:
+        """The floor with these fish alone, the lowest first; where they are."""
         self.wipe()
-        return self.draw(*one)
+        boxes = [self.draw(*one) for one in fish]
+        return Box.around([box for box in boxes if not box.empty] or boxes)
 
     def draw(
         self,

@@ -23,7 +23,7 @@ class Steps:
         self._last: tuple[Box, NDArray[np.uint8]] | None = None
 
     def to(self, box: Box) -> float:
-        """The step to what is on the canvas now, a fish in `box` alone; NaN at the first."""
+        """The step to what is on the canvas now, fish in `box` alone; NaN at the first."""
         canvas, last = self._painter.canvas, self._last
         self._last = box, canvas[box.of].copy()
         if last is None:

@@ -23,14 +23,15 @@ def main() -> None:
     p: Settings = load("render")
     background = load_picture(DATA / "extract/background.png")
     drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
-    edit, half_px = drawn.edit, round(0.75 * drawn.scene.typical_length_px)
+    half_px = round(0.75 * drawn.scene.typical_length_px)
+    edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
     with open_gallery(drawn) as gallery:
         for name, ticks in ticks_drawn(edit, drawn.tracks).items():
             some = edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows = placed(some, gallery) if ticks else ()
             sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
-    save_figure(REPORT / "trajectory.png", trajectory(edit, goals, background))
+    save_figure(REPORT / "trajectory.png", trajectory(drawn.edit, goals, background))
 
 
 if __name__ == "__main__":

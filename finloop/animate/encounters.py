@@ -1,0 +1,118 @@
+"""How near fish of one tank come to each other: outlines that overlap, the nearest neighbour.
+
+An outline is that of the picture, at the heading of the edit list, without what joins still bend
+and turn.
+"""
+
+from itertools import combinations
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.animate.edit_list import FRAME
+from finloop.animate.swim import Player
+from finloop.base.arrays import Floats, Ints
+from finloop.base.axes import ahead_left
+from finloop.distance.picture import typical_length
+
+
+class Shown(NamedTuple):
+    """What tells the outline of a fish on screen: columns of an edit list."""
+
+    kind: str
+    source: int
+    mirrored: bool
+    x_px: float
+    y_px: float
+    heading_deg: float
+
+
+def placed(hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored: bool) -> Floats:
+    """An outline (p, 2), px ahead of and to the left of the mass centre, as x, y on screen."""
+    turned = ahead_left(hull * (1, -1 if mirrored else 1), np.radians(heading_deg))  # its inverse
+    return np.asarray(turned + np.array([x_px, y_px]))
+
+
+def outline(player: Player, row: Any) -> Floats:
+    """The outline (p, 2) on screen of a row of an edit list, or `Shown`."""
+    mirrored = row.kind == FRAME and row.mirrored
+    return placed(player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored)
+
+
+def overlap(one: Floats, other: Floats) -> bool:
+    """Whether two outlines on screen have a pixel in common, but for their edges."""
+    low, high = np.maximum(one.min(0), other.min(0)), np.minimum(one.max(0), other.max(0))
+    if (low > high).any():
+        return False
+    corner = np.minimum(one.min(0), other.min(0))
+    size = np.ceil(np.maximum(one.max(0), other.max(0)) - corner).astype(int) + 1
+    masks = np.zeros((2, *size[::-1]), np.uint8)
+    for mask, polygon in zip(masks, (one, other), strict=True):
+        cv2.fillPoly(mask, [np.rint(16 * (polygon - corner)).astype(np.int32)], 1, shift=4)
+    return bool((masks[0] & masks[1]).any())
+
+
+def places(edit: pd.DataFrame) -> Floats:
+    """Where the fish of an edit list are, (fish, ticks, 2) px."""
+    return edit[["x_px", "y_px"]].to_numpy(float).reshape(edit["fish"].nunique(), -1, 2)
+
+
+def overlaps(edit: pd.DataFrame, player: Player) -> Ints:
+    """How many pairs of fish overlap at each tick (ticks,) of an edit list."""
+    where = places(edit)
+    fish, ticks = where.shape[:2]
+    columns = [edit[name].to_numpy() for name in Shown._fields]
+
+    def shown(one: int, tick: int) -> Floats:
+        return outline(player, Shown(*(column[one * ticks + tick] for column in columns)))
+
+    pairs = np.zeros(ticks, np.int64)
+    for one, other in combinations(range(fish), 2):
+        apart = np.hypot(*(where[one] - where[other]).T)
+        for tick in np.flatnonzero(apart < 2 * player.cast.discs.reach).tolist():
+            pairs[tick] += overlap(shown(one, tick), shown(other, tick))
+    return pairs
+
+
+def nearest(where: Floats) -> Floats:
+    """How far (n,) each of n ≥ 2 places (n, 2) is from the one nearest to it."""
+    far = np.hypot(*(where[:, None] - where[None]).transpose(2, 0, 1))
+    np.fill_diagonal(far, np.inf)
+    return np.asarray(far.min(axis=1))
+
+
+def of_shoal(edit: pd.DataFrame, player: Player) -> dict[str, float]:
+    """How near the fish of an edit list come to each other; nothing of one alone."""
+    where = places(edit)
+    if len(where) < 2:
+        return {}
+    near = [nearest(tick) for tick in where.transpose(1, 0, 2)]
+    return {
+        "overlapping_pairs_per_1000_ticks": 1000 * float(overlaps(edit, player).mean()),
+        **of_distances(np.concatenate(near) / player.waters.motion.body_length_px),
+    }
+
+
+def of_film(features: pd.DataFrame) -> dict[str, float]:
+    """How near the animals of a film come to each other; nothing where it shows one at a time."""
+    near = film_nearest(features)
+    return of_distances(near) if len(near) else {}
+
+
+def film_nearest(features: pd.DataFrame) -> Floats:
+    """How far, in body lengths, the animals of a film are from the one nearest to each."""
+    length = typical_length(features).to_numpy(float)
+    where = features[["x_px", "y_px"]].to_numpy(float)
+    together = [rows for rows in features.groupby("frame").indices.values() if len(rows) > 1]
+    return np.concatenate(
+        [np.zeros(0), *(nearest(where[rows]) / length[rows] for rows in together)]
+    )
+
+
+def of_distances(near: Floats) -> dict[str, float]:
+    """Quantiles of distances to the nearest neighbour, in body lengths."""
+    at = np.quantile(near, [0.01, 0.05, 0.5])
+    names = ("nearest_1pct", "nearest_5pct", "nearest_median")
+    return {f"{name}_body_lengths": float(q) for name, q in zip(names, at, strict=True)}

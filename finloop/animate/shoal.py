@@ -1,0 +1,160 @@
+"""Several fish of one tank, planned together: the one whose plan ends first decides next.
+
+A fish that decides knows what every other one has planned (`finloop.animate.company`), and gives
+way to it. Fish whose plans end at the same tick decide in the order of their numbers. Each draws
+from a generator of its own, so that fish which never meet swim as each would alone.
+"""
+
+import heapq
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate.company import Company
+from finloop.animate.edit_list import PATH, Goal
+from finloop.animate.route import Route
+from finloop.animate.swim import NoRoom, Player, Swim
+from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
+
+
+class Task(NamedTuple):
+    """What a fish does: swim a path, then to goals one after the other, then anywhere.
+
+    rng: of all that is left to chance.
+    """
+
+    goals: Sequence[Goal]
+    rng: np.random.Generator
+    route: Route | None = None
+
+
+def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
+    """The goals of each fish: the first goal is the first one's, the second the second one's …"""
+    return [list(goals[number::fish]) for number in range(fish)]
+
+
+def refuse_meetings(goals: Sequence[Goal], fish: int) -> None:
+    """FinloopError if goals of several fish, dealt at the same time, are one place.
+
+    So are two places of which one is within the radius of the other.
+    """
+    meetings = [
+        f"{one.name} (fish {a}) and {other.name} (fish {b})"
+        for first in range(0, len(goals), fish)
+        for (a, one), (b, other) in combinations(enumerate(goals[first : first + fish]), 2)
+        if np.hypot(one.x_px - other.x_px, one.y_px - other.y_px) < one.radius_px
+    ]
+    if meetings:
+        raise FinloopError(
+            f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
+            f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius): of "
+            f"{fish} fish the first goal is the first one's, the second the second one's …",
+            "move the goals (animate.goals), or let fish overlap (animate.overlap=true)",
+        )
+
+
+def tasks(
+    goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
+) -> list[Task]:
+    """What each of several fish does: goals are dealt, and the first fish swims the path, if any.
+
+    rng: of the first fish, from which those of the others are spawned.
+    """
+    draws = [rng, *rng.spawn(fish - 1)]
+    paths = [route, *[None] * (fish - 1)]
+    return [Task(*one) for one in zip(deal(goals, fish), draws, paths, strict=True)]
+
+
+class Swimmer:
+    """A fish of a shoal: what it has planned so far."""
+
+    def __init__(self, player: Player, task: Task, company: Company) -> None:
+        """A fish that begins in company, with a first plan. NoRoom where there is none for it."""
+        self._player, self._task, self._route = player, task, task.route
+        self._state = player.begin(task.rng, task.route, company)
+        self.swim = Swim([], [], np.full(len(task.goals), -1))
+        self._done = 0  # goals
+        self.decide(company)
+
+    @property
+    def tick(self) -> int:
+        """The first tick for which nothing is planned."""
+        return self._state.fish.tick
+
+    def way(self, tick: int) -> Floats:
+        """Its way (n, 4) from a tick on, as far as it is planned, n ≥ 1, as `Company` has it."""
+        last = self.swim.stretches[-1]
+        return last.rest(tick - self.tick + len(last.way))
+
+    def decide(self, company: Company) -> None:
+        """Plan the next stretch."""
+        state, goal = self._state, self._goal()
+        state = state._replace(fish=replace(state.fish, company=company))
+        stretch, self._state = self._player.step(state, goal, self._task.rng)
+        name = PATH if isinstance(goal, Route) else goal.name if goal else ""
+        self.swim.stretches.append(stretch)
+        self.swim.names.append(name)
+        if isinstance(goal, Goal) and stretch.touched:
+            self.swim.reached[self._done] = self.tick - 1
+            self._done += 1
+
+    def _goal(self) -> Goal | Route | None:
+        """Where to, now."""
+        if self._route is not None and self._route.done(self._state.along, self.tick):
+            self._route = None
+        if self._route is not None:
+            return self._route
+        goals = self._task.goals
+        return goals[self._done] if self._done < len(goals) else None
+
+
+def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
+    """Put fish into the tank, one after the other, each with a first plan.
+
+    FinloopError if there is no room for all of them.
+    """
+    fish: list[Swimmer] = []
+    for task in todo:
+        try:
+            fish.append(Swimmer(player, task, player.company([one.way(0) for one in fish], 0)))
+        except NoRoom as error:
+            raise FinloopError(
+                f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
+                f"at most {len(fish)} fish of this size, clear of each other",
+                "take fewer fish (animate.fish), let them overlap (animate.overlap=true), or film "
+                "them from farther away",
+            ) from error
+    return fish
+
+
+def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
+    """Swim at least `ticks` ticks with as many fish as there are tasks.
+
+    FinloopError if there is no room for all of them.
+    """
+    fish = settle(player, todo)
+    queue = [(one.tick, number) for number, one in enumerate(fish)]
+    heapq.heapify(queue)
+    while queue[0][0] < ticks:
+        tick, number = queue[0]
+        others = [one.way(tick) for k, one in enumerate(fish) if k != number]
+        fish[number].decide(player.company(others, tick))
+        heapq.heapreplace(queue, (fish[number].tick, number))
+    for one in fish:
+        one.swim.reached[one.swim.reached >= ticks] = -1
+    return [one.swim for one in fish]
+
+
+def swim(
+    player: Player,
+    goals: Sequence[Goal],
+    ticks: int,
+    rng: np.random.Generator,
+    route: Route | None = None,
+) -> Swim:
+    """Swim at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
+    return shoal(player, [Task(goals, rng, route)], ticks)[0]

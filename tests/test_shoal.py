@@ -1,0 +1,276 @@
+"""Several fish planned together: they keep clear, swim as each would alone, and are read by all."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY_CARP
+from scratch import prepare
+from toy_film import HULL, LENGTH, RATE, TOUCH, players_of, waters_of
+
+import stages.animate
+import stages.export
+import stages.plots.animate
+import stages.plots.render
+import stages.render
+from finloop.animate import encounters
+from finloop.animate.arena import tank
+from finloop.animate.edit_list import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
+from finloop.animate.encounters import nearest, overlap, overlaps, placed
+from finloop.animate.listing import edit_lists
+from finloop.animate.measures import averaged
+from finloop.animate.paths import lay
+from finloop.animate.planner import Planner
+from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, tasks
+from finloop.animate.swim import random_goals
+from finloop.base.errors import FinloopError
+from finloop.base.line import PX, Line
+from finloop.io.table import load_table, save_table
+from finloop.live.tank import LiveTank
+from finloop.realism.lists import animations
+
+
+@cache
+def crowded(through=False):
+    """Players of fish as wide as HULL, in a tank of ten lengths."""
+    arena = np.zeros((600, 800), bool)
+    arena[100:500, 200:600] = True
+    return players_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=through))
+
+
+@cache
+def spacious():
+    """Players in a tank in which fish hardly ever meet."""
+    arena = np.zeros((2000, 2000), bool)
+    arena[20:-20, 20:-20] = True
+    return players_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
+
+
+def swum(player, fish, ticks, goals=(), seed=0):
+    """What several fish do, as an edit list."""
+    todo = tasks(goals, fish, np.random.default_rng(seed))
+    return edit_lists(shoal(player, todo, ticks), ticks, player)
+
+
+# --- fish of one tank
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_nobody_swims_through_another_and_all_goals_are_reached(mode):
+    met = {}
+    for through in (False, True):
+        player, ticks = crowded(through)[mode], 1200
+        goals = random_goals(player.waters, 12, np.random.default_rng(1))
+        swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
+        assert all((one.reached >= 0).all() for one in swims)
+        met[through] = overlaps(edit_lists(swims, ticks, player), player).sum()
+    assert met[False] == 0 < met[True]
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_fish_that_do_not_meet_swim_as_each_would_alone(mode):
+    player, ticks = spacious()[mode], 60
+    goals = random_goals(player.waters, 6, np.random.default_rng(3))
+    together = shoal(player, tasks(goals, 3, np.random.default_rng(5)), ticks)
+    table = edit_lists(together, ticks, player)
+    apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
+    assert min(apart) > 4 * LENGTH
+    alone = [
+        swim(player, task.goals, ticks, task.rng)
+        for task in tasks(goals, 3, np.random.default_rng(5))
+    ]
+    pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player))
+
+
+def test_the_first_fish_has_the_generator_of_a_fish_alone_and_each_its_own():
+    one, *others = tasks([], 3, np.random.default_rng(9))
+    draws = [task.rng.random(4).tolist() for task in (one, *others)]
+    assert draws[0] == np.random.default_rng(9).random(4).tolist()
+    assert draws[0] != draws[1] != draws[2] != draws[0]
+    again = tasks([], 8, np.random.default_rng(9))  # who is added changes nothing for the others
+    assert [task.rng.random(4).tolist() for task in again[:3]] == draws
+
+
+@pytest.mark.parametrize("mode", [HYBRID, NETWORK])
+def test_the_live_tank_swims_the_same(mode):
+    ticks, fish = 120, 4
+    table = swum(crowded()[mode], fish, ticks, seed=6)
+    live = LiveTank(crowded(), mode, fish, 6)
+    for _ in range(ticks - 1):
+        live.on()
+    shown = [[live.fish[k].at(t)[:12] for t in range(ticks)] for k in range(fish)]
+    columns = ["kind", "source", "x_px", "y_px"]
+    for own, one in zip(by_fish(table), shown, strict=True):
+        theirs = pd.DataFrame(one, columns=live.fish[0].at(0)._fields[:12])
+        assert own[columns].values.tolist() == theirs[columns].values.tolist()
+
+
+def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
+    player, angle = crowded()[LOOPS], np.linspace(0, 2 * np.pi, 40)
+    ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
+    path = lay(ring, player.waters.tank, player.waters.motion, None)
+    swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
+    assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
+    table = edit_lists(swims, 300, player)
+    x, y = encounters.places(table)[0].T
+    assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
+    assert not overlaps(table, player).any()
+
+
+# --- the edit list
+
+
+def test_one_table_has_all_fish_one_after_the_other_and_comes_back_from_disk(tmp_path):
+    alone, table = swum(crowded()[HYBRID], 1, 50), swum(crowded()[HYBRID], 3, 50)
+    assert list(table["fish"]) == 50 * [0] + 50 * [1] + 50 * [2]
+    assert list(table["tick"]) == 3 * list(range(50)) and list(table.index) == list(range(150))
+    pd.testing.assert_frame_equal(table, swum(crowded()[HYBRID], 3, 50))  # the same seed
+    loaded = []
+    for one in (alone, table):
+        save_table(tmp_path / "one.parquet", one, EDIT)
+        loaded.append(load_table(tmp_path / "one.parquet", EDIT))
+    assert (loaded[0].dtypes == loaded[1].dtypes).all() and list(loaded[0]) == EDIT.names
+    for number, one in enumerate(by_fish(table)):
+        assert list(one.index) == list(range(50)) and set(one["fish"]) == {number}
+
+
+def test_measures_are_of_each_fish_on_average():
+    assert averaged([{"a": 1, "b": 2}]) == {"a": 1, "b": 2}
+    assert averaged([{"a": 1.0}, {"a": 4.0, "b": 2.0}]) == {"a": 2.5, "b": 2.0}
+
+
+# --- goals
+
+
+def goals_at(*places):
+    return [Goal("ABCDEF"[k], x, y, TOUCH) for k, (x, y) in enumerate(places)]
+
+
+def test_goals_are_dealt():
+    goals = goals_at((1, 1), (2, 2), (3, 3), (4, 4), (5, 5))
+    assert [[g.name for g in own] for own in deal(goals, 2)] == [["A", "C", "E"], ["B", "D"]]
+    assert deal(goals, 1) == [goals] and deal(goals[:1], 3) == [goals[:1], [], []]
+
+
+def test_two_fish_sent_to_one_place_are_refused():
+    far, near = (100.0, 100.0), (100.0, 100.0 + 0.9 * TOUCH)
+    with pytest.raises(FinloopError, match=r"A \(fish 0\) and B \(fish 1\)") as refused:
+        refuse_meetings(goals_at(far, near), 2)
+    assert "animate.goals" in str(refused.value) and f"{TOUCH:.0f} px apart" in refused.value.wanted
+    with pytest.raises(FinloopError, match=r"D \(fish 0\) and F \(fish 2\)"):
+        refuse_meetings(goals_at((0, 0), (0, 99), (99, 0), far, (300, 0), near), 3)
+    refuse_meetings(goals_at(far, near), 1)  # one after the other
+    refuse_meetings(goals_at(far, (300, 0), near, (300, 300)), 2)  # of one fish
+    refuse_meetings(goals_at(far, (100.0, 100.0 + 1.1 * TOUCH)), 2)
+
+
+def planner_of(p):
+    """A planner of the made-up fish, without pictures."""
+    waters = waters_of(**p)
+    return Planner(waters, players_of(waters), None, 1.0, 20.0)
+
+
+def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
+    same = {"goals": [[0.5, 0.5], [0.5, 0.5]], "trials": 0}
+    with pytest.raises(FinloopError, match="one place at the same time"):
+        planner_of(same | {"fish": 2}).goals()
+    assert len(planner_of(same | {"fish": 2, "overlap": True}).goals()) == 2
+    assert len(planner_of(same | {"fish": 1}).goals()) == 2
+    planner_of(same | {"fish": 3}).check_room([])
+
+
+def test_more_fish_than_fit_are_refused():
+    arena = np.zeros((80, 130), bool)
+    arena[10:70, 10:120] = True
+    small = tank(arena, 0.6 * LENGTH)
+    waters = waters_of(room_=small, fish=40)
+    plans = Planner(waters, players_of(waters), None, 1.0, 20.0)
+    with pytest.raises(FinloopError, match=r"animate\.fish=40: the tank has room for ") as refused:
+        plans.check_room([])
+    assert "at most" in refused.value.wanted and "animate.overlap=true" in refused.value.do
+    through = replace(waters, settings=replace(waters.settings, overlap=True))
+    todo = tasks([], 40, np.random.default_rng(0))
+    assert len(settle(players_of(through)[LOOPS], todo)) == 40
+
+
+def test_realism_takes_each_fish_for_itself():
+    for fish, works in ((1, 3), (3, 3), (4, 4)):
+        plans = planner_of({"fish": fish, "seconds": 2.0, "trial_goals": 1})
+        made = list(animations(plans, LOOPS, 6.0, plans.waters.settings))
+        assert [set(edit["fish"]) for edit, _ in made] == [{k % fish} for k in range(works)]
+        assert sum(len(edit) for edit, _ in made) == pytest.approx(6 * RATE, abs=works)
+        assert all(list(edit["tick"]) == list(range(len(edit))) for edit, _ in made)
+
+
+# --- how near they come
+
+
+def test_outlines_that_share_a_pixel_overlap():
+    square = np.array([[10.0, 10], [-10, 10], [-10, -10], [10, -10]])
+    for gap, shared in ((18.0, True), (22.0, False)):
+        one, other = (placed(square, 50 + x, 50, 0.0, False) for x in (0, gap))
+        assert overlap(one, other) == overlap(other, one) == shared
+    corner = placed(HULL, 30.0, 40.0, 90.0, True)  # headed up: its tip is above
+    assert corner == pytest.approx(np.array([[30, 20], [35, 60], [25, 60]]))
+
+
+def test_pairs_are_counted_at_each_tick():
+    player = crowded()[LOOPS]
+    table = swum(player, 3, 4)
+    table[["kind", "mirrored", "heading_deg"]] = ["frame", False, 0.0]
+    table["x_px"] = [0.0, 0, 0, 0] + [0.0, 500, 4, 500] + [900.0, 500, 8, 900]
+    table["y_px"] = 300.0
+    assert overlaps(table, player).tolist() == [1, 1, 3, 0]
+    numbers = encounters.of_shoal(table, player)
+    assert numbers["overlapping_pairs_per_1000_ticks"] == pytest.approx(1250)
+    assert encounters.of_shoal(by_fish(table)[0], player) == {}
+
+
+def test_the_nearest_neighbour_is_that_of_every_pair():
+    where = np.random.default_rng(0).uniform(0, 100, (7, 2))
+    wanted = [min(np.hypot(*(a - b)) for b in where if (a != b).any()) for a in where]
+    assert nearest(where) == pytest.approx(wanted)
+
+
+def test_of_a_film_animals_of_one_frame_are_neighbours():
+    features = pd.DataFrame({
+        "track_id": [0, 0, 1], "frame": [0, 1, 1], "x_px": [0.0, 0, 30], "y_px": 0.0,
+        "body_length_px": 10.0,
+    })  # fmt: skip
+    assert encounters.of_film(features)["nearest_median_body_lengths"] == pytest.approx(3)
+    assert encounters.of_film(features.iloc[:2]) == {}
+
+
+# --- stages
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, tiny_run):
+    """What the stages make of a tiny carp of which three swim in one tank."""
+    path = tmp_path_factory.mktemp("shoal")
+    tiny_run.bring(path, ["bpn", "forecast", "gateways", "identity", "loops"])
+    own = ["animate.fish=3", "animate.seconds=1", "animate.goal_radius=0.2", "animate.trials=1"]
+    prepare(path, *TINY_CARP, *own)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        stages.animate.main()
+    return path
+
+
+def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
+    monkeypatch.chdir(folder)
+    table = load_table(folder / "data/animate/hybrid.parquet", EDIT)
+    ticks = round(RATE)
+    assert list(table["fish"].value_counts(sort=False)) == [ticks] * 3
+    for stage in (stages.plots.animate, stages.render, stages.plots.render, stages.export):
+        stage.main()
+    measures = pd.read_csv(folder / "reports/animate/measures.csv", index_col="measure")["hybrid"]
+    assert measures["overlapping_pairs_per_1000_ticks"] == 0
+    assert measures["trials_overlapping_pairs_per_1000_ticks"] == 0
+    assert measures["nearest_median_body_lengths"] > 0
+    assert pd.read_json(folder / "reports/render/metrics.json", typ="series")["frames"] == ticks
+    listed = pd.read_csv(folder / "data/export/hybrid.csv")
+    assert sorted(listed["fish"].unique()) == [0, 1, 2]
