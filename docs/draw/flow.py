@@ -11,7 +11,7 @@ BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a stage, between stages, arou
 PLACES = {  # column and row of every stage
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
-    "identity": (3, 5), "morph": (3, 6),
+    "identity": (3, 5), "calibrate": (3, 6), "morph": (3, 7),
     "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), "animate": (6, 1),
     "render": (7, 0), "tank": (7, 1), "export": (7, 2), "realism": (7, 3), "report": (8, 1),
 }  # fmt: skip

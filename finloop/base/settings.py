@@ -35,9 +35,9 @@ Crf = Annotated[int, Field(ge=0, le=51)]  # quality of H.264: 0 = lossless or be
 Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
 WORDS = (
-    "clip", "extract", "features", "identity", "pose", "jumps", "bpn", "forecast", "sprites",
-    "distance", "loops", "gateways", "animate", "render", "realism", "tank", "export", "morph",
-    "gait", "report",
+    "clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "bpn", "forecast",
+    "sprites", "distance", "loops", "gateways", "animate", "render", "realism", "tank", "export",
+    "morph", "gait", "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""
 GROUPS = (*WORDS, "cluster")

@@ -93,6 +93,11 @@ FILM = Chapter(
                "Each row is an animal, each bar a track; a dot is a join through a touch, its "
                "colour how sure it is. Animals are followed by motion and by how they look.",
                "A chart of bars over time, a row for each animal, with dots between the bars."),
+        Figure("calibrate/distributions.png", "", "Company",
+               "How far the nearest neighbour is, how it heads and where it is; how far the wall "
+               "is; how much a shoal heads one way. Points swim by zones fitted to the first half "
+               "of the film (Couzin et al. 2002), and without company.",
+               "Five charts of distributions: both halves of the film, and points that swim."),
         Figure("pose/shapes.png", "", "Postures",
                "The few shapes that postures consist of, from two standard deviations to one side "
                "to two to the other. After a jump the animal goes on bending in them.",

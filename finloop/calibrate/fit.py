@@ -1,0 +1,192 @@
+"""Zones fitted to a film: a regression of directions.
+
+Of a fish whose own direction is 1 in the frame of its body, the unit vector of its heading H later
+is, in the mean,
+
+    E[d] = a + Σ b_z D_z + c W,
+
+where D_z are the pulls of the zones (`zone_means`) and W points away from the nearest wall.
+Coefficients are real, so that the film's mirror image gives the same ones. The weights of the zones
+are b_z / a, as the fish's own direction has weight 1. W is there so that fish which avoid a wall,
+beyond which there is nobody, do not count as attracted by the others; it is no part of the rule.
+
+Radii and blind angle are those, of a list, with the smallest sum of squares; of equal ones the
+smallest zones. Weights are not negative: what would be is left out.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import product
+from typing import Any
+
+import numpy as np
+import scipy
+
+from finloop.base.arrays import Complex, Floats, Ints, Reals
+from finloop.calibrate.film import FilmShoal
+from finloop.calibrate.settings import Settings
+from finloop.social.neighbours import Neighbours
+from finloop.social.zones import COUZIN, Zones, zone_means
+
+_EQUAL = 1e-12  # of the squares that are left; zones that are no better are not larger
+_ZONES = (1, 2, 3)  # columns of a regression
+_LEAST_OWN = 0.05  # of the own direction is left after H, at least: weights are shares of it
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """The zones of a film, and how well they foretell its other half.
+
+    own: a of the regression; explained, explained_held_out: share of the directions' squares about
+    a film without company that the zones take away, in both halves.
+    """
+
+    zones: Zones
+    own: float
+    explained: float
+    explained_held_out: float
+
+
+def fitted(film: FilmShoal, p: Settings) -> Fitted:
+    """The zones that foretell best the directions of the first half of a film."""
+    rows, others = (film.lessons(first, p.rows) for first in (True, False))
+    seen, wall, after = film.seen(rows), wall_pull(film, rows), film.directions(rows)
+    weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
+    given = [None if weight == "auto" else float(weight) for weight in weights]
+    best: tuple[float, tuple[float, float, float], float, Floats] | None = None
+    for blind in sorted(p.blind_angles_deg) if p.blind_deg == "auto" else [p.blind_deg]:
+        tried = list(_radii(p))
+        rings = Rings(seen, sorted({one for radii in tried for one in radii}), float(blind))
+        for radii in tried:
+            lot, square = regression(rings.means(radii), wall, after, given)
+            if best is None or square < best[0] * (1 - _EQUAL):
+                best = square, radii, float(blind), lot
+    assert best is not None
+    _, radii, blind_deg, lot = best
+    own = max(float(lot[0]), _LEAST_OWN)
+    zones = _zones(radii, blind_deg, lot[1:4] / own, given)
+    alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
+    shares = [explained(film, half, zones, lot, alone) for half in (rows, others)]
+    return Fitted(zones, own, *shares)
+
+
+def wall_pull(film: FilmShoal, rows: Ints) -> Complex:
+    """W: away from the nearest wall, in the frame of the body, the more the nearer it is."""
+    return film.walls.near(film.place[rows], film.heading[rows])
+
+
+class Rings:
+    """What `zone_means` says of any zones whose radii are of a list, quickly.
+
+    Sums over the neighbours of each ring between two radii, so that a zone is a difference of
+    cumulated sums.
+    """
+
+    def __init__(self, seen: Neighbours, radii: Sequence[float], blind_deg: float) -> None:
+        self._radii = {radius: number for number, radius in enumerate(radii)}
+        sees = seen.bearing.real >= -np.cos(np.radians(blind_deg) / 2)
+        within = np.stack([seen.distance < radius for radius in radii], axis=-1)
+        self._near = _sums(seen.bearing, within)
+        self._heading = _sums(seen.heading, within & sees[..., None])
+        self._bearing = _sums(seen.bearing, within & sees[..., None])
+
+    def means(self, radii: tuple[float, float, float]) -> Complex:
+        """`zone_means` (n, 3)."""
+        inner, middle, outer = (self._radii[radius] for radius in radii)
+        free = self._near[1][:, inner] == 0
+        return np.stack(
+            [
+                -_ratio(self._near[0][:, inner], self._near[1][:, inner]),
+                free * _between(self._heading, inner, middle),
+                free * _between(self._bearing, middle, outer),
+            ],
+            axis=-1,
+        )
+
+
+def _sums(vectors: Complex, within: Any) -> tuple[Complex, Ints]:
+    return (vectors[..., None] * within).sum(axis=1), within.sum(axis=1)
+
+
+def _between(sums: tuple[Complex, Ints], inner: int, outer: int) -> Complex:
+    total, count = sums
+    return _ratio(total[:, outer] - total[:, inner], count[:, outer] - count[:, inner])
+
+
+def _ratio(total: Complex, count: Ints) -> Complex:
+    return np.where(count > 0, total / np.maximum(count, 1), 0)
+
+
+def regression(
+    pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
+) -> tuple[Floats, float]:
+    """Coefficients a, b_z (3), c, and the sum of squares that is left.
+
+    weights: of the zones that are given, b_z = weight × a; None of those to be found.
+    """
+    held = np.array([weight or 0.0 for weight in weights])
+    columns = np.column_stack([1.0 + pulls @ held, pulls, wall])
+    # Not `@`, whose threads take longer to meet than these few numbers take to add up.
+    gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
+    right = np.einsum("ni,n->i", columns.conj(), after).real
+    free = [k for k in _ZONES if weights[k - 1] is None and gram[k, k] > 0]
+    while True:  # of the zones, each is left out once at most
+        kept = [0, *free, 4]
+        found = scipy.linalg.lstsq(gram[np.ix_(kept, kept)], right[kept])[0]
+        worst = int(np.argmin(found[1:-1])) if free else 0
+        if not free or found[1 + worst] >= 0:
+            break
+        del free[worst]
+    lot = np.zeros(5)
+    lot[kept] = found
+    lot[1:4] += held * lot[0]
+    return lot, float((np.abs(after) ** 2).sum() - right[kept] @ found)
+
+
+def explained(
+    film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
+) -> float:
+    """The share of squares that the zones take away from what is left without them, of some rows.
+
+    with_zones, alone: coefficients of `regression`, of all zones and of none.
+    """
+    after, wall = film.directions(rows), wall_pull(film, rows)
+    pulls = zone_means(film.seen(rows), zones.radii, zones.blind_deg)
+    left = [
+        float((np.abs(after - lot[0] - pulls @ lot[1:4] - lot[4] * wall) ** 2).sum())
+        for lot in (with_zones, alone)
+    ]
+    return 1 - left[0] / left[1]
+
+
+def _radii(p: Settings) -> Iterator[tuple[float, float, float]]:
+    """Radii that are tried, the smallest first; those that are given are as they are."""
+    tried = [
+        sorted(p.radii) if value == "auto" else [float(value)]
+        for value in (p.repulsion, p.alignment, p.attraction)
+    ]
+    for inner, middle, outer in product(*tried):
+        if inner <= middle <= outer:
+            yield inner, middle, outer
+
+
+def _zones(
+    radii: tuple[float, float, float], blind: float, weights: Reals, given: Sequence[float | None]
+) -> Zones:
+    """Zones with weights; the outermost that were fitted and have no weight are left out."""
+    inner, middle, outer = radii
+    kept = [
+        float(weight) if held is None else held for weight, held in zip(weights, given, strict=True)
+    ]
+    if given[2] is None and kept[2] == 0:
+        outer = middle
+        if given[1] is None and kept[1] == 0:
+            middle = outer = inner
+    return Zones(inner, middle, outer, blind, *kept)
+
+
+def without_company(p: Settings) -> Zones:
+    """The zones where a film has no company to learn from: the given ones, else the paper's."""
+    names = [one.name for one in fields(Zones)]
+    given = {name: float(value) for name in names if (value := getattr(p, name)) != "auto"}
+    return replace(COUZIN, **given)

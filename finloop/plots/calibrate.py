@@ -1,0 +1,43 @@
+"""Picture of `calibrate`: how near, aligned and where fish are, in the film and by the zones."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+from matplotlib.figure import Figure
+
+from finloop.social.measures import MEASURES, values
+
+_LABELS = {
+    "neighbour_distance": "nearest neighbour (body lengths)",
+    "alignment_deg": "heading against the nearest neighbour's (°)",
+    "inter_fish_deg": "bearing of the nearest neighbour (°)",
+    "wall_distance": "distance from the wall (body lengths)",
+    "polarisation": "polarisation of the shoal",
+}
+_COLOURS = ("#8a98a0", "#4d5b63", "#d1721f", "#2c7bb6")
+_SHOWN = 0.99  # quantile of the film's values that the axis goes to
+_BINS = 30
+
+
+def distributions(shoals: Mapping[str, pd.DataFrame]) -> Figure:
+    """The distribution of every measure, a line a shoal; tables of `SHOAL` by their names."""
+    figure = Figure(figsize=(12, 6.4), layout="constrained")
+    grid = figure.subplots(2, 3)
+    for axes, name in zip(grid.flat, MEASURES, strict=False):
+        lots = {shoal: values(table, name) for shoal, table in shoals.items()}
+        every = np.concatenate(list(lots.values()))
+        axes.set(xlabel=_LABELS[name], ylabel="density")
+        if not len(every):
+            axes.text(0.5, 0.5, "one fish at a time", ha="center", transform=axes.transAxes)
+            continue
+        edges = np.linspace(0, max(float(np.quantile(every, _SHOWN)), 1e-6), _BINS + 1)
+        for (shoal, lot), colour in zip(lots.items(), _COLOURS, strict=False):
+            if len(lot):
+                heights = np.histogram(lot, edges)[0] / len(lot) / np.diff(edges)
+                axes.stairs(heights, edges, color=colour, lw=1.8, label=shoal)
+        axes.set(xlim=(0, edges[-1]), ylim=(0, None))
+    handles, labels = grid.flat[MEASURES.index("wall_distance")].get_legend_handles_labels()
+    grid.flat[-1].axis("off")
+    grid.flat[-1].legend(handles, labels, loc="center", frameon=False)
+    return figure

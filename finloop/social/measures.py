@@ -1,0 +1,108 @@
+"""Measures of company, of a film's feature table and of swum fish alike.
+
+Glossary: *nearest-neighbour distance* from mass centre to mass centre, in body lengths;
+*polarisation* the length of the mean of the headings' unit vectors, 1 if all head the same way
+(Couzin et al. 2002, eq. for p_group); *alignment angle* between a fish's heading and that of its
+nearest neighbour; *inter-fish angle* the bearing of the nearest neighbour, 0 = ahead, 180 = behind.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from finloop.base.arrays import Complex, Floats, Ints, Reals
+from finloop.base.schema import Column, Schema, columns
+from finloop.social.neighbours import neighbours, vectors
+from finloop.social.walls import Walls
+
+SHOAL = Schema(
+    *columns("int32", "1", "frame", "fish"),
+    *columns("float32", "body length", "neighbour_distance", nullable=True),
+    *columns("float32", "deg", "alignment_deg", "inter_fish_deg", nullable=True),
+    Column("wall_distance", "float32", "body length"),
+    Column("polarisation", "float32", "1", nullable=True),
+)
+"""A row per fish per frame. What needs a second fish is null where there is none."""
+MEASURES = (
+    "neighbour_distance",
+    "alignment_deg",
+    "inter_fish_deg",
+    "wall_distance",
+    "polarisation",
+)
+
+
+def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
+    """The measures, with the columns of `SHOAL`, of fish of any order.
+
+    frame (n,): when they are seen; places (n, 2): px. Fish of a frame are numbered as they come.
+    """
+    index, fish, slots = by_frame(frame)
+    own = vectors(places, headings_deg, walls.length)
+    place, heading = (slots_of(one, index, fish, slots) for one in own)
+    seen = neighbours(place, heading)
+    nearest = seen.distance.argmin(axis=-1)[..., None]
+    far = np.take_along_axis(seen.distance, nearest, axis=-1)[..., 0]
+    alone = ~np.isfinite(far)
+    angles = {
+        name: np.where(
+            alone, np.nan, np.degrees(np.abs(np.angle(np.take_along_axis(of, nearest, -1)[..., 0])))
+        )
+        for name, of in (("alignment_deg", seen.heading), ("inter_fish_deg", seen.bearing))
+    }
+    there = np.isfinite(heading)
+    polarised = np.abs(np.where(there, heading, 0).sum(axis=1)) / there.sum(axis=1)
+    polarised[there.sum(axis=1) < 2] = np.nan
+    return pd.DataFrame({
+        "frame": np.asarray(frame),
+        "fish": fish,
+        "neighbour_distance": np.where(alone, np.nan, far)[index, fish],
+        **{name: value[index, fish] for name, value in angles.items()},
+        "wall_distance": walls.at(own[0]),
+        "polarisation": polarised[index],
+    }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
+
+
+def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:
+    """The number of each row's frame among those seen, its number in it, and how many of both."""
+    frames, index = np.unique(frame, return_inverse=True)
+    fish = pd.Series(index).groupby(index).cumcount().to_numpy()
+    return index, fish, (len(frames), int(fish.max()) + 1 if len(fish) else 0)
+
+
+def slots_of(values: Complex, index: Ints, fish: Ints, shape: tuple[int, int]) -> Complex:
+    """Values (n,) as an array (frames, m), NaN of who is absent. The rest: of `by_frame`."""
+    slots = np.full(shape, np.nan, complex)
+    slots[index, fish] = values
+    return slots
+
+
+def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
+    """The Wasserstein distance of each measure of two shoals, in its unit.
+
+    Polarisation counts once a frame. A measure that one of them does not have is left out.
+    """
+    return {
+        name: float(scipy.stats.wasserstein_distance(a, b))
+        for name in MEASURES
+        if len(a := values(one, name)) and len(b := values(other, name))
+    }
+
+
+def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    """How far shoals are from films: columns shoal, beside, measure, median, distance (`apart`)."""
+    rows = [
+        (shoal, film, name, float(np.median(values(table, name))), distance)
+        for shoal, table in shoals.items()
+        for film, filmed in films.items()
+        for name, distance in apart(filmed, table).items()
+    ]
+    return pd.DataFrame(rows, columns=["shoal", "beside", "measure", "median", "distance"])
+
+
+def values(table: pd.DataFrame, name: str) -> Floats:
+    """The values of a measure."""
+    rows = table.drop_duplicates("frame") if name == "polarisation" else table
+    return rows[name].dropna().to_numpy(float)

@@ -1,0 +1,57 @@
+"""What each fish of a tank sees of the others, in the frame of its own body.
+
+Vectors are complex numbers: of the tank, real = to the right and imaginary = up; of the body,
+real = ahead and imaginary = to the left. Lengths are body lengths.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.base.arrays import Complex, Floats, Reals
+
+
+class Neighbours(NamedTuple):
+    """The others (…, n) of a fish (…).
+
+    distance: body lengths, inf where there is none; bearing: unit vectors of the body towards them;
+    heading: unit vectors of the body along their headings. Vectors are 0 where there is none.
+    """
+
+    distance: Floats
+    bearing: Complex
+    heading: Complex
+
+
+def vectors(places: Reals, headings_deg: Reals, length: float) -> tuple[Complex, Complex]:
+    """Places (…, m, 2) px, y down, as body lengths of the tank, and headings as unit vectors."""
+    places = np.asarray(places, float) / length
+    return places[..., 0] - 1j * places[..., 1], np.exp(1j * np.radians(headings_deg))
+
+
+def neighbours(place: Complex, heading: Complex) -> Neighbours:
+    """What fish (…, m) see of each other (…, m, m); places and headings are NaN of who is absent.
+
+    No fish is its own neighbour.
+    """
+    others = place[..., None, :], heading[..., None, :]
+    seen = seen_from(place[..., :, None], heading[..., :, None], others)
+    own = np.eye(place.shape[-1], dtype=bool)
+    return Neighbours(
+        np.where(own, np.inf, seen.distance),
+        np.where(own, 0, seen.bearing),
+        np.where(own, 0, seen.heading),
+    )
+
+
+def seen_from(place: Complex, heading: Complex, others: tuple[Complex, Complex]) -> Neighbours:
+    """What fish (…) see of others, places and headings; shapes are broadcast."""
+    way = (others[0] - place) * heading.conj()
+    distance = np.abs(way)
+    there = np.isfinite(distance)
+    bearing = np.where(there, way, 0j) / np.where(there & (distance > 0), distance, 1)
+    return Neighbours(
+        np.where(there, distance, np.inf),
+        np.asarray(bearing, complex),
+        np.where(there, others[1] * heading.conj(), 0j),
+    )

@@ -1,0 +1,112 @@
+"""Steps: what a fish of the film did in a while, beside what its company wished.
+
+The wish of the company (`zones.pull`) is a part of where a fish goes; the rest, its own step, is
+speed, turns and their chance. A fish that is steered takes one of the film's own steps, of a fish
+that was as near to a wall and had moved alike, and adds the wish of its company.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+import scipy
+
+from finloop.base.arrays import Complex, Floats, Ints
+from finloop.base.schema import Schema, columns
+
+STEPS = Schema(
+    *columns("float32", "1", "wall_ahead", "wall_left"),
+    *columns("float32", "body length", "last_ahead", "last_left", "move_ahead", "move_left"),
+    *columns("float32", "1", "turn_ahead", "turn_left"),
+)
+"""A row per step. wall: of `Walls.near`; last: displacement in the same while before; move: own
+displacement; turn: own part of the unit vector of the heading afterwards. Vectors of the body."""
+
+
+@dataclass(frozen=True)
+class Steps:
+    """Own steps (n,) of a film, in frames of the body, and their mirror images.
+
+    wall, last, move, turn: as `STEPS` has them; forward: body lengths that a pull of 1 moves a fish
+    by; onward: what a pull of 1 adds to the unit vector of its heading.
+    """
+
+    wall: Complex
+    last: Complex
+    move: Complex
+    turn: Complex
+    forward: float
+    onward: float
+
+    @cached_property
+    def _mirrored(self) -> tuple[Complex, Complex]:
+        move, turn = (np.concatenate([one, one.conj()]) for one in (self.move, self.turn))
+        return move, turn
+
+    @cached_property
+    def _scale(self) -> tuple[float, float]:
+        """Root mean squares of wall and last."""
+        mean = [float(np.sqrt(np.mean(np.abs(one) ** 2))) for one in (self.wall, self.last)]
+        return max(mean[0], 1e-9), max(mean[1], 1e-9)
+
+    @cached_property
+    def _tree(self) -> scipy.spatial.KDTree:
+        own = self._point(self.wall, self.last)
+        return scipy.spatial.KDTree(np.concatenate([own, own * (1, -1, 1, -1)]))
+
+    def _point(self, wall: Complex, last: Complex) -> Floats:
+        wall, last = wall / self._scale[0], last / self._scale[1]
+        return np.stack([wall.real, wall.imag, last.real, last.imag], axis=-1)
+
+    def draw(
+        self, wall: Complex, last: Complex, alike: int, rng: np.random.Generator
+    ) -> tuple[Complex, Complex]:
+        """Moves and turns of steps (m, alike) for fish (m,), in random order.
+
+        They are the `alike` steps whose wall and last displacement are most alike.
+        """
+        count = min(alike, 2 * len(self.move))
+        which = self._tree.query(self._point(wall, last), k=[*range(1, count + 1)])[1]
+        which = rng.permuted(which, axis=-1)
+        move, turn = self._mirrored
+        return move[which], turn[which]
+
+
+def moved(moves: Complex, pulls: Complex, steps: Steps) -> Complex:
+    """Displacements (…), body lengths, of own moves and the pulls of the company."""
+    return moves + steps.forward * pulls
+
+
+def headed(turns: Complex, pulls: Complex, steps: Steps) -> Complex:
+    """Unit vectors (…) of headings, of own turns and the pulls of the company."""
+    to = turns + steps.onward * pulls
+    size = np.abs(to)
+    return np.where(size > 0, to / np.where(size > 0, size, 1), 1)
+
+
+def rows_of(steps: Steps) -> dict[str, Floats]:
+    """The columns of `STEPS`."""
+    parts = {"wall": steps.wall, "last": steps.last, "move": steps.move, "turn": steps.turn}
+    return {
+        f"{name}_{side}": part
+        for name, vector in parts.items()
+        for side, part in (("ahead", vector.real), ("left", vector.imag))
+    }
+
+
+def steps_of(table: pd.DataFrame, forward: float, onward: float) -> Steps:
+    """The steps whose columns `rows_of` gave."""
+    wall, last, move, turn = (
+        table[f"{name}_ahead"].to_numpy(float) + 1j * table[f"{name}_left"].to_numpy(float)
+        for name in ("wall", "last", "move", "turn")
+    )
+    return Steps(wall, last, move, turn, forward, onward)
+
+
+def last_rows(later: Ints) -> Ints:
+    """The row (n,) a while before each, −1 where there is none, from those a while later."""
+    before = np.full(len(later), -1)
+    has = np.flatnonzero(later >= 0)
+    before[later[has]] = has
+    return before

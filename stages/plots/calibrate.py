@@ -1,0 +1,31 @@
+"""Picture of `calibrate`: how near, aligned and where fish are, in the film and by the zones."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+from finloop.io.picture import save_figure
+from finloop.io.table import load_table
+from finloop.plots.calibrate import distributions
+from finloop.social.measures import SHOAL
+
+FOLDER = Path("data/calibrate")
+NAMES = {"zones": "points that swim by the zones", "alone": "points without company"}
+
+
+def main() -> None:
+    """Draw distributions.png."""
+    film = load_table(FOLDER / "film.parquet", SHOAL)
+    middle = (int(film["frame"].min()) + int(film["frame"].max()) + 1) / 2
+    shoals = {
+        "film, first half": film[film["frame"] < middle],
+        "film, second half": film[film["frame"] >= middle],
+    }
+    for name, words in NAMES.items():
+        if (path := FOLDER / f"{name}.parquet").exists():
+            shoals[words] = load_table(path, SHOAL)
+    save_figure(Path("reports/calibrate/distributions.png"), distributions(shoals))
+
+
+if __name__ == "__main__":
+    run(main)

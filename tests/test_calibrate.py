@@ -1,0 +1,218 @@
+"""Zones fitted to films whose fish swim by known zones, and the stage."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scratch import prepare, put_clip
+
+import stages.calibrate
+import stages.plots.calibrate
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
+from finloop.calibrate.film import film_shoal, horizon_frames
+from finloop.calibrate.fit import Rings, fitted, regression, without_company
+from finloop.calibrate.points import own_steps, swum_points
+from finloop.features.table import FEATURES
+from finloop.io.table import load_table, save_table
+from finloop.social.measures import SHOAL, apart, values
+from finloop.social.neighbours import neighbours
+from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
+from stages.rules import load_rule
+
+PX, OWN, STEP = 20.0, 0.6, 0.3
+ARENA = np.ones((300, 300), bool)
+TRUE = Zones(0.5, 2.0, 8.0, 90.0, 1.2, 0.5, 0.8)
+TRIED = {
+    "radii": [0.0, 0.5, 1.0, 2.0, 4.0, 8.0],
+    "blind_angles_deg": [0.0, 90.0, 180.0],
+    "horizon": 1.0,
+}
+
+
+def swim(zones, fish=6, frames=1500, seed=0):
+    """Feature tables of fish whose heading after a frame is OWN (1 + pull) in the mean, and noise."""
+    rng = np.random.default_rng(seed)
+    place = rng.uniform(3, 12, fish) - 1j * rng.uniform(3, 12, fish)
+    heading = np.exp(2j * np.pi * rng.random(fish))
+    places, headings = np.empty((2, frames, fish), complex)
+    for t in range(frames):
+        places[t], headings[t] = place, heading
+        mean = OWN * (1 + pull(neighbours(place, heading), zones))
+        noise = rng.normal(0, 0.35, fish) + 1j * rng.normal(0, 0.35, fish)
+        to = mean + noise
+        heading = heading * to / np.abs(to)
+        place = place + STEP * heading
+        inside = (place.real > 0) & (place.real < 15) & (place.imag < 0) & (place.imag > -15)
+        heading = np.where(inside, heading, ((7.5 - 7.5j) - place) / np.abs((7.5 - 7.5j) - place))
+        place = np.clip(place.real, 0, 15) + 1j * np.clip(place.imag, -15, 0)
+    return features(places, headings)
+
+
+def features(places, headings):
+    """A feature table of tracks (frames, fish)."""
+    frames, fish = places.shape
+    table = pd.DataFrame({
+        "track_id": np.repeat(np.arange(fish), frames), "frame": np.tile(np.arange(frames), fish),
+        "x_px": PX * places.real.T.ravel(), "y_px": -PX * places.imag.T.ravel(),
+        "heading_deg": np.degrees(np.angle(headings)).T.ravel(), "body_length_px": PX,
+    })  # fmt: skip
+    for name in FEATURES.names:
+        if name not in table:
+            table[name] = 1
+    last = table["frame"] == frames - 1  # Δ of a frame
+    table["displacement"] = np.where(last, np.nan, STEP)
+    return table.astype(FEATURES.kinds)[FEATURES.names]
+
+
+def shoal(zones=TRUE, **by):
+    return film_shoal(swim(zones, **by), ARENA, 1, 1.0)
+
+
+FILM = shoal()
+
+
+# --- the fit
+
+
+def test_zones_that_fish_swim_by_are_found_again():
+    found = fitted(FILM, settings("calibrate", **TRIED))
+    assert found.zones.radii == TRUE.radii
+    assert found.zones.blind_deg == TRUE.blind_deg
+    assert found.zones.weights == pytest.approx(TRUE.weights, rel=0.25)
+    assert found.explained_held_out == pytest.approx(found.explained, abs=0.05)
+    assert found.explained_held_out > 0.05
+
+
+def test_fish_that_pay_no_attention_have_no_zones_that_foretell():
+    found = fitted(shoal(NO_ZONES), settings("calibrate", **TRIED))
+    assert found.explained_held_out < 0.005
+    assert max(found.zones.weights) < 0.1
+
+
+def test_what_is_given_is_kept_and_the_rest_is_fitted():
+    p = settings("calibrate", **TRIED, attraction=7.0, attraction_weight=0.8, blind_deg=90.0)
+    found = fitted(FILM, p).zones
+    assert (found.attraction, found.attraction_weight, found.blind_deg) == (7.0, 0.8, 90.0)
+    assert found.repulsion_weight == pytest.approx(1.2, rel=0.3)
+
+
+def test_the_mirror_image_of_a_film_has_the_same_zones():
+    table = swim(TRUE)
+    mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
+    p = settings("calibrate", **TRIED)
+    here, there = (fitted(film_shoal(one, ARENA, 1, 1.0), p) for one in (table, mirrored))
+    assert there.zones.radii == here.zones.radii
+    assert there.zones.weights == pytest.approx(here.zones.weights, rel=1e-3)
+
+
+def test_rings_say_what_zones_say():
+    rows = FILM.lessons(True, 300)
+    seen = FILM.seen(rows)
+    rings = Rings(seen, [0.0, 0.5, 2.0, 8.0], 90.0)
+    for radii in [(0.5, 2.0, 8.0), (0.0, 0.0, 8.0), (0.5, 0.5, 0.5), (0.0, 2.0, 2.0)]:
+        assert rings.means(radii) == pytest.approx(zone_means(seen, radii, 90.0), abs=1e-9)
+
+
+def test_regression_leaves_out_what_would_be_negative():
+    rng = np.random.default_rng(0)
+    pulls, wall = (rng.normal(0, 1, (500, n)) + 1j * rng.normal(0, 1, (500, n)) for n in (3, 1))
+    after = 0.5 + pulls @ [0.2, -0.4, 0.1] - 0.3 * wall[:, 0]
+    lot, square = regression(pulls[:, [0, 2, 1]], wall[:, 0], after, [None] * 3)
+    assert lot[3] == 0 and lot[[0, 1, 2, 4]] == pytest.approx([0.5, 0.2, 0.1, -0.3], abs=0.05)
+    columns = np.column_stack([np.ones(500), pulls[:, [0, 2]], wall[:, 0]])
+    assert square == pytest.approx((np.abs(after - columns @ lot[[0, 1, 2, 4]]) ** 2).sum())
+
+
+# --- the film
+
+
+def test_company_is_that_of_the_frame_and_a_while_later_of_the_track():
+    rows = FILM.lessons(False, 50)
+    assert (FILM.frame[rows] >= 750).all()
+    assert (FILM.frame[FILM.later[rows]] == FILM.frame[rows] + 1).all()
+    assert np.isfinite(FILM.seen(rows).distance).sum(axis=1).tolist() == [5] * len(rows)
+    assert FILM.fish == 6
+
+
+def test_headings_that_last_are_looked_at_again_later():
+    rng = np.random.default_rng(0)
+    track = np.zeros(4000, int)
+    quick, slow = (np.exp(1j * np.cumsum(rng.normal(0, size, 4000))) for size in (0.5, 0.2))
+    # The mean cosine of a random walk falls as exp(−σ² t / 2).
+    assert horizon_frames(quick, track, 1) == pytest.approx(2 * np.log(2) / 0.5**2, rel=0.4)
+    assert horizon_frames(slow, track, 1) == pytest.approx(2 * np.log(2) / 0.2**2, rel=0.4)
+    assert horizon_frames(slow, track, 2000) == 2000
+
+
+def test_fish_that_are_points_shoal_as_the_film_does():
+    p = settings("calibrate", steps=1500)
+    half, other = FILM.half(True), FILM.half(False)
+    rows, far = FILM.whole_steps(p.rows), {}
+    for name, zones in (("zones", TRUE), ("alone", NO_ZONES)):
+        steps = own_steps(FILM, rows, zones)
+        swum = swum_points(FILM, steps, zones, p, np.random.default_rng(0))
+        far[name] = apart(FILM.table, swum)["neighbour_distance"]
+        assert swum["wall_distance"].min() > 0
+    assert far["zones"] < 0.5 * far["alone"]
+    assert apart(half, other)["neighbour_distance"] < far["alone"]
+
+
+def test_own_steps_leave_nothing_to_the_company():
+    steps = own_steps(FILM, FILM.whole_steps(3000), TRUE)
+    assert steps.onward == pytest.approx(OWN, rel=0.15)
+    pulls = pull(FILM.seen(FILM.whole_steps(3000)), TRUE)
+    whole = own_steps(FILM, FILM.whole_steps(3000), NO_ZONES)
+    left, before = (float((one.turn * pulls.conj()).real.mean()) for one in (steps, whole))
+    assert before > 0.1 and abs(left) < 0.3 * before
+
+
+# --- parameters and the stage
+
+
+def test_zones_that_do_not_lie_round_each_other_are_refused():
+    with pytest.raises(FinloopError, match="repulsion ≤ alignment ≤ attraction"):
+        settings("calibrate", repulsion=3.0, attraction=2.0)
+
+
+def test_a_film_without_company_has_the_papers_zones():
+    assert without_company(settings("calibrate")) == COUZIN
+    given = without_company(settings("calibrate", repulsion=2.0, attraction_weight=0.0))
+    assert given == replace(COUZIN, repulsion=2.0, attraction_weight=0.0)
+
+
+def run(tmp_path, monkeypatch, table, *overrides):
+    """The stage on a feature table; the numbers that it reports."""
+    prepare(tmp_path, "calibrate.horizon=1.0", "calibrate.steps=50", *overrides)
+    monkeypatch.chdir(tmp_path)
+    put_clip(tmp_path, [np.zeros(ARENA.shape, np.uint8)])
+    save_table(tmp_path / "data/features/features.parquet", table, FEATURES)
+    stages.calibrate.main()
+    stages.plots.calibrate.main()
+    assert (tmp_path / "reports/calibrate/distributions.png").stat().st_size > 0
+    return json.loads((tmp_path / "reports/calibrate/metrics.json").read_text())
+
+
+def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monkeypatch):
+    numbers = run(tmp_path, monkeypatch, swim(TRUE, frames=400))
+    assert numbers["fitted"] == 1 and numbers["fish"] == 6
+    table = pd.read_csv(tmp_path / "reports/calibrate/company.csv")
+    assert set(table["shoal"]) == {"first_half", "zones", "alone"}
+    assert set(table["beside"]) == {"film", "second_half"}
+    film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
+    assert len(film) == 6 * 400 and len(values(film, "polarisation")) == 400
+    assert load_rule().horizon == 1
+    assert load_rule().zones.attraction == numbers["attraction"]
+    assert len(load_rule().steps.move) > 100
+
+
+def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypatch, capsys):
+    numbers = run(
+        tmp_path, monkeypatch, swim(NO_ZONES, fish=1, frames=200), "calibrate.repulsion=2.0"
+    )
+    assert "0 of 200 frames show two fish" in capsys.readouterr().err
+    assert numbers["fitted"] == 0 and numbers["fish"] == 1
+    assert load_rule().zones == replace(COUZIN, repulsion=2.0)
+    assert len(load_rule().steps.move) > 50  # by these it swims, in company of its own kind
