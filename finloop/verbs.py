@@ -76,7 +76,7 @@ from finloop.normalise import open_source
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
-from finloop.render.painter import Painter
+from finloop.render.painter import Painter, Shadow
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, drawn, sprite_table
 from finloop.sprites.swimmers import swimmers
@@ -315,13 +315,14 @@ def write_video(
 ) -> None:  # fmt: skip
     """Draw an edit list over the empty tank: an MP4 of H.264, a frame a tick.
 
-    `changes`: of `finloop.render.settings.Settings`; crf counts here, the quality.
+    `changes`: of `finloop.render.settings.Settings`; here count crf, shadow and shadow_blur.
     """
     p = settings("render", **changes)
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.goes_on, reel.sprites)
     gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
-    painter = Painter(tracks.background)
+    shadow = Shadow(p.shadow, p.shadow_blur * reel.length_px)
+    painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:
         for fish in frames(edit, gallery):

@@ -27,7 +27,8 @@ from finloop.live.server import HOST, Server, bound
 from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
 from finloop.render.gallery import PLACE, Gallery, shelves
-from finloop.render.painter import Painter
+from finloop.render.painter import Painter, Shadow
+from finloop.render.settings import Settings as RenderSettings
 from stages.animate import DATA, bring
 from stages.settings import load
 
@@ -37,12 +38,14 @@ PICTURES = 2048  # are held, for the film comes round again and again
 
 
 @contextmanager
-def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
-    """The live tank, from what the stages have made."""
+def opened(mode: str, fish: int | None, seed: int) -> Iterator[View]:
+    """The live tank, from what the stages have made. fish: None: as many as `animate.fish`."""
     p: Settings = load("animate")
-    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
-    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), PLACE)
-    painter = Painter(load_picture(DATA / "extract/background.png"))
+    q: RenderSettings = load("render")
+    scene = load_record(DATA / "extract/scene.json", SceneFacts, "extract")
+    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(scene.points), PLACE)
+    shadow = Shadow(q.shadow, q.shadow_blur * scene.typical_length_px)
+    painter = Painter(load_picture(DATA / "extract/background.png"), shadow=shadow)
     with bring(p) as brought:
         pictures, most = brought.pictures, p.fade_steps * brought.step
         reel = pictures.reel
@@ -53,7 +56,11 @@ def opened(mode: str, fish: int, seed: int) -> Iterator[View]:
             return p.join == FADE and fade_distance(row, pictures) > most
 
         rehearse(brought.players)
-        yield View(LiveTank(brought.players, mode, fish, seed, ghost), painter, gallery)
+        wanted = fish or min(p.fish, MOST_FISH)
+        tank = LiveTank(brought.players, mode, wanted, seed, ghost)
+        if len(tank.fish) < wanted:
+            print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
+        yield View(tank, painter, gallery)
 
 
 def main() -> None:
@@ -70,8 +77,6 @@ def main() -> None:
 
         try:
             with opened(asked.mode, asked.fish, asked.seed) as view:
-                if (room := len(view.tank.fish)) < asked.fish:
-                    print(f"play: the tank has room for {room} fish", file=sys.stderr)
                 Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
@@ -89,7 +94,10 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--mode", choices=MODES, default=HYBRID, help=f"default {HYBRID}")
     parser.add_argument(
-        "--fish", type=int, choices=range(1, MOST_FISH + 1), default=1, help="default 1"
+        "--fish",
+        type=int,
+        choices=range(1, MOST_FISH + 1),
+        help=f"default: as animate.fish, at most {MOST_FISH}",
     )
     parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
     parser.add_argument("--seed", type=_natural, default=0, help="default 0")

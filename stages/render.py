@@ -17,7 +17,7 @@ from finloop.io.record import load_records
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import Marks
-from finloop.render.painter import Painter
+from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import Settings
 from finloop.render.steps import Steps, film_steps, step_numbers
 from stages.edit import DATA, load_drawn
@@ -34,14 +34,15 @@ def films(
     goals: list[Goal],
     gallery: Gallery,
     background: np.ndarray,
+    shadow: Shadow,
     advance: Callable[[], None],
 ) -> list[float]:
     """Write the films of an edit list; the steps between its frames."""
     shown, ticks = frames(edit, gallery), edit["tick"].nunique()
     rate = load_facts(CLIP / FACTS_NAME).frame_rate
-    clean, change = Painter(background), list[float]()
+    clean, change = Painter(background, shadow=shadow), list[float]()
     steps = Steps(clean)
-    seen = Painter(background, colour=True) if p.marks else clean
+    seen = Painter(background, colour=True, shadow=shadow) if p.marks else clean
     with whole_folder(OUT) as folder, ExitStack() as stack:
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
@@ -72,8 +73,9 @@ def main() -> None:
     background = load_picture(DATA / "extract/background.png")
     drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
     ticks = drawn.edit["tick"].nunique()
+    shadow = Shadow(p.shadow, p.shadow_blur * drawn.scene.typical_length_px)
     with open_gallery(drawn) as gallery, progress("render", ticks) as advance:
-        change = films(p, drawn.edit, goals, gallery, background, advance)
+        change = films(p, drawn.edit, goals, gallery, background, shadow, advance)
         natural = film_steps(Painter(background), gallery, drawn.tracks)
     duration = {"frames": ticks, "duration_s": ticks / facts.frame_rate_hz}
     save_metrics(REPORT / "metrics.json", step_numbers(change, natural) | duration)

@@ -374,7 +374,7 @@ def test_it_listens_to_this_machine_alone_and_says_so_where_the_port_is_taken():
     for port in (70_000, -1):
         with pytest.raises(FinloopError):
             bound(port)
-    assert _parser().parse_args([]).fish == 1
+    assert _parser().parse_args([]).fish is None  # as animate.fish
     with pytest.raises(SystemExit):
         _parser().parse_args(["--fish", "9"])
 

@@ -49,7 +49,7 @@ from finloop.puppet import Line
 from finloop.render.gallery import Gallery, Shelf, frames, placed
 from finloop.render.lay import _sample
 from finloop.render.marks import COLOURS, Marks, aims, parts, rgb, sought
-from finloop.render.painter import Bent, Box, Painter, Picture, Turned, picture
+from finloop.render.painter import Bent, Box, Painter, Picture, Placed, Shadow, Turned, picture
 from finloop.render.steps import Steps, film_steps, step_numbers
 from finloop.sprites.orient import SPRITES
 
@@ -299,8 +299,6 @@ def test_a_wiped_canvas_is_the_floor_and_the_background_is_untouched():
 
 
 def placed_at(x, y):
-    from finloop.render.painter import Placed
-
     return Placed(x, y, fish(), None, 0.0)
 
 
@@ -362,6 +360,46 @@ def test_of_several_fish_the_one_with_the_highest_number_is_on_top():
         assert np.array_equal(painter.frame, wanted.frame)
         other.show(upper, lower)
         assert not np.array_equal(painter.frame, other.frame)
+
+
+def square(x, level=200, alpha=255, side=20):
+    """A square fish of one grey level, about x, 45.5; with x half-way, of whole pixels."""
+    pixels = np.full((side, side, 2), alpha, np.uint8)
+    pixels[..., 0] = level
+    return Placed(x, 45.5, Turned(picture(pixels, (side - 1) / 2, (side - 1) / 2)), None, 0.0)
+
+
+def shaded(*fish, share=0.5, blur=2.0):
+    """What fish over one another look like, and how much darker than without shadows."""
+    painter, plain = Painter(TANK, shadow=Shadow(share, blur)), Painter(TANK)
+    assert painter.show(*fish) == plain.show(*fish)
+    return painter, plain.frame.astype(int) - painter.frame
+
+
+def test_a_fish_throws_a_soft_shadow_on_the_one_below_and_on_nothing_else():
+    painter, darker = shaded(square(50.5, 240), square(62.5, 100))
+    beside = np.zeros(darker.shape, bool)
+    beside[36:56, 41:53] = True  # of the lower fish what the upper one leaves free
+    assert (darker[beside] >= 0).all() and not darker[~beside].any()
+    edge = darker[45, 41:53]  # of the lower fish, towards the upper one
+    assert (np.diff(edge) >= 0).all() and edge[0] == 0
+    assert edge[-1] == pytest.approx(240 * 0.5 / 2, abs=20)  # half of the blurred edge
+    painter.wipe()
+    assert np.array_equal(painter.frame, TANK)
+
+
+def test_fish_beside_each_other_and_one_alone_throw_no_shadow():
+    assert not shaded(square(40.0), square(61.0))[1].any()
+    assert not shaded(square(40.0))[1].any()
+    assert not shaded(square(40.0), square(45.0), share=0.0)[1].any()
+    assert not shaded(square(-500.0), square(45.0))[1].any()
+
+
+def test_a_shadow_is_deeper_the_larger_its_share_and_falls_on_all_below():
+    three = square(50.0, 240), square(50.0, 230, side=14), square(62.0, 100)
+    some, more = (shaded(*three, share=share)[1] for share in (0.2, 0.4))
+    assert 0 < some.sum() < more.sum() < 2.3 * some.sum()
+    assert shaded(three[0], three[2])[1].any() and shaded(three[1], three[2])[1].any()
 
 
 def test_tables_in_which_fish_are_not_as_long_are_refused():

@@ -18,7 +18,7 @@ from finloop.render.painter import Box, Painter, Placed
 
 Image = NDArray[np.uint8]
 _WHITE = 255
-RIM = 3  # px that colour reaches out under transparent pixels
+RIM = 3  # px that colour is bled under the edge of the fish, and beyond
 _FAINT = 16  # alpha below which a pixel is too coarse to tell its own colour
 
 _SHOWN = (
@@ -72,7 +72,7 @@ def way(frames: Iterable[Sequence[Placed]], alone: Alone) -> Box:
     boxes = [box for fish in frames if not (box := alone.show(*fish)).empty]
     if not boxes:
         return Box(0, 0, 1, 1)
-    return _rimmed(Box.around(boxes)).within(alone.black.canvas.shape)
+    return Box.around(boxes).grown(RIM).within(alone.black.canvas.shape)
 
 
 def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iterator[Image]:
@@ -84,7 +84,7 @@ def cut_out(frames: Iterable[Sequence[Placed]], alone: Alone, crop: Box) -> Iter
     last = Box(0, 0, 0, 0)
     for fish in frames:
         frame[last.of] = 0
-        box = _common(_rimmed(alone.show(*fish)), crop)
+        box = alone.show(*fish).grown(RIM).common(crop)
         last = Box(0, 0, 0, 0)
         if not box.empty:
             last = Box(
@@ -110,17 +110,6 @@ def straight(pixels: Image) -> Image:
     )
     colour = np.where(alpha < _FAINT, mean, own)
     return np.concatenate([np.rint(colour).clip(0, 255).astype(np.uint8), pixels[..., 3:]], axis=2)
-
-
-def _rimmed(box: Box) -> Box:
-    """With room for the colour that is bled under the edge of the fish."""
-    return Box(box.top - RIM, box.left - RIM, box.bottom + RIM, box.right + RIM)
-
-
-def _common(a: Box, b: Box) -> Box:
-    return Box(
-        max(a.top, b.top), max(a.left, b.left), min(a.bottom, b.bottom), min(a.right, b.right)
-    )
 
 
 def cycle(

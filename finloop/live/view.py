@@ -112,11 +112,8 @@ class View:
         """The next frame. took_ms: how long the one before took."""
         self.frame += 1
         tick, painter = self.tick, self.painter
-        painter.wipe()
-        for fish in self.tank.fish:
-            row = fish.at(tick)
-            if row is not None:
-                painter.draw(*self.gallery.place(row))
+        rows = [row for fish in self.tank.fish if (row := fish.at(tick)) is not None]
+        painter.show(*map(self.gallery.place, rows))
         picture = painter.frame
         if picture.ndim == 3:
             picture = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)

@@ -29,7 +29,6 @@ COLOURS = {
 """Of the states, or where an edit list has several modes, of the modes."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")
 _WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
-_SEVERAL = (255, 255, 255)  # in place of the state of one fish
 _EDGE = (25, 25, 25)  # around what is bright, so that it is seen on a bright tank too
 _FONT, _REGULAR, _BOLD = cv2.FontFace("sans"), 400, 700
 _SHIFT = 4  # cv2 takes sixteenths of a pixel
@@ -108,14 +107,14 @@ class Marks:
             for rows in edit.groupby("fish").indices.values()
         ]  # fmt: skip
         fish, ticks = len(self._courses), len(self._courses[0].places)
-        self._colour = colour if fish == 1 else [_SEVERAL] * ticks
+        self._colour = colour if fish == 1 else []  # of the square beside the caption
         self._times = [f"{time:.1f} s" for time in edit["time_s"][:ticks]]
         self._words = [f"{fish} fish"] * ticks if fish > 1 else [
             f"{state} → {goal}" if goal else f"{state}, wandering"
             for state, goal in zip(edit["state"], edit["goal"], strict=True)
         ]  # fmt: skip
         gap = self._size // 2
-        self._at_time = self._size + 2 * gap
+        self._at_time = gap + (self._size + gap) * bool(self._colour)
         self._at_words = self._at_time + self._width(max(self._times, key=len)) + 2 * gap
         plate = self._at_words + max(map(self._width, set(self._words))) + gap, 2 * self._size
         self._plate = _free_corner(places, plate, (height, width), gap)
@@ -153,7 +152,9 @@ class Marks:
         size, middle = self._size, (box.top + box.bottom) // 2
         corner = box.left + size // 2, middle - size // 2
         canvas, white = self._painter.canvas, (255, 255, 255)
-        cv2.rectangle(canvas, corner, (corner[0] + size, corner[1] + size), self._colour[tick], -1)
+        if self._colour:
+            opposite = corner[0] + size, corner[1] + size
+            cv2.rectangle(canvas, corner, opposite, self._colour[tick], -1)
         base = middle + round(0.35 * size)
         for left, text in ((self._at_time, self._times[tick]), (self._at_words, self._words[tick])):
             write(canvas, text, (box.left + left, base), white, size)

@@ -12,12 +12,15 @@ no shift at all changes nothing. Its overshoots are cut off: 0 ≤ colour ≤ al
 fringe shines at the outline and nothing overflows.
 
 A fish in another pose than it was filmed in is drawn by the puppet, its partner in the same pose.
+Of several fish each is laid over those before it. Where it lies over one, its shadow falls on that
+one: with S its own alpha, blurred, and C the alpha of all below it, those keep 1 − share · S · C of
+their light. On the floor no shadow is drawn: the film's own cut-outs have none.
 
 Coordinates in px, x right, y down, pixel centres at integers; angles anticlockwise as seen.
 """
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import cv2
@@ -30,6 +33,7 @@ from finloop.render.lay import lay, over
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
+_LIES_OVER = 0.5  # of a pixel that two fish cover both; from there on one lies over the other
 
 
 class Box(NamedTuple):
@@ -55,6 +59,17 @@ class Box(NamedTuple):
         top, bottom = (min(max(edge, 0), shape[0]) for edge in (self.top, self.bottom))
         left, right = (min(max(edge, 0), shape[1]) for edge in (self.left, self.right))
         return Box(top, left, bottom, right)
+
+    def grown(self, rim: int) -> "Box":
+        """The same with a rim."""
+        return Box(self.top - rim, self.left - rim, self.bottom + rim, self.right + rim)
+
+    def common(self, other: "Box") -> "Box":
+        """What two have in common."""
+        return Box(
+            max(self.top, other.top), max(self.left, other.left),
+            min(self.bottom, other.bottom), min(self.right, other.right),
+        )  # fmt: skip
 
     @classmethod
     def around(cls, boxes: Iterable["Box"]) -> "Box":
@@ -123,6 +138,16 @@ class Placed(NamedTuple):
     weight: float
 
 
+class Shadow(NamedTuple):
+    """Of a fish on the fish below it. share: of the light that it takes; blur_px: its softness."""
+
+    share: float
+    blur_px: float
+
+
+NO_SHADOW = Shadow(0.0, 1.0)
+
+
 class Painter:
     """A canvas to draw on, again and again; only what was drawn is wiped.
 
@@ -130,14 +155,14 @@ class Painter:
     `touch`. canvas: the same, with fish.
     """
 
-    def __init__(self, background: Image, colour: bool = False) -> None:
+    def __init__(self, background: Image, colour: bool = False, shadow: Shadow = NO_SHADOW) -> None:
         """Take the empty tank, (H, W) or (H, W, 3); `colour` makes a grey one RGB."""
         floor = background if background.ndim == 3 else background[..., None]
         if colour and floor.shape[2] == 1:
             floor = floor.repeat(3, axis=2)
         self.floor = np.array(floor, order="C")
         self.canvas = self.floor.copy()
-        self._touched: list[Box] = []
+        self._shadow, self._touched = shadow, list[Box]()
 
     @property
     def frame(self) -> Image:
@@ -158,8 +183,39 @@ class Painter:
     def show(self, *fish: Placed) -> Box:
         """The floor with these fish alone, the lowest first; where they are."""
         self.wipe()
-        boxes = [self.draw(*one) for one in fish]
+        boxes: list[Box] = []
+        for number, one in enumerate(fish):
+            if self._shadow.share and number:
+                self._shade(one, fish[:number])
+            boxes.append(self.draw(*one))
         return Box.around([box for box in boxes if not box.empty] or boxes)
+
+    def _shade(self, upper: Placed, lower: Sequence[Placed]) -> None:
+        """Throw the shadow of a fish on those that are drawn and that it lies over."""
+        own, (share, blur_px) = extent(upper), self._shadow
+        lower = [one for one in lower if not extent(one).common(own).empty]
+        box = own.grown(math.ceil(3 * blur_px)).within(self.canvas.shape)
+        if not lower or box.empty:
+            return
+        above = self._silhouette(upper, box)
+        clear = np.ones_like(above)
+        for one in lower:
+            clear *= 1 - self._silhouette(one, box)
+        if (above * (1 - clear)).max() < _LIES_OVER:
+            return
+        dark = cv2.GaussianBlur(above, (0, 0), blur_px) * (1 - clear)
+        light = 1 - share * dark[..., None]
+        self.canvas[box.of] = np.rint(self.canvas[box.of] * light).astype(np.uint8)
+
+    def _silhouette(self, one: Placed, box: Box) -> NDArray[np.float32]:
+        """How much of each pixel of a box (h, w) a fish covers: painted over black and white."""
+        shape = box.bottom - box.top, box.right - box.left, self.canvas.shape[2]
+        black, white = (Painter(np.full(shape, level, np.uint8)) for level in (0, 255))
+        moved = one._replace(x_px=one.x_px - box.left, y_px=one.y_px - box.top)
+        for painter in (black, white):
+            painter.draw(*moved)
+        through = white.canvas.astype(np.float32) - black.canvas
+        return np.asarray(1 - through.mean(axis=2) / 255, np.float32)
 
     def draw(
         self,
@@ -202,6 +258,16 @@ class Painter:
                 drawn = blend(drawn, other.in_box(box), share)
             over(self.canvas[box.of], drawn)
         return box
+
+
+def extent(one: Placed) -> Box:
+    """Where a fish and its partner can leave a trace."""
+    pictures = [one.fish] if one.partner is None or not one.weight else [one.fish, one.partner]
+    return Box.around(
+        Box(*fish.laid(one.x_px, one.y_px).box) if isinstance(fish, Bent)
+        else _extent(one.x_px, one.y_px, fish)
+        for fish in pictures
+    )  # fmt: skip
 
 
 def _axes(fish: Turned) -> tuple[float, float]:

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Crf, NotNegative, Quality
+from finloop.base.settings import Crf, NotNegative, Positive, Quality
 
 
 @dataclass(frozen=True)
@@ -15,6 +15,9 @@ class Settings:
     mode: Literal["nn", "loops", "hybrid"]  # the edit list
     marks: bool  # a second film, with goals, way, state and time
     crf: Crf  # quality of the films, H.264
+    # of a fish on one that it swims over (animate.overlap): share of the light that it takes away
+    shadow: Annotated[float, Field(ge=0, le=1)]
+    shadow_blur: Positive  # body lengths, how soft that is: the SD by which it is blurred
     # px, of the animated WebP; it has marks if there are
     webp_width_px: Annotated[int, Field(ge=16, le=16383)]
     webp_seconds: NotNegative  # s, its duration; 0 = none
