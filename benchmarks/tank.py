@@ -32,8 +32,8 @@ def main() -> None:
     p, facts = load("tank"), load_facts(DATA / "clip" / FACTS_NAME)
     background = load_picture(EXTRACT / "background.png")
     rows = []
-    with opened(p) as (fish, edit):
-        times = edit["time_s"].to_numpy(float)
+    with opened(p) as (every, times):
+        fish = every[0]
         depth, aspect = p.depth * fish.length_px, SIZE[0] / SIZE[1]
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)
         count = min(TICKS, len(fish))
@@ -44,7 +44,7 @@ def main() -> None:
                 took = []
                 for tick in range(count):
                     start, worked = time.perf_counter(), time.process_time()
-                    frame = scene.frame(*fish.at(tick), view, tick, times[tick])
+                    frame = scene.frame([fish.at(tick)], view, tick, times[tick])
                     if writer is not None:
                         writer.write(frame)
                     took.append((time.perf_counter() - start, time.process_time() - worked))

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
+from finloop.animate.edit_list import by_fish
+from finloop.base.arrays import Floats
 from finloop.features.table import FEATURES
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.cutouts import open_cutouts
@@ -22,7 +24,7 @@ from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.fish import Fish
-from finloop.tank.gltf import shapes, tank_glb, upright
+from finloop.tank.gltf import Swum, shapes, tank_glb, upright
 from finloop.tank.scene import Scene
 from finloop.tank.settings import Settings
 from finloop.tank.skin import Skins
@@ -40,21 +42,30 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
 @contextmanager
-def opened(p: Settings) -> Iterator[tuple[Fish, pd.DataFrame]]:
-    """The fish of the edit list, for the seconds that are filmed, and that part of the list."""
+def opened(p: Settings) -> Iterator[tuple[list[Fish], Floats]]:
+    """The fish of the edit list, for the seconds that are filmed, and the time of each tick."""
     edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", USED)
-    edit = edit[edit["fish"] == 0]
-    edit = edit.iloc[: max(1, int((edit["time_s"] < p.seconds).sum()))]
+    each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
+    time = each[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]
     film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
-    pose = poses(edit, film, pd.DataFrame() if sprites is None else sprites, bodies)
+    table = pd.DataFrame() if sprites is None else sprites
+    swum = [poses(one, film, table, bodies) for one in each]
     typical = typical_width(film.half_width, film.backbone)
-    length = float(np.median(lengths(pose.backbone)))
-    place = np.c_[pose.centre, heights(edit["time_s"].to_numpy(float), p.depth * length)]
+    length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in swum])))
+    depth = p.depth * length
+    places = [np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(swum)]
     with open_cutouts(EXTRACT / "cutouts.arrow") as store:
         centres = tracks[["x_px", "y_px"]].to_numpy(float)
         skins = Skins(film, typical, centres, store.__getitem__)
-        yield Fish(pose, place, skins, typical, length), edit
+        pairs = zip(swum, places, strict=True)
+        yield [Fish(pose, place, skins, typical, length) for pose, place in pairs], time
+
+
+def swimming(fish: Fish) -> Swum:
+    """What a glTF scene takes of a fish."""
+    heading = fish.poses.heading
+    return Swum(shapes(fish.points(), heading), fish.place, heading)
 
 
 def sheet(pictures: list[list[np.ndarray]]) -> np.ndarray:
@@ -73,37 +84,41 @@ def main() -> None:
     choose_window()
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     background, rate = load_picture(EXTRACT / "background.png"), facts.frame_rate_hz
-    with opened(p) as (fish, edit), whole_folder(OUT) as folder:
-        heading, time = fish.poses.heading, edit["time_s"].to_numpy(float)
-        depth, size = p.depth * fish.length_px, (p.width_px, p.height_px)
-        room = Room(facts.width_px, facts.height_px, depth, fish.length_px, size[0] / size[1])
-        names = (*PRESETS, p.camera)
-        cameras = {name: views(name, room, fish.place, heading, rate) for name in names}
-        with Scene(background, room, size) as scene:
+    with opened(p) as (fish, time), whole_folder(OUT) as folder:
+        first, ticks = fish[0], len(time)
+        depth, size = p.depth * first.length_px, (p.width_px, p.height_px)
+        room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])
+        cameras = {  # those that follow follow the first fish
+            name: views(name, room, first.place, first.poses.heading, rate)
+            for name in (*PRESETS, p.camera)
+        }
+        with Scene(background, room, size, len(fish)) as scene:
 
             def picture(camera: str, tick: int) -> np.ndarray:
-                return scene.frame(*fish.at(tick), cameras[camera], tick, time[tick])
+                worn = [one.at(tick) for one in fish]
+                return scene.frame(worn, cameras[camera], tick, time[tick])
 
-            save_picture(folder / "still.png", picture(FOLLOW, fish.bent()))
-            moments = np.linspace(0, len(fish) - 1, 2 * MOMENTS + 1).astype(int)[1::2]
+            save_picture(folder / "still.png", picture(FOLLOW, first.bent()))
+            moments = np.linspace(0, ticks - 1, 2 * MOMENTS + 1).astype(int)[1::2]
             rows = [[picture(name, int(tick)) for tick in moments] for name in PRESETS]
             with (
-                progress("tank", len(fish)) as advance,
+                progress("tank", ticks) as advance,
                 Mp4Writer(folder / "tank.mp4", (*size[::-1], 3), facts.frame_rate, p.crf) as film,
             ):
-                for tick in range(len(fish)):
+                for tick in range(ticks):
                     film.write(picture(p.camera, tick))
                     advance()
-        shape = shapes(fish.points(), heading)
-        glb = tank_glb(room, background, fish.typical_skin(), shape, fish.place, heading, rate)
+        swum = [swimming(one) for one in fish]
+        glb = tank_glb(room, background, first.typical_skin(), swum, rate)
         save_bytes(folder / "tank.glb", glb)
-        way = [upright((place - room.middle) / room.length) for place in fish.place]
+        way = [upright((place - room.middle) / room.length) for place in first.place]
         save_viewer(folder / "tank.html", glb, "A filmed fish in its tank", ALT, way, rate)
     save_picture(REPORT / "contact_sheet.png", sheet(rows))
+    error_px = max(one.shape.error_px for one in swum)
     numbers = {
-        "frames": len(fish), "duration_s": len(fish) / rate, "gltf_shapes": len(shape.modes),
-        "gltf_error_px": shape.error_px,
-        "gltf_error_pct_of_length": 100 * shape.error_px / fish.length_px,
+        "frames": ticks, "duration_s": ticks / rate,
+        "gltf_shapes": max(len(one.shape.modes) for one in swum), "gltf_error_px": error_px,
+        "gltf_error_pct_of_length": 100 * error_px / first.length_px,
     }  # fmt: skip
     save_metrics(REPORT / "metrics.json", numbers)
 

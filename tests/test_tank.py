@@ -148,6 +148,7 @@ def test_the_mass_centre_is_where_the_list_puts_it():
 
 def test_it_swims_in_the_water():
     high = heights(np.linspace(0, 100, 500), 50.0)
+    assert not np.allclose(high, heights(np.linspace(0, 100, 500), 50.0, 1))  # each by itself
     assert high.min() > 12 and high.max() < 38 and np.abs(np.diff(high)).max() < 1.2
 
 
@@ -233,14 +234,14 @@ def test_the_shadow_lies_away_from_the_sun_and_the_rest_is_the_film():
     floor = Floor(background, ROOM)
     fish = fish_of(edit_list(1, x_px=100.0, y_px=75.0))
     points = fish.at(0)[0]
-    without = floor.lit(points + (1000, 0, 0), 3.0).astype(int)
-    taken = without - floor.lit(points, 3.0)
+    without = floor.lit([points + (1000, 0, 0)], 3.0).astype(int)
+    taken = without - floor.lit([points], 3.0)
     assert taken.min() >= 0 and taken.max() > 40
     y, x = np.mgrid[:150, :200]
     at = np.array([(taken * x).sum(), (taken * y).sum()]) / taken.sum()
     assert at == pytest.approx([100 + 40 * 0.28 / 0.9, 75 + 40 * 0.34 / 0.9], abs=1.5)
     assert without.mean() == pytest.approx(120, rel=0.1) and np.ptp(without) < 45
-    assert np.array_equal(floor.lit(points, 3.0), floor.lit(points, 3.0))
+    assert np.array_equal(floor.lit([points], 3.0), floor.lit([points], 3.0))
 
 
 def test_water_is_clear_from_above_and_a_mirror_from_afar():

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import pandas as pd
 import pytest
 from conftest import wait_for
 from scratch import content, prepare
@@ -29,7 +30,7 @@ from finloop.io.viewer import _script
 from finloop.tank.camera import views
 from finloop.tank.display import choose_window
 from finloop.tank.glb import Glb
-from finloop.tank.gltf import shapes, tank_glb, upright
+from finloop.tank.gltf import Swum, shapes, tank_glb, upright
 from finloop.tank.scene import Scene
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -76,7 +77,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
     floor[:40, :40] = 60
     with Scene(floor, room, size) as scene:
         for tick in range(2):
-            shown = scene.frame(*fish.at(tick), view, tick, 0.0).astype(int)
+            shown = scene.frame([fish.at(tick)], view, tick, 0.0).astype(int)
             vivid = np.abs(shown[..., 0] - shown[..., 2]) > 42  # red or blue: the fish alone is
             seen = vivid[3:153, 4:204]  # the film within the picture
             assert shown[13:33, 14:34].mean() < 80 < 110 < shown[-30:-10, 20:40].mean() < 140
@@ -87,7 +88,7 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
             ).any()
             at = np.argwhere(seen).mean(0)[::-1]
             assert at == pytest.approx(fish.place[tick, :2] * (1, -1), abs=2)
-        again = scene.frame(*fish.at(1), view, 1, 0.0)
+        again = scene.frame([fish.at(1)], view, 1, 0.0)
         assert np.array_equal(again, shown)  # the same window draws the same again
         left = fish.poses.backbone[1, 8] - fish.poses.backbone[1, 4]
         left = np.array([left[1], -left[0]]) / np.linalg.norm(left)
@@ -95,6 +96,22 @@ def test_from_above_the_fish_is_where_the_list_puts_it_and_wears_its_skin():
         for side, channel in ((3, 0), (-3, 2)):
             x, y = (middle + side * left) * (1, -1) + [4.5, 3.5]
             assert shown[int(y), int(x)].argmax() == channel
+
+
+@drawing
+def test_several_fish_are_drawn_each_with_its_shadow():
+    size = (208, 156)
+    room, floor = ROOM._replace(aspect=size[0] / size[1]), np.full((150, 200), 128, np.uint8)
+    one, other = (fish_of(edit_list(1, x_px=x, y_px=75.0)) for x in (60.0, 140.0))
+    view = views("top", room, one.head, one.poses.heading, 25.0)
+    shown = {}
+    for name, fish in {"one": [one], "other": [other], "both": [one, other]}.items():
+        with Scene(floor, room, size, len(fish)) as scene:
+            shown[name] = scene.frame([own.at(0) for own in fish], view, 0, 0.0).astype(int)
+    left, right = np.s_[:, :100], np.s_[:, 108:]
+    assert np.array_equal(shown["both"][left], shown["one"][left])
+    assert np.array_equal(shown["both"][right], shown["other"][right])
+    assert not np.array_equal(shown["one"][right], shown["other"][right])
 
 
 # --- glTF ----------------------------------------------------------------------------------------
@@ -121,19 +138,23 @@ def test_few_shapes_that_mix_give_every_shape_back():
     assert one.error_px > 1 and len(one.modes) == 0
 
 
-def glb_of(fish):
-    shape = shapes(fish.points(), fish.poses.heading)
+def glb_of(*fish):
     background = np.full((150, 200, 3), (40, 90, 140), np.uint8)
-    skin = fish.typical_skin()
-    return tank_glb(ROOM, background, skin, shape, fish.place, fish.poses.heading, 25.0)
+    headings = [one.poses.heading for one in fish]
+    every = [
+        Swum(shapes(one.points(), heading), one.place, heading)
+        for one, heading in zip(fish, headings, strict=True)
+    ]
+    return tank_glb(ROOM, background, fish[0].typical_skin(), every, 25.0)
 
 
-def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(tmp_path):
+@pytest.mark.parametrize("count", [1, 2])
+def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(count, tmp_path):
     """VTK's own reader plays the animation: its points are those of the edit list."""
     from vtkmodules.vtkIOGeometry import vtkGLTFReader
 
-    fish = fish_of(swimming())
-    (tmp_path / "tank.glb").write_bytes(glb_of(fish))
+    every = [fish_of(swimming()), fish_of(swimming().assign(x_px=np.linspace(140, 60, 12)))][:count]
+    (tmp_path / "tank.glb").write_bytes(glb_of(*every))
     reader = vtkGLTFReader()
     reader.SetFileName(str(tmp_path / "tank.glb"))
     reader.ApplyDeformationsToGeometryOn()
@@ -147,11 +168,12 @@ def test_vtk_reads_the_scene_and_finds_the_fish_at_every_tick(tmp_path):
         reader.UpdateTimeStep(tick / 25)
         meshes = _meshes(reader.GetOutput())
         sizes = sorted(len(points) for points in meshes)
-        wanted = fish.at(tick)[0].reshape(-1, 3) - ROOM.middle
-        there = np.array([upright(point / LENGTH) for point in wanted])
-        seen = next(points for points in meshes if len(points) == len(wanted))
-        assert np.abs(seen - there).max() < 0.002
-        assert sizes[0] == 4 and len(sizes) == 6  # floor, water, glass, edges, shadow, fish
+        wanted = [fish.at(tick)[0].reshape(-1, 3) - ROOM.middle for fish in every]
+        seen = [points for points in meshes if len(points) == len(wanted[0])]
+        for points, one in zip(seen, wanted, strict=True):
+            there = np.array([upright(point / LENGTH) for point in one])
+            assert np.abs(points - there).max() < 0.002
+        assert sizes[0] == 4 and len(sizes) == 4 + 2 * count  # floor, water, glass, edges; shadows
 
 
 def _meshes(block):
@@ -199,7 +221,7 @@ def test_numbers_that_are_none_are_not_written():
 # --- the stage -----------------------------------------------------------------------------------
 
 
-def put(folder):
+def put(folder, fish=1):
     """What the stages before have made of the toy film, and an edit list."""
     tracks, heads, cutouts = toy()
     ring = [np.zeros(OUTLINE_POINTS, np.float32)] * 2
@@ -223,7 +245,8 @@ def put(folder):
         "aim_x_px": 0.0, "aim_y_px": 0.0, **dict.fromkeys(Decision._fields),
     }  # fmt: skip
     edit = swimming(30).assign(tick=np.arange(30), time_s=np.arange(30) / 25, **usual)
-    save_table(folder / "data/animate/nn.parquet", edit, EDIT)
+    every = [edit.assign(fish=number, y_px=50.0 + 40 * number) for number in range(fish)]
+    save_table(folder / "data/animate/nn.parquet", pd.concat(every), EDIT)
 
 
 def ready(folder, *more):
@@ -279,6 +302,21 @@ def test_the_stage_and_its_page_in_a_browser_without_a_network(folder):
                 os.kill(one["id"], signal.SIGKILL)
         browser.close()
     assert all(url.startswith(("file:", "blob:", "data:")) for url in asked)
+
+
+@drawing
+def test_the_stage_takes_several_fish(folder):
+    put(folder, fish=3)
+    ready(folder)
+    stages.tank.main()
+    data = (folder / "data/tank/tank.glb").read_bytes()
+    document = json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+    names = [node["name"] for node in document["nodes"]]
+    assert {"fish", "fish 1", "fish 2", "shadow", "shadow 1", "shadow 2"} <= set(names)
+    targets = {names[one["target"]["node"]] for one in document["animations"][0]["channels"]}
+    assert len(targets) == 6
+    numbers = json.loads((folder / "reports/tank/metrics.json").read_text())
+    assert numbers["frames"] == 10 and numbers["gltf_error_px"] < 0.05
 
 
 @drawing

@@ -5,6 +5,7 @@ from its own heading, are few: their mean and `MODES` principal components stand
 an animation says how much of each there is, where the fish is and where it looks.
 """
 
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import cv2
@@ -63,26 +64,43 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     )
 
 
+class Swum(NamedTuple):
+    """A fish that swims. place (ticks, 3): px of its mass centre in the tank; heading (ticks,):
+    rad, without jumps of 2π.
+    """
+
+    shape: Shapes
+    place: Floats
+    heading: Floats
+
+
 def tank_glb(
     room: Room,
     background: NDArray[np.uint8],
     skin: NDArray[np.uint8],
-    shape: Shapes,
-    place: Floats,
-    heading: Floats,
+    swum: Sequence[Swum],
     rate_hz: float,
 ) -> bytes:
     """The bytes of a .glb: a fish is one unit long, y is up, the tank's middle is the origin.
 
-    background: (H, W) or (H, W, 3), skin (a, l, 3), uint8; place (ticks, 3) px of the mass centre
-    in the tank, heading (ticks,) rad without jumps of 2π.
+    background: (H, W) or (H, W, 3), skin (a, l, 3), uint8, of every fish.
     """
     glb = Glb("finloop")
     glb.use("KHR_materials_unlit")
-    fish, shadow = _fish(glb, skin, shape), _shadow(glb, shape, room.length)
-    on_floor = place - place[:, 2:] * (SUN / SUN[2]) + (0, 0, _LIFT * room.length)
-    _swim(glb, rate_hz, {fish: place, shadow: on_floor}, heading, shape.weights)
-    inside = [*_still(glb, room, background), shadow, fish]
+    material, dark = _skin(glb, skin), _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38))
+    shadows = [_shadow(glb, one.shape, dark, number) for number, one in enumerate(swum)]
+    fish = [_fish(glb, one.shape, material, number) for number, one in enumerate(swum)]
+    time = glb.add_array(np.arange(len(swum[0].heading)) / rate_hz)
+    channels: list[dict] = []
+    samplers: list[dict] = []
+    for one, shadow, body in zip(swum, shadows, fish, strict=True):
+        lift = (0, 0, _LIFT * room.length)
+        on_floor = one.place - one.place[:, 2:] * (SUN / SUN[2]) + lift
+        for node, path, output in _tracks(glb, one, {shadow: on_floor, body: one.place}):
+            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
+            samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
+    glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
+    inside = [*_still(glb, room, background), *shadows, *fish]
     root = glb.add("nodes", {
         "name": "tank", "children": inside, "rotation": [-(0.5**0.5), 0.0, 0.0, 0.5**0.5],
         "scale": [1 / room.length] * 3, "translation": upright(-room.middle / room.length),
@@ -96,7 +114,19 @@ def upright(place: Floats) -> list[float]:
     return [float(place[0]), float(place[2]), float(-place[1])]
 
 
-def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
+def _skin(glb: Glb, skin: NDArray[np.uint8]) -> int:
+    """The material of fish."""
+    coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
+    texture = {"index": glb.add_texture(coded, "image/png")}
+    return glb.add("materials", {
+        "name": "skin",
+        "pbrMetallicRoughness": {
+            "baseColorTexture": texture, "metallicFactor": 0.0, "roughnessFactor": 0.45,
+        },
+    })  # fmt: skip
+
+
+def _fish(glb: Glb, shape: Shapes, material: int, number: int) -> int:
     grid = (1, RINGS, AROUND, 3)
     straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
@@ -106,14 +136,6 @@ def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
             "POSITION": glb.add_array(mode, vertices=True),
             "NORMAL": glb.add_array(bent - straight, vertices=True),
         })  # fmt: skip
-    coded = cv2.imencode(".png", cv2.cvtColor(skin, cv2.COLOR_RGB2BGR))[1].tobytes()
-    texture = {"index": glb.add_texture(coded, "image/png")}
-    material = glb.add("materials", {
-        "name": "skin",
-        "pbrMetallicRoughness": {
-            "baseColorTexture": texture, "metallicFactor": 0.0, "roughnessFactor": 0.45,
-        },
-    })  # fmt: skip
     primitive = {
         "attributes": {
             "POSITION": glb.add_array(shape.mean, vertices=True),
@@ -123,7 +145,11 @@ def _fish(glb: Glb, skin: NDArray[np.uint8], shape: Shapes) -> int:
         "indices": glb.add_array(triangles().ravel(), indices=True),
         "material": material,
     }
-    return _moved(glb, "fish", primitive, targets)
+    return _moved(glb, _named("fish", number), primitive, targets)
+
+
+def _named(what: str, number: int) -> str:
+    return f"{what} {number}" if number else what
 
 
 def _moved(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
@@ -135,7 +161,7 @@ def _moved(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
     return glb.add("nodes", {"name": name, "mesh": glb.add("meshes", mesh)})
 
 
-def _shadow(glb: Glb, shape: Shapes, length_px: float) -> int:
+def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
     """What the body covers of the floor, one layer: a strip between its two sides."""
 
     def strip(points: Floats) -> Floats:
@@ -147,10 +173,10 @@ def _shadow(glb: Glb, shape: Shapes, length_px: float) -> int:
     primitive = {
         "attributes": {"POSITION": glb.add_array(strip(shape.mean), vertices=True)},
         "indices": glb.add_array(faces.ravel(), indices=True),
-        "material": _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38)),
+        "material": material,
     }
     targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
-    return _moved(glb, "shadow", primitive, targets)
+    return _moved(glb, _named("shadow", number), primitive, targets)
 
 
 def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
@@ -165,25 +191,16 @@ def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None =
     })  # fmt: skip
 
 
-def _swim(
-    glb: Glb, rate_hz: float, nodes: dict[int, Floats], heading: Floats, weights: Floats
-) -> None:
-    """The animation of nodes that follow these places."""
-    time = glb.add_array(np.arange(len(heading)) / rate_hz)
-    zero = np.zeros_like(heading)
-    turn = np.stack([zero, zero, np.sin(heading / 2), np.cos(heading / 2)], -1)
-    rotation = glb.add_array(turn)
-    mixed = glb.add_array(weights.ravel()) if weights.shape[1] else None
-    channels: list[dict] = []
-    samplers: list[dict] = []
+def _tracks(glb: Glb, swum: Swum, nodes: Mapping[int, Floats]) -> Iterator[tuple[int, str, int]]:
+    """Of nodes that follow these places: node, property and values that it takes."""
+    zero, half = np.zeros_like(swum.heading), swum.heading / 2
+    tracks = {"rotation": glb.add_array(np.stack([zero, zero, np.sin(half), np.cos(half)], -1))}
+    if swum.shape.weights.shape[1]:
+        tracks["weights"] = glb.add_array(swum.shape.weights.ravel())
     for node, place in nodes.items():
-        tracks = {"translation": glb.add_array(place), "rotation": rotation}
-        if mixed is not None:
-            tracks["weights"] = mixed
-        for path, output in tracks.items():
-            channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
-            samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
-    glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})
+        yield node, "translation", glb.add_array(place)
+        for path, values in tracks.items():
+            yield node, path, values
 
 
 def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:

@@ -5,6 +5,7 @@ is always lit the same.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import cv2
@@ -62,11 +63,12 @@ class Floor:
         rows = np.linspace(0, -room.height, across, dtype=np.float32)
         self._x, self._y = np.meshgrid(columns, rows)
 
-    def lit(self, fish: Floats, time_s: float) -> NDArray[np.uint8]:
-        """The floor under the points (rings, around, 3) of a fish."""
+    def lit(self, fish: Sequence[Floats], time_s: float) -> NDArray[np.uint8]:
+        """The floor under the points (rings, around, 3) of each fish."""
         height, width = self.plain.shape[:2]
         light = cv2.resize(self._gathered(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
-        self._shade(light, fish)
+        for one in fish:
+            self._shade(light, one)
         if self.plain.ndim == 3:
             light = cv2.merge([light] * 3)
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)

@@ -1,10 +1,12 @@
-"""The tank as a scene of VTK, drawn off-screen in software: floor, glass, water and one fish.
+"""The tank as a scene of VTK, drawn off-screen in software: floor, glass, water and fish.
 
 Made to be quick without a graphics card: one window for all pictures, one light, no oversampling;
 what can be worked out at the corners of a mesh (water) or on a picture (light on the floor, the
-shadow) is, so that only the fish is lit pixel by pixel.
+shadow) is, so that only fish are lit pixel by pixel.
 """
 
+from collections.abc import Sequence
+from itertools import chain
 from typing import Any, cast
 
 import cv2
@@ -22,6 +24,8 @@ from finloop.tank.skin import AROUND, LENGTHWISE
 
 Floats = NDArray[np.floating]
 Picture = NDArray[np.uint8]
+Worn = tuple[Floats, Floats, Picture]
+"""Points in the tank and normals (rings, around, 3) of a fish, and its skin."""
 _SKY = {-1.0: "#06161d", -0.25: "#0d2a35", 0.0: "#41707f", 0.3: "#7fadb9", 1.0: "#a9cdd5"}
 _SKY_PX = 6.0  # of film widths: how far away it is; by the sine of the elevation, what is there
 _GLASS, _EDGE = "#d5f0f5", "#e6fbff"
@@ -33,11 +37,14 @@ _RIM = 1.08  # the glass stands out of the water
 class Scene:
     """A window off screen that draws picture after picture; `close` it, or use a `with` block.
 
-    background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px.
+    background: (H, W) or (H, W, 3) uint8, the floor; size: (width, height) of the pictures, px;
+    fish: how many.
     `tank.display.choose_window` comes before.
     """
 
-    def __init__(self, background: Picture, room: Room, size: tuple[int, int]) -> None:
+    def __init__(
+        self, background: Picture, room: Room, size: tuple[int, int], fish: int = 1
+    ) -> None:
         self._size, self._room = size, room
         self._plotter = pv.Plotter(off_screen=True, window_size=list(size), lighting="none")
         self._window = cast(Any, self._plotter.ren_win)
@@ -48,7 +55,7 @@ class Scene:
         self._add_light()
         self._add_sky()
         self._floor_picture = self._add_floor()
-        self._fish, self._skin = self._add_fish()
+        self._fish = [self._add_fish() for _ in range(fish)]
         self._surface = self._add_water()
         self._add_glass()
         self._pixels = vtkUnsignedCharArray()
@@ -64,24 +71,23 @@ class Scene:
         """Close the window."""
         self._plotter.close()
 
-    def frame(
-        self, points: Floats, normals: Floats, skin: Picture, views: Views, tick: int, time_s: float
-    ) -> Picture:
-        """The picture (height, width, 3) uint8 of a fish, points and normals (rings, around, 3).
+    def frame(self, fish: Sequence[Worn], views: Views, tick: int, time_s: float) -> Picture:
+        """The picture (height, width, 3) uint8 of the fish, as many as there are in the scene.
 
-        points are in coordinates of the tank; the camera is that of views at the tick.
+        The camera is that of views at the tick.
         """
         self._look(views, tick)
-        self._fish.points[:] = points.reshape(-1, 3)
-        self._fish.point_data["Normals"][:] = normals.reshape(-1, 3)
-        self._skin.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
-        floor = cv2.flip(self._floor.lit(points, time_s), 0)
+        for (points, normals, skin), (mesh, picture) in zip(fish, self._fish, strict=True):
+            mesh.points[:] = points.reshape(-1, 3)
+            mesh.point_data["Normals"][:] = normals.reshape(-1, 3)
+            picture.point_data[_COLOURS][:] = skin[::-1].reshape(-1, 3)
+        floor = cv2.flip(self._floor.lit([points for points, _, _ in fish], time_s), 0)
         colours_of_floor = self._floor_picture.point_data[_COLOURS]
         colours_of_floor[:] = floor.reshape(colours_of_floor.shape)
         place, colours = self._water.at(time_s, views.place[tick], views.height_px is not None)
         self._surface.points[:] = place
         self._surface.point_data[_COLOURS][:] = colours
-        for item in (self._fish, self._skin, self._floor_picture, self._surface):
+        for item in (*chain(*self._fish), self._floor_picture, self._surface):
             item.Modified()
         self._window.Render()
         width, height = self._size

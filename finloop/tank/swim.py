@@ -26,6 +26,7 @@ Floats = NDArray[np.floating]
 Rows = NDArray[np.intp]
 
 
+_AHEAD_S = 4.1  # of the wander of heights, that each fish is ahead of the one before
 USED = ("x_px", "y_px", "backbone_x_px", "backbone_y_px", "half_width_px")
 """The columns of a table of tracks that bodies are made of."""
 
@@ -174,7 +175,11 @@ def _matrices(a: Floats, b: Floats, c: Floats, d: Floats) -> Floats:
     return np.stack([np.stack([a, b], -1), np.stack([c, d], -1)], -2)
 
 
-def heights(time_s: Floats, depth: float) -> Floats:
-    """How high above the floor the fish swims, px: the film does not tell, so it slowly wanders."""
-    slow, slower = (np.sin(2 * np.pi * time_s / period) for period in (7.3, 17.0))
+def heights(time_s: Floats, depth: float, fish: int = 0) -> Floats:
+    """How high above the floor a fish swims, px: the film does not tell, so it slowly wanders.
+
+    fish: its number; each is so far ahead of the one before.
+    """
+    moment = time_s + _AHEAD_S * fish
+    slow, slower = (np.sin(2 * np.pi * moment / period) for period in (7.3, 17.0))
     return depth * (0.5 + 0.13 * slower + 0.05 * slow)
