@@ -1,8 +1,8 @@
-"""The nearest neighbours of vectors: every one looked at, or, of very many, most of them.
+"""The nearest neighbours of vectors: exact, or, of very many vectors, nearly exact.
 
-Few vectors are compared with all others. Many are told apart by cells first (inverted file: Jégou
-et al., Product quantization for nearest neighbor search, 2011), and a vector is compared with those
-of the cells about it; of how many cells is measured, so that hardly a neighbour is missed.
+Few vectors are compared with all others. Many are sorted into cells first (inverted file: Jégou et
+al., Product quantization for nearest neighbor search, 2011), and a vector is compared with those of
+the cells about it. The number of cells is raised until the recall is `RECALL`.
 """
 
 from collections.abc import Callable
@@ -17,21 +17,20 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.stretches import spread
 
 MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 numbers, 3 s in cells
-RECALL = 0.99  # wanted, of the `_NEAREST` nearest
+RECALL = 0.99  # the least, of the `_NEAREST` nearest
 _NEAREST, _TRIED = 20, 500  # of so many vectors the neighbours are found exactly, to compare
 _TAUGHT = 64  # vectors of each cell that say where it is; faiss warns below 39, takes 256 at most
 _ROUNDS = 4  # of k-means; with ten not one neighbour in a hundred more is found in as many cells
 _MORE = 4  # times as many nearest vectors are looked at where these are not enough
 Vectors = NDArray[np.float32]
 Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
-"""What is chosen of the vectors nearest to some queries: arrays (k, …), and whether (k,) enough is.
-
-It is told the numbers of the queries (k,), and the vectors nearest to each (k, l), −1: none."""
+"""A rule: numbers of queries (k,) and the vectors nearest to each (k, l), −1: none → arrays (k, …)
+of values chosen from these, and a mask (k,): True where the vectors were enough."""
 
 
 @dataclass(frozen=True)
 class Nearest:
-    """Vectors (m, d) to be searched. recall: share of the 20 nearest that is found; 1: all are."""
+    """Vectors (m, d) to be searched. recall: share of the 20 nearest that a search returns."""
 
     index: faiss.Index
     recall: float
@@ -59,7 +58,7 @@ class Nearest:
         return cls(index, recall)
 
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
-        """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more found."""
+        """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more."""
         if count == 0:
             return np.empty((len(queries), 0), np.int64)
         return self.index.search(np.ascontiguousarray(queries, np.float32), count)[1]
@@ -67,24 +66,24 @@ class Nearest:
     def choose(
         self, queries: Floats | Vectors, count: int, choice: Choice, most: int | None = None
     ) -> tuple[NDArray[Any], ...]:
-        """What is chosen for each query (k, d) from its `count` nearest vectors.
+        """The values that `choice` takes for each query (k, d) from its `count` nearest vectors.
 
-        Where that is not enough, from more and more of them: till it is, or from `most`, or all.
+        Where these are not enough it gets more of them: until they are, or until `most`, or all.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
-        chosen, enough = choice(np.arange(len(queries)), self.search(queries, count))
-        left = np.flatnonzero(~enough)
-        while len(left) and count < last:
+        values, enough = choice(np.arange(len(queries)), self.search(queries, count))
+        pending = np.flatnonzero(~enough)
+        while len(pending) and count < last:
             count = min(_MORE * count, last)
-            others, enough = choice(left, self.search(queries[left], count))
-            for one, other in zip(chosen, others, strict=True):
-                one[left] = other
-            left = left[~enough]
-        return chosen
+            more, enough = choice(pending, self.search(queries[pending], count))
+            for value, new in zip(values, more, strict=True):
+                value[pending] = new
+            pending = pending[~enough]
+        return values
 
 
-def _recall(found: Ints, true: Ints) -> float:
-    """Share of the true neighbours that are found; each vector's first is itself."""
-    both = [np.isin(one[1:], other).mean() for one, other in zip(true, found, strict=True)]
+def _recall(neighbours: Ints, true: Ints) -> float:
+    """Share of the true neighbours among `neighbours`; each vector's first is itself."""
+    both = [np.isin(exact[1:], hits).mean() for exact, hits in zip(true, neighbours, strict=True)]
     return float(np.mean(both))

@@ -141,10 +141,12 @@ class Reel:
     def headed(self, rows: Rows, heading_deg: Reals, size: int) -> Pictures:
         """Pictures (k, size, size, c) of some rows, of which these headings are turned right."""
         channels = self.film[0].pixels.shape[2]
-        made = np.empty((len(rows), size, size, channels), np.float32)  # a list would hold it twice
+        pictures = np.empty(
+            (len(rows), size, size, channels), np.float32
+        )  # a list would hold it twice
         for number, (row, heading) in enumerate(zip(rows.tolist(), heading_deg, strict=True)):
-            made[number] = self.frame(row, size, self.lengths_px[row], -heading)
-        return made
+            pictures[number] = self.frame(row, size, self.lengths_px[row], -heading)
+        return pictures
 
     def steps(self, size: int, pose: str, rows: Rows | None = None) -> Floats:
         """Eq. 5 from each of some rising rows (k,), None for all, to the next one.
@@ -190,16 +192,16 @@ class Reel:
         return np.stack([self.sprite_picture(n, size, orientation) for n in range(count)])
 
     def after_sprites(self, size: int, orientation: int = 1) -> Pictures:
-        """What the film shows after every sprite, turned as the sprite's next one would be.
+        """The film's next picture after every sprite, turned as the next sprite would be.
 
-        At the end of a track, where there is nothing, the frame itself.
+        At the end of a track it is the frame itself.
         """
         ahead = float(direction_deg(orientation, self.orientations))
-        made = []
+        pictures = []
         for sprite, length in zip(self.sprites.itertuples(), self.sprite_lengths_px, strict=True):
             row, side = int(sprite.row), -1 if sprite.mirrored else 1
             turn = -sprite.heading_deg - side * sprite.turn_deg * self.goes_on[row]
             # A mirrored one is turned to the right, mirrored there, and its mirror turned on.
-            shown = self.frame(int(self.after(row)), size, length, turn + side * ahead)
-            made.append(shown[::side])
-        return np.stack(made)
+            picture = self.frame(int(self.after(row)), size, length, turn + side * ahead)
+            pictures.append(picture[::side])
+        return np.stack(pictures)

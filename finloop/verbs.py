@@ -78,7 +78,7 @@ from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.sprites.choice import choose
-from finloop.sprites.orient import SPRITES, drawn, sprite_table
+from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
@@ -198,7 +198,7 @@ def make_sprites(
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
     home = _folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
-        for one in drawn(sprites, film):
+        for one in sprite_cutouts(sprites, film):
             writer.write(one)
     return Reel(features, film, as_loaded(sprites, SPRITES), _opened(home / "sprites.arrow"))
 
@@ -269,7 +269,7 @@ def foretell(
     mirror = shown_mirror(poses, jumps.look)
     states = film_states(features, poses.codes, mirror, rate_hz, p)
     foreteller, _ = train(states, hold_out(states, p), p)
-    return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.seen, p), p)
+    return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
 def steer(  # noqa: PLR0913  (a result of every verb)

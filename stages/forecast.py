@@ -25,7 +25,7 @@ from finloop.io.cutouts import open_cutouts
 from finloop.io.record import load_record, save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.jumps.seen import Seen
+from finloop.jumps.visible import VisibleDistance
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from stages.forecasts import load_look, states_of
@@ -84,8 +84,8 @@ def main() -> None:
             film = states_of(features, poses, look, rate_hz)
             parts = split(film, p)
             with open_cutouts(DATA / "extract/cutouts.arrow") as frames:
-                seen = Seen.of(Reel(features, frames), poses, load("jumps").look_px)
-            graph = similar_rows(film, look, seen, p)
+                visible = VisibleDistance.of(Reel(features, frames), poses, load("jumps").look_px)
+            graph = similar_rows(film, look, visible, p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})

@@ -1,4 +1,4 @@
-"""Stage `gateways`: which frame of the film is like which sprite, both ways (Fig. 14)."""
+"""Stage `gateways`: the most similar frames and sprites, in both directions (Fig. 14)."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 

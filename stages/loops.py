@@ -1,4 +1,4 @@
-"""Stage `loops`: where the film can go on as another part of itself (Figs. 8, 10-13)."""
+"""Stage `loops`: where the film can jump to a similar frame (Figs. 8, 10-13)."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -13,7 +13,7 @@ from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
-from finloop.loops.positions import far_ends, position_table, routes_table, shown_ends
+from finloop.loops.positions import far_ends, position_table, routes_table, table_ends
 from finloop.loops.search import LOOPS, NoLoops, as_map, find, least_frames
 from finloop.loops.settings import Settings
 from stages.settings import load
@@ -24,7 +24,7 @@ WAYS = 5  # ways from the last end to the first
 
 
 def nothing(none: NoLoops) -> None:
-    """Write what says that there are no loops: the network mode needs none."""
+    """Write empty tables and the reason: there are no loops, and the network mode needs none."""
     print(f"loops: {none}\n  till then:  only the network mode", file=sys.stderr)
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", LOOPS.empty(), LOOPS)
@@ -54,7 +54,7 @@ def main() -> None:
     with whole_folder(FOLDER) as folder:
         save_table(folder / "loops.parquet", loops, LOOPS)
 
-    table = position_table(shown_ends(graph.ends, track), features)
+    table = position_table(table_ends(graph.ends, track), features)
     with whole_file(REPORT / "position_table.csv") as part:
         table.to_csv(part, lineterminator="\n")
     ways = routes(

@@ -20,7 +20,7 @@ from finloop.reel import Reel, sprite_row
 from finloop.sprites import atlas
 from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
-from finloop.sprites.orient import SPRITES, drawn, sprite_table
+from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.settings import Settings
 from finloop.sprites.stretch import SIDES
 from finloop.sprites.swimmers import swimmers
@@ -32,18 +32,18 @@ FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
 
-def say(chosen: dict[str, Choice], still: bool) -> None:
-    """Tell on stderr what stands in for something that the film does not show."""
+def say(choices: dict[str, Choice], still: bool) -> None:
+    """Name on stderr the substitutes for what the film does not show."""
     for word, what in (("straight", "full tail beat"), ("left", "whole turn")):
-        if chosen[word].stands_in:
+        if choices[word].stands_in:
             print(
                 f"sprites: no {what} in the film; what is most like one stands in (a longer film "
                 f"may show one, or list frames, e.g. sprites.{word}=8:120-140)",
                 file=sys.stderr,
             )
-    for word, other in zip(SIDES, reversed(SIDES), strict=True):
-        if chosen[word].mirrored:
-            print(f"sprites: no turn to the {word}; mirrored the {other} one", file=sys.stderr)
+    for word, opposite in zip(SIDES, reversed(SIDES), strict=True):
+        if choices[word].mirrored:
+            print(f"sprites: no turn to the {word}; mirrored the {opposite} one", file=sys.stderr)
     if not still:
         print("sprites: no glide with a still tail; the straightest instead", file=sys.stderr)
 
@@ -72,24 +72,24 @@ def main() -> None:
 
     with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
         look = partial(Reel(features, cutouts).headed, size=settings.picture_px)
-        chosen = choose(table, look, delta, settings)
-        sprites = sprite_table(table, chosen, settings)
+        choices = choose(table, look, delta, settings)
+        sprites = sprite_table(table, choices, settings)
         with (
             whole_folder(FOLDER) as folder,
             progress("sprites", orientations_of(sprites) * len(sprites), "pictures") as advance,
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
-                for one in drawn(sprites, cutouts):
-                    writer.write(one)
+                for cutout in sprite_cutouts(sprites, cutouts):
+                    writer.write(cutout)
                     advance()
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)
-        loops = [loop_numbers(word, chosen[word], table, look) for word in ("straight", "slide")]
+        loops = [loop_numbers(word, choices[word], table, look) for word in ("straight", "slide")]
 
-    still = settings.slide is not None or is_still(chosen["slide"], table, delta, settings)
-    say(chosen, still)
+    still = settings.slide is not None or is_still(choices["slide"], table, delta, settings)
+    say(choices, still)
     save_csv(REPORT / "table1_after.csv", table1_after(sprites, features), decimals=3)
-    save_csv(REPORT / "faults.csv", faults(chosen), decimals=3)
+    save_csv(REPORT / "faults.csv", faults(choices), decimals=3)
     save_metrics(
         REPORT / "metrics.json",
         numbers(sprites, table, features, facts.frames, rate_hz)

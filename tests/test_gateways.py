@@ -40,7 +40,7 @@ from finloop.io.table import load_table, save_table
 from finloop.plots import gateways as gateways_plots
 from finloop.plots.gateways import contact_sheet, pairs, spread
 from finloop.reel import Reel
-from finloop.sprites.orient import SPRITES, drawn
+from finloop.sprites.orient import SPRITES, sprite_cutouts
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -128,7 +128,7 @@ class World:
     def __init__(self, folder, features, cutouts, sprites, pose=BODY):
         self.features, self.sprites, self.pose = features, sprites, pose
         with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
-            for one in drawn(sprites, cutouts):
+            for one in sprite_cutouts(sprites, cutouts):
                 writer.write(one)
         with CutoutWriter(folder / "cutouts.arrow") as writer:
             for one in cutouts:

@@ -30,7 +30,7 @@ from finloop.extract.fit import FilmSize, Fit, fit, given_of, keypoint, refuse_o
 from finloop.extract.given import Followed, matched
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import Spot
-from finloop.features.head import head_first, head_told
+from finloop.features.head import given_head_end, head_first
 from finloop.features.metrics import against_given
 from finloop.features.table import features
 from finloop.given_tracks import tracks_of
@@ -165,7 +165,7 @@ def test_swapped_heads_decide_and_are_reported(extracted):
     tracks, given = table(extracted, "tracks"), table(extracted, "given")
     swapped = (given["track_id"] == 1).to_numpy()
     line = lists_to_points(tracks, "backbone")
-    told = head_told(
+    told = given_head_end(
         line, given[["head_x_px", "head_y_px"]].to_numpy(), np.full((len(line), 2), np.nan)
     )
     ends = np.where((told == 1)[:, None], line[:, -1], line[:, 0])  # the tail as it was told
@@ -419,7 +419,7 @@ def test_which_end_is_told_to_be_the_head():
     none = [np.nan, np.nan]
     head = np.array([[1, 2], [38, 1], none, none, [1, 0]])
     tail = np.array([[41, 0], none, [-2, 0], none, [3, 0]])
-    assert head_told(line, head, tail).tolist() == [1, -1, -1, 0, 1]
+    assert given_head_end(line, head, tail).tolist() == [1, -1, -1, 0, 1]
 
 
 def test_a_head_that_is_told_now_and_then_leads_the_frames_between():

@@ -171,7 +171,7 @@ def test_components_of_some_pictures_describe_them_all(rng, monkeypatch):
     whole, some = [], []
     for most, made in ((1000, whole), (50, some)):
         monkeypatch.setattr(appearance, "_PICTURES", most)
-        made.append(appearance.described(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:])
+        made.append(appearance.descriptors(rng.random((300, 2)), pictures.__getitem__, 3)[:, 2:])
     apart = [np.linalg.norm(one[0][:-1] - one[0][1:], axis=1) for one in (whole, some)]
     np.testing.assert_allclose(apart[0] / apart[1], (apart[0] / apart[1]).mean(), rtol=1e-4)
 

@@ -12,11 +12,11 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.planner import BODY
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
-from finloop.jumps.search import Search, chosen
-from finloop.jumps.seen import Seen
+from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Parts, signatures
 from finloop.jumps.table import JUMPS
+from finloop.jumps.visible import VisibleDistance
 
 COUNT, LEAST = 5, 8
 
@@ -80,7 +80,7 @@ def test_a_film_too_short_to_go_on_has_no_jump(rng):
 
 def test_of_what_is_near_the_best_to_the_eye_are_chosen():
     near = pd.DataFrame({"row": [0] * 4 + [1], "to": range(4, 9), "mirrored": False, "far": 0.5})
-    made = chosen(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
+    made = best_jumps(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
     assert list(made) == JUMPS.names
     assert made["to"].tolist() == [5, 4, 8] and made["row"].tolist() == [0, 0, 1]
     assert made["seam"].tolist() == [0.5, 2.25, 81]
@@ -95,7 +95,7 @@ def test_what_is_seen_is_what_no_posture_explains(rng):
     steps = [np.full(8, 1 / 8)] * 4
     bent = np.stack([np.zeros(8)] * 3 + [np.linspace(0, 0.4, 8)])
     postures = np.concatenate([np.tile([0.5, 0.0], (4, 1)), bent, steps], 1)
-    seen = Seen(pictures, postures, 2.0)
+    seen = VisibleDistance(pictures, postures, 2.0)
     same = seen([0, 1, 2, 1], [0, 1, 1, 2], [False, False, True, True])
     assert same == pytest.approx(0, abs=0.05)
     patch = np.linalg.norm((pictures[1] - pictures[0].astype(float)) / 255) / 2
@@ -109,7 +109,7 @@ def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
     postures = np.concatenate(
         [np.tile([0.5, 0.0], (40, 1)), np.zeros((40, 4)), np.full((40, 4), 0.25)], 1
     )
-    seen = Seen(pictures, postures, 3.0)
+    seen = VisibleDistance(pictures, postures, 3.0)
     far = np.sort(rng.uniform(1, 30, (8, 20)), axis=1)
     near = pd.DataFrame({"row": np.repeat(np.arange(8), 20), "to": rng.integers(0, 40, 160)})
     near = near.assign(mirrored=rng.random(160) < 0.5, far=far.ravel())
@@ -118,7 +118,7 @@ def test_no_more_is_drawn_than_the_best_of_every_row_need(rng):
     drawn = np.isfinite(some)
     assert some[drawn] == pytest.approx(every[drawn])
     assert 8 * COUNT <= drawn.sum() < 160
-    assert chosen(near, some, COUNT).equals(chosen(near, every, COUNT))
+    assert best_jumps(near, some, COUNT).equals(best_jumps(near, every, COUNT))
 
 
 def test_the_unit_is_the_natural_step_and_weights_take_parts_out(rng):

@@ -36,17 +36,17 @@ from finloop.loops.positions import (
     position_table,
     quadrant,
     routes_table,
-    shown_ends,
+    table_ends,
 )
 from finloop.loops.search import (
     LOOPS,
     Settings,
     as_map,
-    chosen,
     filtered,
     find,
     groups,
     improper,
+    keep_best,
     minima,
     weights,
 )
@@ -288,13 +288,13 @@ def test_no_end_has_more_loops_than_asked_and_only_full_ends_lose_one():
     rng = np.random.default_rng(1)
     pairs = np.unique(np.sort(rng.integers(0, 30, (300, 2)), axis=1), axis=0)
     a, b = rng.permutation(pairs[pairs[:, 0] < pairs[:, 1]]).T
-    keep = chosen(a, b, 3)
+    keep = keep_best(a, b, 3)
     used = np.bincount(np.r_[a[keep], b[keep]], minlength=30)
     assert used.max() == 3 and keep[0]
     for p in np.flatnonzero(~keep):  # better ones had filled one of its ends
         before = np.r_[a[:p][keep[:p]], b[:p][keep[:p]]]
         assert max((before == a[p]).sum(), (before == b[p]).sum()) == 3
-    assert chosen(a, b, 10**6).all()
+    assert keep_best(a, b, 10**6).all()
 
 
 def test_loops_fall_into_groups_as_in_fig12():
@@ -491,11 +491,11 @@ def test_displacements_add_up_and_the_table_stays_within_tracks():
 def test_a_table_for_people_has_at_most_26_ends_of_one_track():
     track = np.repeat([0, 1], [50, 300])
     few = np.array([5, 9, 60, 90, 120])
-    assert shown_ends(few, track).tolist() == [60, 90, 120]
-    some = shown_ends(np.arange(50, 350), track)
+    assert table_ends(few, track).tolist() == [60, 90, 120]
+    some = table_ends(np.arange(50, 350), track)
     assert len(some) == 26 and some[0] == 50 and some[-1] == 349
     assert np.diff(some).max() <= 2 * np.diff(some).min()
-    assert np.unique(np.diff(shown_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [True]
+    assert np.unique(np.diff(table_ends(np.r_[50:90, 340:350], track)) > 0).tolist() == [True]
 
 
 def test_routes_are_told_stretch_by_stretch(fig10):

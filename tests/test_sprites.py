@@ -53,7 +53,7 @@ from finloop.sprites.metrics import (
 )
 from finloop.sprites.orient import (
     SPRITES,
-    drawn,
+    sprite_cutouts,
     sprite_table,
 )
 from finloop.sprites.stretch import SIDES, Stretch, cycle_heading, phases
@@ -192,7 +192,7 @@ def sprites(toy, chosen):
 
 @pytest.fixture(scope="module")
 def pictures(toy, sprites):
-    return list(drawn(sprites, toy.cutouts))
+    return list(sprite_cutouts(sprites, toy.cutouts))
 
 
 def pick(film, **values):
@@ -468,7 +468,7 @@ def test_a_side_without_turns_gets_the_other_mirrored(gone):
     for name in ("forward", "motion_area_rel", "phase", "x_px", "heading_deg"):
         assert (mine[name] == theirs[name]).all()
     two = table[table["mirrored"] | (table["sequence"] == other)]
-    made = list(drawn(two, one.cutouts))
+    made = list(sprite_cutouts(two, one.cutouts))
     for step in range(len(mine)):
         left, right = (made[(k * len(mine) + step) * ORIENTATIONS] for k in (0, 1))
         x, y = mine["x_px"][step], mine["y_px"][step]
@@ -694,7 +694,7 @@ def test_every_orientation_is_turned_to_its_direction(sprites, pictures):
 @pytest.mark.parametrize("count", [5, 36])
 def test_there_can_be_fewer_and_more_orientations(toy, sprites, count):
     row = sprites[sprites["sequence"] == "slide"].iloc[[3]].assign(orientations=count)
-    made = list(drawn(row, toy.cutouts))
+    made = list(sprite_cutouts(row, toy.cutouts))
     assert len(made) == count
     for number, one in enumerate(made):
         assert abs(wrap_deg(np.array(tilt(one) - number * 360 / count))) < 1.5, number + 1
@@ -709,7 +709,7 @@ def test_pictures_come_in_order(sprites, pictures):
 
 def test_a_sprite_that_need_not_be_turned_is_the_source(toy, sprites):
     row = sprites[:1].assign(heading_deg=90.0)
-    one = list(drawn(row, toy.cutouts))[3]  # orientation 4: 90°
+    one = list(sprite_cutouts(row, toy.cutouts))[3]  # orientation 4: 90°
     want = toy.cutouts[row["row"].iloc[0]]
     np.testing.assert_array_equal(one.pixels, want.pixels)
     assert (one.x0_px, one.y0_px) == (want.x0_px, want.y0_px)
@@ -757,7 +757,7 @@ def few(sprites):
 def store(tmp_path_factory, few, toy):
     path = tmp_path_factory.mktemp("store") / "sprites.arrow"
     with CutoutWriter(path, sprites=True) as writer:
-        for one in drawn(few, toy.cutouts):
+        for one in sprite_cutouts(few, toy.cutouts):
             writer.write(one)
     with open_cutouts(path) as opened:
         yield opened

@@ -104,9 +104,9 @@ def learn(
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
     """`train` on the first side of the rows; the second, held out, is for the curve."""
-    known, held = ((rows.inputs[side], rows.outputs[side]) for side in sides)
+    training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
-    return train(*known, held, p, rows.delta_frames / rate_hz, rng, advance)
+    return train(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
 
 
 def train(
@@ -185,18 +185,18 @@ def _check_growth(first: Floats, second: Floats, settings: Settings) -> None:
 
 def _errors(weights: Tensor, watched: dict[str, tuple[Tensor, Tensor]]) -> dict[str, float]:
     """The errors of `finloop.bpn.held_out.errors`, for the curve."""
-    found: dict[str, float] = {}
+    result: dict[str, float] = {}
     for side, (x, t) in watched.items():
         share = ((forward(weights, x) - MARGIN) / (1 - 2 * MARGIN)).clamp(0, 1)
         true = (t - MARGIN) / (1 - 2 * MARGIN)
         area, kind = (share - true).square().mean(0).sqrt().tolist()
         wrong = (2 * share[:, 1] - 1).round() != (2 * true[:, 1] - 1).round()
-        found |= {
+        result |= {
             f"{side}_area_rmse": area,
             f"{side}_type_rmse": 2 * kind,
             f"{side}_type_error_pct": 100 * wrong.double().mean().item(),
         }
-    return found
+    return result
 
 
 def _device(name: str) -> torch.device:

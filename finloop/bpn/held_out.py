@@ -37,8 +37,8 @@ def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFra
 
 def linear(train_inputs: Floats, train_outputs: Floats, inputs: Floats) -> Floats:
     """Linear least squares with an intercept: (n, 4) → (n, 2)."""
-    known = np.column_stack([train_inputs, np.ones(len(train_inputs))])
-    solution = np.linalg.lstsq(known, train_outputs, rcond=None)[0]
+    design = np.column_stack([train_inputs, np.ones(len(train_inputs))])
+    solution = np.linalg.lstsq(design, train_outputs, rcond=None)[0]
     predicted = np.column_stack([inputs, np.ones(len(inputs))]) @ solution
     return np.clip(predicted, OUTPUT_LOW, OUTPUT_HIGH)
 
@@ -67,8 +67,8 @@ def errors(predicted: Floats, true: Floats) -> dict[str, float]:
 
 def confusion(predicted: Floats, true: Floats) -> Ints:
     """Counts (3, 3) of true type by predicted type, both in the order of WORDS."""
-    said, was = type_class(predicted[:, 1]), type_class(true[:, 1])
-    return np.array([[np.sum((was == a) & (said == b)) for b in WORDS] for a in WORDS])
+    answer, truth = type_class(predicted[:, 1]), type_class(true[:, 1])
+    return np.array([[np.sum((truth == a) & (answer == b)) for b in WORDS] for a in WORDS])
 
 
 def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> dict[str, float]:
@@ -77,23 +77,23 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
     Where no row is held out, there are no skills, and errors of the rows learnt from alone.
     """
     inputs, outputs = rows.inputs[held_out], rows.outputs[held_out]
-    known = rows.inputs[train], rows.outputs[train]
-    learnt = errors(model.predict(known[0]), known[1])
-    measured = {}
+    training = rows.inputs[train], rows.outputs[train]
+    learnt = errors(model.predict(training[0]), training[1])
+    results = {}
     if held_out.any():
-        measured = {
+        results = {
             "held_out": errors(model.predict(inputs), outputs),
             "persistence": errors(inputs[:, :2], outputs),
-            "linear": errors(linear(*known, inputs), outputs),
+            "linear": errors(linear(*training, inputs), outputs),
         }
     skills = {
         f"{name.removesuffix('_pct')}_skill_against_{baseline}": (
-            1 - measured["held_out"][name] / measured[baseline][name]
-            if measured[baseline][name] > 0
+            1 - results["held_out"][name] / results[baseline][name]
+            if results[baseline][name] > 0
             else float("nan")
         )
         for baseline in ("persistence", "linear")
-        if measured
+        if results
         for name in _COMPARED
     }
     failures = {"skills_not_above_0": sum(skill <= 0 for skill in skills.values())}
@@ -102,10 +102,10 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
         "held_out_rows": int(held_out.sum()),
         **{
             f"{side}_{name}": value
-            for side, numbers in ({"train": learnt} | measured).items()
+            for side, numbers in ({"train": learnt} | results).items()
             for name, value in numbers.items()
             if name != "type_error_pct"  # the accuracy says it
         },
         **skills,
-        **(failures if measured else {}),
+        **(failures if results else {}),
     }

@@ -173,8 +173,8 @@ def split_by_blocks(
             "at least two: one to learn from, one to hold out",
             "a smaller bpn.block, or a longer film",
         )
-    chosen = _chosen(first, held_out, rng)
-    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
+    sample = _sample_groups(first, held_out, rng)
+    begins, ends = np.isin(first, sample), np.isin(last, sample)
     return _enough(~begins & ~ends, begins & ends)
 
 
@@ -187,8 +187,8 @@ def split_by_tracks(rows: Rows, held_out: float, rng: np.random.Generator) -> tu
             "at least two for bpn.split=tracks: one to learn from, one to hold out",
             "bpn.split=blocks, which splits by time",
         )
-    held = np.isin(rows.track_id, _chosen(rows.track_id, held_out, rng))
-    return _enough(~held, held)
+    test = np.isin(rows.track_id, _sample_groups(rows.track_id, held_out, rng))
+    return _enough(~test, test)
 
 
 def split(rows: Rows, by: str, p: Settings) -> tuple[Mask, Mask]:
@@ -203,9 +203,9 @@ def split(rows: Rows, by: str, p: Settings) -> tuple[Mask, Mask]:
         least = rows.delta_frames + LEAST_HELD_OUT
         block = block_frames(p.block, p.held_out, rows.delta_frames, rows.frame, least)
         train, held_out = split_by_blocks(rows, block, p.held_out, rng)
-    known = np.flatnonzero(train)
-    if len(known) > p.most_rows:
-        train[rng.choice(known, len(known) - p.most_rows, replace=False)] = False
+    train_rows = np.flatnonzero(train)
+    if len(train_rows) > p.most_rows:
+        train[rng.choice(train_rows, len(train_rows) - p.most_rows, replace=False)] = False
     return train, held_out
 
 
@@ -218,24 +218,24 @@ def split_or_all(rows: Rows, p: Settings) -> tuple[Mask, Mask]:
     try:
         return split(rows, p.split, p)
     except FinloopError:
-        chosen = p.split == "tracks" or p.block < 1
-        if chosen or not len(rows.inputs):
+        by_user = p.split == "tracks" or p.block < 1
+        if by_user or not len(rows.inputs):
             raise
     every = np.ones(len(rows.inputs), bool)
     return every, ~every
 
 
-def _chosen(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
+def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
     """Random groups that hold about that share of the rows; never none, never all."""
     groups, counts = np.unique(group, return_counts=True)
-    chosen: list[int] = []
+    sample: list[int] = []
     missing = share * len(group)
     for number in rng.permutation(len(groups)):
         nearer = abs(missing - counts[number]) < missing
-        if nearer and len(chosen) < len(groups) - 1:
-            chosen.append(int(groups[number]))
+        if nearer and len(sample) < len(groups) - 1:
+            sample.append(int(groups[number]))
             missing -= counts[number]
-    return chosen or [int(groups[counts.argmin()])]
+    return sample or [int(groups[counts.argmin()])]
 
 
 def _enough(train: Mask, held_out: Mask) -> tuple[Mask, Mask]:

@@ -91,8 +91,8 @@ def largest_difference(proto: onnx.ModelProto, model: MotionModel) -> float:
     At the corners of the input range and beyond, and at points spread over it.
     """
     points = _probes(model.input_low, model.input_high)
-    given = points.astype(np.float32)
-    answers: Any = ReferenceEvaluator(proto).run(None, {INPUT_NAME: given})
+    inputs = points.astype(np.float32)
+    answers: Any = ReferenceEvaluator(proto).run(None, {INPUT_NAME: inputs})
     span = model.output_high - model.output_low
     return float(np.abs((answers[0] - model.predict(points)) / span).max())
 

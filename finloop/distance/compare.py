@@ -50,7 +50,7 @@ def part(features: pd.DataFrame, most: int) -> Ints:
     """The rows (k,) that are mapped: all, or of a longer film stretches spread over it."""
     track = features["track_id"].to_numpy()
     every = stretches(track, max(2, most // _STRETCHES), most, seed=0)
-    return np.concatenate([np.arange(one.start, one.stop) for one in every])
+    return np.concatenate([np.arange(stretch.start, stretch.stop) for stretch in every])
 
 
 def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
@@ -80,10 +80,10 @@ def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: Non
     median, p95 = usual_steps(steps)
     most = np.inf if p.keep is None else p.keep * median
 
-    def counted() -> Iterator[Pairs]:
+    def with_progress() -> Iterator[Pairs]:
         for pairs in similar(x, kind[places], area[places], p.area_threshold, most):
             yield pairs
             advance()
 
     facts = MapFacts(p.pose, p.size, p.area_threshold, p.keep, median, p95)
-    return Similar(pair_table(counted(), rows), steps, facts)
+    return Similar(pair_table(with_progress(), rows), steps, facts)

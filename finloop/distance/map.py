@@ -3,9 +3,8 @@
 Glossary: x (n, k) float32, a picture a row, about their mean; *kind* (n,) a number that frames of
 one orientation and swimming type share (Eq. 7); *area* (n,) the motion area (Eq. 8).
 
-‖a − b‖² = ‖a‖² + ‖b‖² − 2ab makes of a map a matrix product. What cancels in it is made good:
-pictures are taken about their mean, and pairs so close that float32 would lose them are measured
-again.
+‖a − b‖² = ‖a‖² + ‖b‖² − 2ab makes of a map a matrix product. Against cancellation, pictures are
+taken about their mean, and pairs too close for float32 are computed again.
 """
 
 from collections.abc import Iterable, Iterator
@@ -133,26 +132,26 @@ def _norms(x: Picture) -> NDArray[np.float32]:
 
 def _squared(x: Picture, norms: NDArray[np.float32], at: Block) -> Picture:
     """Squares of Eq. 5 in a block, as a matrix product leaves them."""
-    other = x[at.columns].T
+    columns = x[at.columns].T
     if at.rows == at.columns:
-        other = other.copy()  # numpy takes a slow way for a product with the same memory
-    block = x[at.rows] @ other
+        columns = columns.copy()  # numpy takes a slow way for a product with the same memory
+    block = x[at.rows] @ columns
     block *= -2
     block += norms[at.rows, None] + norms[at.columns]
     return np.maximum(block, 0, out=block)
 
 
 def _sharpen(x: Picture, norms: NDArray[np.float32], at: Block, block: Picture) -> None:
-    """Measure again, in place, what is too close for float32: its root would be off by EXACT.
+    """Compute again, in place, the squares whose root would be off by more than EXACT.
 
     An error e of a square d² is one of e / 2d of its root.
     """
     share = _LOSS / (2 * EXACT)
     if block.min() >= (share * (norms[at.rows].max() + norms[at.columns].max())) ** 2:
         return
-    lost = norms[at.rows, None] + norms[at.columns]
-    lost *= share
-    close = block < np.square(lost, out=lost)
+    limit = norms[at.rows, None] + norms[at.columns]
+    limit *= share
+    close = block < np.square(limit, out=limit)
     count = np.count_nonzero(close)
     if count > _MANY * block.size:  # a fish that does not move
         wide = x[at.rows].astype(np.float64), x[at.columns].astype(np.float64)
@@ -260,8 +259,8 @@ def step_table(features: pd.DataFrame, x: Picture, place: Ints, frames: int = 1)
 def mapped(features: pd.DataFrame, steps: pd.DataFrame) -> Ints:
     """The rows (k,) of a feature table that are mapped: those of STEPS."""
     here, there = (
-        one["track_id"].to_numpy(np.int64) << 32 | one["frame"].to_numpy(np.int64)
-        for one in (features, steps)
+        table["track_id"].to_numpy(np.int64) << 32 | table["frame"].to_numpy(np.int64)
+        for table in (features, steps)
     )
     return np.flatnonzero(np.isin(here, there))
 

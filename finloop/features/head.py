@@ -32,52 +32,52 @@ def tail_first(lines: Reals, features: pd.DataFrame) -> Mask:
     return last < first
 
 
-def head_told(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
-    """Which end another program says is the head: 1 the first, −1 the last, 0 not told; (rows,).
+def given_head_end(backbone: Reals, head: Reals, tail: Reals) -> NDArray[np.int8]:
+    """The end that another program gives as the head: 1 the first, −1 the last, 0 unknown; (rows,).
 
-    backbone: (rows, n, 2) px; head, tail: (rows, 2) px, NaN where not told.
+    backbone: (rows, n, 2) px; head, tail: (rows, 2) px, NaN where unknown.
     """
     ends = backbone[:, [0, -1]].astype(float)
     same, swapped = (
         sum(
             np.nan_to_num(np.linalg.norm(ends[:, end] - place, axis=1))
-            for end, place in ((one, head), (1 - one, tail))
+            for end, place in ((index, head), (1 - index, tail))
         )
-        for one in (0, 1)
+        for index in (0, 1)
     )
     return np.sign(swapped - same).astype(np.int8)
 
 
 def head_first(
-    backbone: Reals, half_width: Reals, rate_hz: float, told: NDArray[np.int8] | None = None
+    backbone: Reals, half_width: Reals, rate_hz: float, given_head: NDArray[np.int8] | None = None
 ) -> tuple[Mask, Floats]:
     """Whether the first point is the head, and how sure that is, for one track.
 
     backbone: (frames, n, 2) px, of consecutive frames, either end first.
     half_width: (frames, n) px, beside it.
     rate_hz: frames per second.
-    told: (frames,) as `head_told` gives it; where it is not 0 it decides.
+    given_head: (frames,) as `given_head_end` gives it; where it is not 0 it decides.
 
     Returns
     -------
-    first : (frames,) bool; confidence : (frames,) probability in [0.5, 1] or below where the frame
-    taken by itself would rather be the other way round than its track, or than it is told.
+    first : (frames,) bool; confidence : (frames,) probability of that, in [0.5, 1]; below where the
+    frame by itself says the opposite of its track, or of the other program.
     """
     length = np.median(np.hypot(*np.diff(backbone, axis=1).transpose(2, 0, 1)).sum(1))
     evidence = _blunt(half_width) + _forward(backbone, length)
     evidence /= max(1.0, _MEMORY_S * rate_hz)
-    kept = _kept(backbone, length).tolist()
-    said = evidence if told is None else evidence + 2 * _CERTAIN * told
-    first = _viterbi(said.tolist(), kept)
-    probability = _posterior(evidence.tolist(), kept)
+    stay = _stay_odds(backbone, length).tolist()
+    total = evidence if given_head is None else evidence + 2 * _CERTAIN * given_head
+    first = _viterbi(total.tolist(), stay)
+    probability = _posterior(evidence.tolist(), stay)
     return first, np.where(first, probability, 1 - probability)
 
 
 def _blunt(half_width: Reals) -> Floats:
     """Log odds (frames,) that the first point is the head, from the widths near both ends."""
     part = half_width.shape[1] * 3 // 8
-    one, other = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
-    return np.clip((one - other) / np.maximum(one + other, 1e-9) / _BLUNT, -_MOST, _MOST)
+    first, last = half_width[:, 1:part].mean(1), half_width[:, -part:-1].mean(1)
+    return np.clip((first - last) / np.maximum(first + last, 1e-9) / _BLUNT, -_MOST, _MOST)
 
 
 def _forward(backbone: Reals, length: float) -> Floats:
@@ -91,22 +91,22 @@ def _forward(backbone: Reals, length: float) -> Floats:
     return np.clip((travel * axis).sum(1) / length / _FORWARD, -_MOST, _MOST)
 
 
-def _kept(backbone: Reals, length: float) -> Floats:
+def _stay_odds(backbone: Reals, length: float) -> Floats:
     """Log odds (frames - 1,) that both ends stay in the step to the next frame, not exchanged."""
     ends = backbone[:, [0, -1]]
-    kept = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
+    same = ((ends[1:] - ends[:-1]) ** 2).sum((1, 2))
     exchanged = ((ends[1:, ::-1] - ends[:-1]) ** 2).sum((1, 2))
-    return (exchanged - kept) / (2 * (_WANDER * length) ** 2)
+    return (exchanged - same) / (2 * (_WANDER * length) ** 2)
 
 
-def _viterbi(evidence: list[float], kept: list[float]) -> Mask:
+def _viterbi(evidence: list[float], stay_odds: list[float]) -> Mask:
     """The most probable states (frames,) of the chain, True for 0; both arguments are log odds.
 
     Plain numbers: in steps of one frame they are twenty times as quick as arrays of two states.
     """
     from_first = []  # of each step, for state 0 and 1: whether state 0 is the better one before
     odds = evidence[0]
-    for own, stay in zip(evidence[1:], kept, strict=True):
+    for own, stay in zip(evidence[1:], stay_odds, strict=True):
         from_first.append((odds + stay >= 0, odds - stay >= 0))
         odds = own + 0.5 * (abs(odds + stay) - abs(odds - stay))
     states = [odds >= 0]
@@ -115,19 +115,19 @@ def _viterbi(evidence: list[float], kept: list[float]) -> Mask:
     return np.array(states[::-1])
 
 
-def _posterior(evidence: list[float], kept: list[float]) -> Floats:
+def _posterior(evidence: list[float], stay_odds: list[float]) -> Floats:
     """Probability (frames,) of state 0 given the whole track (forward-backward)."""
     ahead, behind = evidence[:1], [0.0]
-    for own, stay in zip(evidence[1:], kept, strict=True):
-        ahead.append(own + _passed(ahead[-1], stay))
-    for own, stay in zip(evidence[:0:-1], reversed(kept), strict=True):
-        behind.append(_passed(behind[-1] + own, stay))
+    for own, stay in zip(evidence[1:], stay_odds, strict=True):
+        ahead.append(own + _message(ahead[-1], stay))
+    for own, stay in zip(evidence[:0:-1], reversed(stay_odds), strict=True):
+        behind.append(_message(behind[-1] + own, stay))
     odds = np.array(ahead) + behind[::-1]
     return 1 / (1 + np.exp(np.clip(-odds, -_MOST_ODDS, _MOST_ODDS)))
 
 
-def _passed(odds: float, stay: float) -> float:
-    """Log odds of a frame's state that those of its neighbour and of staying so alone give.
+def _message(odds: float, stay: float) -> float:
+    """Log odds of a frame's state from its neighbour's odds and from those of staying: a message.
 
     log((e^(odds + stay) + 1) / (e^odds + e^stay)), written so that nothing overflows.
     """

@@ -54,7 +54,7 @@ def measured_delta(bends: Sequence[Reals], rate_hz: float) -> float:
     motion is not smoothed away, and a quarter of the longest track, so that there is something to
     learn from.
     """
-    longest = max(len(one) for one in bends)
-    track = np.repeat(np.arange(len(bends)), [len(one) for one in bends])
+    longest = max(len(bend) for bend in bends)
+    track = np.repeat(np.arange(len(bends)), [len(bend) for bend in bends])
     memory = memory_frames(np.concatenate(bends)[:, None], track)
     return min(DELTA_S, min(_MEMORIES * memory, longest / _PARTS) / rate_hz)

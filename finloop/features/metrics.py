@@ -118,7 +118,7 @@ def against_truth(
         fish["y_px"].to_numpy() - true["y_px"].to_numpy(),
     )
     off = np.abs(wrap_deg(fish["heading_deg"].to_numpy() - true["heading_deg"].to_numpy()))
-    measured = fish["body_length_px"].to_numpy(float)
+    fish_length = fish["body_length_px"].to_numpy(float)
     area = fish["motion_area"].to_numpy()
     agree = fish["swimming_type"].to_numpy() == true["swimming_type"].to_numpy()
     return {
@@ -128,7 +128,7 @@ def against_truth(
         "truth_centre_error_p95_px": float(np.quantile(centre, 0.95)),
         "truth_backbone_error_mean_pct": float(100 * apart.mean()),
         "truth_backbone_error_p95_pct": float(100 * np.quantile(apart, 0.95)),
-        "truth_body_length_bias_pct": float(100 * (measured / length - 1).mean()),
+        "truth_body_length_bias_pct": float(100 * (fish_length / length - 1).mean()),
         "truth_heading_error_median_deg": float(np.median(off)),
         "truth_heading_error_p95_deg": float(np.quantile(off, 0.95)),
         "truth_head_tail_swaps": int(swapped.sum()),
@@ -145,9 +145,9 @@ def against_truth(
 
 
 def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> dict[str, float]:
-    """How the heads that another program gives agree with those found here, for metrics.json.
+    """Agreement of the heads that another program gives with our own, for metrics.json.
 
-    Found here: what `oriented` says without being told. The angle is that between the two
+    Our own heads are those of `oriented` without the given ones. The angle is that between the two
     directions from tail to head; above 90° the ends are exchanged. Where the program gives no tail,
     its direction is that from the middle of the backbone to the head.
 
@@ -158,13 +158,13 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
     head, tail = given_ends(given)
     tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
     ours, theirs = own[:, 0] - own[:, -1], head - tail
-    told = np.isfinite(theirs).all(axis=1)
-    if not told.any():
+    comparable = np.isfinite(theirs).all(axis=1)
+    if not comparable.any():
         return {"head_told_share": 0.0}
     cross = ours[:, 0] * theirs[:, 1] - ours[:, 1] * theirs[:, 0]
-    angle = np.degrees(np.abs(np.arctan2(cross, (ours * theirs).sum(axis=1))))[told]
+    angle = np.degrees(np.abs(np.arctan2(cross, (ours * theirs).sum(axis=1))))[comparable]
     return {
-        "head_told_share": float(told.mean()),
+        "head_told_share": float(comparable.mean()),
         "head_disagreement_share": float((angle > 90).mean()),
         "head_disagreement_median_deg": float(np.median(angle)),
     }

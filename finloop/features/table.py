@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import at_places, bend
-from finloop.features.head import head_first, head_told
+from finloop.features.head import given_head_end, head_first
 from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
 from finloop.features.swimming_type import swimming_type, turn
@@ -102,8 +102,8 @@ def features(
     """The feature table of a table of tracks, row by row, and the backbones head first.
 
     The table of tracks is in the order (track_id, frame), as `extract` writes it. FinloopError if
-    it is not. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px as
-    another program says; where it does, that end is the head.
+    it is not. `given`, of the same rows, holds head_x_px, head_y_px, tail_x_px, tail_y_px of
+    another program; where they are not NaN, they decide which end is the head.
 
     Returns
     -------
@@ -116,27 +116,27 @@ def features(
             "make it again: `dvc repro --force extract`",
         )
     every = [track for _, track in tracks.groupby("track_id")]
-    known = [
+    lines = [
         oriented(track, rate_hz, None if given is None else given.loc[track.index])
         for track in every
     ]
     bends = [
         bend(line, track["length_px"].to_numpy(float))
-        for track, (line, _) in zip(every, known, strict=True)
+        for track, (line, _) in zip(every, lines, strict=True)
     ]
     delta_s = settings.delta_s
     delta = delta_frames(measured_delta(bends, rate_hz) if delta_s == "auto" else delta_s, rate_hz)
     table = pd.concat(
         [
-            _of_track(track, *one, bent, delta, rate_hz, settings)
-            for track, one, bent in zip(every, known, bends, strict=True)
+            _of_track(track, *pair, area, delta, rate_hz, settings)
+            for track, pair, area in zip(every, lines, bends, strict=True)
         ],
         ignore_index=True,
     )
     table["motion_area"] = table["bend"].abs()
     largest = table["motion_area"].max()
     table["motion_area_rel"] = table["motion_area"] / (largest if largest > 0 else 1.0)
-    return table[FEATURES.names], np.concatenate([line for line, _ in known]).astype(np.float32)
+    return table[FEATURES.names], np.concatenate([line for line, _ in lines]).astype(np.float32)
 
 
 def oriented(
@@ -144,9 +144,9 @@ def oriented(
 ) -> tuple[Floats, Floats]:
     """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
     backbone = lists_to_points(tracks, "backbone").astype(float)
-    told = None if given is None else head_told(backbone, *given_ends(given))
+    head_end = None if given is None else given_head_end(backbone, *given_ends(given))
     widths = lists_to_array(tracks["half_width_px"])
-    first, confidence = head_first(backbone, widths, rate_hz, told)
+    first, confidence = head_first(backbone, widths, rate_hz, head_end)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
 
 
@@ -160,7 +160,7 @@ def _of_track(
     track: pd.DataFrame,
     backbone: Floats,
     confidence: Floats,
-    bent: Floats,
+    area: Floats,
     delta: int,
     rate_hz: float,
     settings: Settings,
@@ -169,16 +169,16 @@ def _of_track(
     direction = heading(backbone)
     kind = swimming_type(
         turn(direction, delta),
-        bent,
+        area,
         turn_threshold_deg=settings.turn_threshold_deg,
         bend_threshold=settings.bend_threshold,
         release=settings.release,
     )
     place = track[["x_px", "y_px"]].to_numpy(float)
-    moved = np.full(len(track), np.nan)
-    turned = np.full(len(track), np.nan)
-    moved[:-delta] = np.hypot(*(place[delta:] - place[:-delta]).T) / np.median(length)
-    turned[:-delta] = wrap_deg(direction[delta:] - direction[:-delta])
+    displacement = np.full(len(track), np.nan)
+    included_angle = np.full(len(track), np.nan)
+    displacement[:-delta] = np.hypot(*(place[delta:] - place[:-delta]).T) / np.median(length)
+    included_angle[:-delta] = wrap_deg(direction[delta:] - direction[:-delta])
     return pd.DataFrame(
         {
             "track_id": track["track_id"].to_numpy(),
@@ -194,9 +194,9 @@ def _of_track(
             "orientation": orientation(direction, settings.orientations),
             "orientations": settings.orientations,
             "body_length_px": length,
-            "bend": bent,
-            "displacement": moved,
-            "included_angle_deg": turned,
+            "bend": area,
+            "displacement": displacement,
+            "included_angle_deg": included_angle,
             "swimming_type": kind,
             "head_confidence": confidence,
         }

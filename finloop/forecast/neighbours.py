@@ -1,12 +1,12 @@
-"""Rows in similar states: to which rows of the film a fish may go over (delay embedding).
+"""Rows in similar states: the rows of the film that a fish may jump to (delay embedding).
 
 Two rows are similar if their pasts are: their postures, and their speeds in units of their standard
 deviations, at all lags, the longer ago the less (Takens 1981; Lorenz's analogues, 1969). And they
 must look alike now: fins open or folded, light, skin, and what a change of posture leaves.
 
-A fish that goes over to similar rows at random would end where the film is densest, in rest. So the
+A fish that jumps to similar rows at random would end where the film is densest, in rest. So the
 relation is made symmetric, and a step to a row with more neighbours is taken less often (Metropolis
-1953): then, in the long run, all rows are visited alike, as in the film.
+1953): in the long run all rows are visited equally often, as in the film.
 """
 
 from collections.abc import Callable
@@ -39,30 +39,31 @@ def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
     return (film.past(rows) / unit * weight[:, None]).reshape(len(rows), -1)
 
 
-ToTheEye = Callable[[Ints, Ints, Mask], Floats]
+VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 """How far, in natural steps, rows (k,) and rows (k,), mirrored or not, are apart to the eye."""
 
 
-def similar_rows(film: FilmStates, look: Reals, seen: ToTheEye, p: Settings) -> tuple[Ints, Ints]:
+def similar_rows(
+    film: FilmStates, look: Reals, visible: VisibleDistance, p: Settings
+) -> tuple[Ints, Ints]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
-    At most `p.neighbours` of different passages, each at least Δ from the others and from the row
-    itself, and so long that a posture is half forgotten; then whoever has a neighbour is its
-    neighbour. Mirror images have the mirror images.
-    look: (m, k) of all rows of the film, together of the deviation 1. The rows after neighbours,
-    which a fish shows next, are at most `p.look` apart in it, and `p.seen` natural steps to the
-    eye. FinloopError if no two rows are.
+    A row has at most `p.neighbours`, each of another passage: apart from the row and from each
+    other by Δ and by the film's memory. The relation is then made symmetric, and mirror images
+    get the mirror images. look: (m, k) of all rows of the film, together of the deviation 1. The
+    rows after two neighbours, which a fish shows next, are at most `p.look` apart in it, and at
+    most `p.seen` natural steps to the eye. FinloopError if no two rows are similar.
     """
     n, m, count = film.count, len(film.states), p.neighbours
     there = _similar(film, look, p)
     place = np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0])
     few = np.flatnonzero(place < count)
     near = np.zeros(len(there), bool)
-    near[few] = _seen(there[few], n, seen) <= p.seen
-    # The others are drawn where one of these is too far to the eye.
+    near[few] = _visible(there[few], n, visible) <= p.seen
+    # The remaining pairs are drawn only for rows that lack neighbours.
     lacks = np.bincount(there[few, 0], near[few], minlength=m) < count
     rest = np.flatnonzero((place >= count) & lacks[there[:, 0]])
-    near[rest] = _seen(there[rest], n, seen) <= p.seen
+    near[rest] = _visible(there[rest], n, visible) <= p.seen
     there = there[near]
     there = there[np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0]) < count]
     if not len(there):
@@ -75,37 +76,38 @@ def similar_rows(film: FilmStates, look: Reals, seen: ToTheEye, p: Settings) -> 
         )
     image = (there + n) % m if m > n else there
     every = np.concatenate([there, image, there[:, ::-1], image[:, ::-1]])
-    one, other = np.divmod(np.unique(every[:, 0] * m + every[:, 1]), m)
-    return np.searchsorted(one, np.arange(m + 1)), other
+    row, neighbour = np.divmod(np.unique(every[:, 0] * m + every[:, 1]), m)
+    return np.searchsorted(row, np.arange(m + 1)), neighbour
 
 
 def _similar(film: FilmStates, look: Reals, p: Settings) -> Ints:
     """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
-    These look alike a frame later, and are of `_DRAWN` times so many passages as are wanted.
+    The rows after a pair look alike. A row has up to `_DRAWN` · `p.neighbours` of them, each of
+    another passage.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _DRAWN * count
     space, looks = (
-        (one - one.mean(0)).astype(np.float32)
-        for one in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
+        (values - values.mean(0)).astype(np.float32)
+        for values in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
     )
     index, limits = Nearest.of(space), (near, passage, _DRAWN * count)
     pairs = [np.empty((0, 2), np.int64)]
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
-        (chosen,) = index.choose(
+        (choice,) = index.choose(
             space[lot], near, partial(_passages, rows, lot, (looks, p.look), limits), _MOST
         )
-        at, place = np.nonzero(chosen >= 0)
-        pairs.append(np.column_stack([rows[lot[at]], chosen[at, place]]))
+        at, place = np.nonzero(choice >= 0)
+        pairs.append(np.column_stack([rows[lot[at]], choice[at, place]]))
     return np.concatenate(pairs)
 
 
-def _seen(pairs: Ints, count: int, seen: ToTheEye) -> Floats:
-    """How far to the eye the rows after these are, (k,); `count`: the film's own rows."""
-    one, other = (pairs + 1).T
-    return seen(one, other % count, other >= count)
+def _visible(pairs: Ints, count: int, visible: VisibleDistance) -> Floats:
+    """Visible distance (k,) between the rows after each pair; `count`: the film's own rows."""
+    row, neighbour = (pairs + 1).T
+    return visible(row, neighbour % count, neighbour >= count)
 
 
 @kernel
@@ -113,32 +115,32 @@ def _passages(
     rows: Ints, lot: Ints, alike: tuple[NDArray[np.float32], float], limits: tuple[int, int, int],
     some: Ints, near: Ints,
 ) -> tuple[tuple[Ints], Mask]:  # fmt: skip
-    """Of rows[lot[some]] (k,) the nearest rows (k, count) alike, of different passages; or −1.
+    """The nearest rows (k, count) of rows[lot[some]] that look alike, one a passage; −1: none.
 
     near (k, l): numbers into `rows`, the nearest first. alike: looks (m, c), and how far apart they
-    are at most. limits: how many that are alike are looked at, how far passages are apart, count.
-    Whether (k,) so many, or so many passages, are among them.
+    are at most. limits: how many alike rows are examined, how far passages are apart, count. The
+    mask (k,) is True where `count` passages, or all the rows to be examined, are there.
     """
     looks, most_apart = alike
     looked_at, apart, count = limits
-    chosen, done = np.full((len(some), count), -1), np.zeros(len(some), np.bool_)
+    choice, full = np.full((len(some), count), -1), np.zeros(len(some), np.bool_)
     for k in range(len(some)):
-        one, many, seen = lot[some[k]], 0, 0
+        row, many, checked = lot[some[k]], 0, 0
         for c in range(near.shape[1]):
-            other = near[k, c]
-            if other < 0 or many == count or seen == looked_at:
+            neighbour = near[k, c]
+            if neighbour < 0 or many == count or checked == looked_at:
                 break
             square = 0.0
             for i in range(looks.shape[1]):
-                square += (looks[one, i] - looks[other, i]) ** 2
+                square += (looks[row, i] - looks[neighbour, i]) ** 2
             if square > most_apart**2:
                 continue
-            seen += 1
-            new = abs(rows[other] - rows[one]) >= apart
+            checked += 1
+            new = abs(rows[neighbour] - rows[row]) >= apart
             for i in range(many):
-                new = new and abs(rows[other] - chosen[k, i]) >= apart
+                new = new and abs(rows[neighbour] - choice[k, i]) >= apart
             if new:
-                chosen[k, many] = rows[other]
+                choice[k, many] = rows[neighbour]
                 many += 1
-        done[k] = many == count or seen == looked_at
-    return (chosen,), done
+        full[k] = many == count or checked == looked_at
+    return (choice,), full

@@ -1,8 +1,8 @@
 """Gateways (fish paper §4.2, Fig. 14): sprite ↔ most similar frame of the film, both directions.
 
 *Row*: row of the feature table. *In*: a sprite is on screen, a row of the film is drawn next.
-*Out*: a row is on screen, a sprite is drawn next. Both ask for Eq. 5 between what would have come
-next and what does come.
+*Out*: a row is on screen, a sprite is drawn next. The distance of both is Eq. 5 between the picture
+that would have come next and the one that does.
 
 In the pose BODY pictures are compared with the measured heading to the right, so that a sprite
 and its own frame are equal. A sprite is drawn by the line it swims along, some degrees off that,
@@ -38,12 +38,12 @@ GATEWAYS = Schema(
     Column("distance", "float32", "1"),
     Column("turn_deg", "float32", "deg"),
 )
-"""sprite: row of the table of sprites. rank: 1 = best. orientation: 0 = any (pose BODY), or from 1,
-that in which what comes next is drawn.
+"""sprite: row of the table of sprites. rank: 1 = best. orientation: that of the next picture, from
+1; 0 = any (pose BODY).
 
 turn_deg: a sprite drawn at heading h and the film drawn turned by h + turn_deg, anticlockwise as
-seen, fit each other; in the pose FILM that turn of the film is 0. Out, it is row + 1 that the
-sprite stands in for; the whole film is turned alike.
+seen, fit each other; in the pose FILM that turn of the film is 0. Out, the sprite replaces the
+row + 1; the whole film is turned alike.
 """
 
 Ints = NDArray[np.intp]
@@ -103,7 +103,7 @@ def nearness(
 def sprite_pictures(
     reel: Reel, size: int, pose: str, number: int
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """What the film shows after every sprite, and the sprites themselves: (s, size, size, c) each.
+    """The film's next picture after every sprite, and the sprites: (s, size, size, c) each.
 
     In the orientation `number`; pose BODY: with the measured heading to the right.
     """
@@ -114,12 +114,12 @@ def sprite_pictures(
     mirrored = reel.sprites["mirrored"].to_numpy()
     ahead[mirrored] = ahead[mirrored, ::-1]
     turn = -_heading(reel.sprites, reel.features["heading_deg"].to_numpy(float)[row])
-    own = [reel.sprite_picture(at, size, 1, one) for at, one in enumerate(turn)]
+    own = [reel.sprite_picture(at, size, 1, angle) for at, angle in enumerate(turn)]
     return ahead, np.stack(own)
 
 
 def _heading(sprites: pd.DataFrame, filmed_deg: Floats) -> Floats:
-    """Headings (s,) of the film as they are beside the sprites drawn at 0°, mirrored with them."""
+    """Headings (s,) of the film relative to the sprites' own, mirrored where the sprite is."""
     off = wrap_deg(filmed_deg - sprites["heading_deg"].to_numpy(float))
     return np.where(sprites["mirrored"], -off, off)
 
@@ -130,7 +130,7 @@ def _rows_of(reel: Reel) -> tuple[Ints, Ints]:
     return row, reel.after(row)
 
 
-def _left(features: pd.DataFrame) -> Ints:
+def _frames_ahead(features: pd.DataFrame) -> Ints:
     """How many frames of its track come after each row."""
     return features.groupby("track_id").cumcount(ascending=False).to_numpy()
 
@@ -141,9 +141,9 @@ def gateways(
     """The table of `GATEWAYS`: ways in by sprite, orientation and rank; ways out by row and rank.
 
     `step` is the median natural step. A sprite leads to its `top_in` nearest rows in each
-    orientation, that are `apart` apart and have `least` of their track ahead. A row leads to
-    the `top_out` sprites of each sequence nearest to the next one. The last row of a track has no
-    way out, and a turn is entered by its first sprite only.
+    orientation. These are `apart` apart and have `least` of their track ahead. A row leads to the
+    `top_out` sprites of each sequence that are nearest to its next row. The last row of a track has
+    no way out, and a turn is entered by its first sprite only.
     """
     most = settings.threshold * step
     ways = [
@@ -155,10 +155,10 @@ def gateways(
         ignore_index=True,
     )
     sprite, leads_in = table["sprite"].to_numpy(), (table["direction"] == IN).to_numpy()
-    compared = np.searchsorted(near.rows, table["row"].to_numpy() + ~leads_in)
-    table["orientation"] = near.orientation[compared]
+    column = np.searchsorted(near.rows, table["row"].to_numpy() + ~leads_in)
+    table["orientation"] = near.orientation[column]
     fits = np.where(leads_in, near.ahead_deg[sprite], near.own_deg[sprite])
-    table["turn_deg"] = wrap_deg(fits - near.pose_deg[compared])
+    table["turn_deg"] = wrap_deg(fits - near.pose_deg[column])
     return table[GATEWAYS.names]
 
 
@@ -168,7 +168,7 @@ def _ways_in(
     """sprite, row, rank, distance: the `top_in` best rows of every sprite and orientation."""
     track, frame = (features[name].to_numpy()[near.rows] for name in ("track_id", "frame"))
     delta = delta_of(features)
-    lasts = _left(features)[near.rows] >= settings.least * delta
+    lasts = _frames_ahead(features)[near.rows] >= settings.least * delta
     ways: list[tuple[int, int, int, float]] = []
     for number in np.unique(near.orientation):
         rows = np.flatnonzero(lasts & (near.orientation == number))
@@ -192,14 +192,14 @@ def _ways_out(
 ) -> pd.DataFrame:
     """sprite, row, rank, distance: the `top` best sprites of each sequence, for every row.
 
-    Each sequence, because it is the player that decides which one is to come.
+    Every sequence is there, because the player chooses among them.
     """
-    # Rows whose next frame was compared, and where that stands among the compared.
-    follows = np.append(False, _left(features) > 0)[near.rows]
+    # Rows whose next frame is among `near.rows`, and its place there.
+    follows = np.append(False, _frames_ahead(features) > 0)[near.rows]
     row, after = near.rows[follows] - 1, np.flatnonzero(follows)
-    entered = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
+    entries = np.flatnonzero(sprites["sequence"].isin(_CYCLES) | (sprites["step"] == 0))
     ways = []
-    for _, sequence in sprites.iloc[entered].groupby("sequence", sort=False):
+    for _, sequence in sprites.iloc[entries].groupby("sequence", sort=False):
         far = near.own[np.ix_(sequence.index, after)]
         best = np.argsort(far, axis=0, kind="stable")[:top]
         sprite = sequence.index.to_numpy()[best].T.ravel()
@@ -213,7 +213,7 @@ def _ways_out(
 def nearest(
     near: Nearness, sprites: pd.DataFrame, features: pd.DataFrame, settings: Settings
 ) -> pd.DataFrame:  # fmt: skip
-    """The table of `GATEWAYS` as it is without a threshold: what a higher one would let in."""
+    """The table of `GATEWAYS` without a threshold: the gateways that a higher one would add."""
     endless = replace(settings, threshold=np.inf)
     return gateways(near, sprites, features, 1.0, endless)
 

@@ -17,5 +17,5 @@ class Settings:
     # sprites of each sequence that every frame leads to
     top_out: Annotated[int, Field(ge=1, le=100)]
     threshold: Positive  # median natural steps, the largest distance of a gateway
-    apart: NotNegative  # Δ between two frames of one track that a sprite leads to, at least
-    least: NotNegative  # Δ of its track that a frame that is led to has ahead, at least
+    apart: NotNegative  # Δ; the least between two frames of one track that a sprite leads to
+    least: NotNegative  # Δ; the least film of its track ahead of a frame that a sprite leads to

@@ -1,9 +1,9 @@
 """What an animal looks like, and whether two tracks look like one animal.
 
-An animal is known by numbers of some of its pictures: its length, area, contrast and widths along
-the body, and principal components of the picture itself, headed right. Which of them tell animals
-apart is learnt from the film: two parts of one track are one animal, two tracks that have a frame
-in common are two.
+The descriptor of a picture holds the animal's length, area, contrast and widths along the body, and
+principal components of the picture itself, headed right. The directions that distinguish animals
+are learnt from the film: two parts of one track are one animal, two tracks with a frame in common
+are two.
 """
 
 from collections.abc import Callable, Sequence
@@ -33,10 +33,10 @@ _PICTURES, _TRACKS = 10_000, 1_000
 _BLOCK = 2_000  # pictures held at once
 
 
-def described(
+def descriptors(
     measures: Floats, pictures: Callable[[Tracks], NDArray[np.float32]], components: int
 ) -> Floats:
-    """Numbers (rows, d) by which an animal is known, of spread 1; the components have it together.
+    """Descriptors (rows, d). Each measure has the spread 1; the components have it together.
 
     measures (rows, m); pictures: of some of the rows, (k, pixels).
     """
@@ -50,8 +50,8 @@ def described(
     few = PCA(count, svd_solver="arpack", random_state=0).fit(some)
     del some
     blocks = np.split(rows, range(_BLOCK, len(rows), _BLOCK))
-    shown = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
-    return np.hstack([_spread(measures), shown / max(float(shown.std()), 1e-12)])
+    codes = np.concatenate([few.transform(pictures(block).astype(float)) for block in blocks])
+    return np.hstack([_spread(measures), codes / max(float(codes.std()), 1e-12)])
 
 
 def _spread(values: Floats) -> Floats:
@@ -62,26 +62,26 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     """The log ratio (e,) of looking like one animal against two, of pairs of tracks.
 
     tracks: of each the numbers (k, d) of its pictures, in the order of time. at_once: the tracks
-    that have a frame in common. All zeros where the film has too few pairs to learn from. No pair
-    is surer than as many pairs as there are can make it.
+    that have a frame in common. All zeros where the film has too few pairs to learn from. Ratios
+    are limited to the number of pairs that they were learnt from.
     """
     long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two = list[Floats](), list[Floats]()
     for fold in range(_FOLDS):
-        tried = np.zeros(len(tracks), bool)
-        tried[long[fold::_FOLDS]] = True
-        first, last = _ends(tracks, _tells(tracks, long[~tried[long]]))
-        one_animal.append(_apart(first[tried], last[tried]))
-        a, b = (track[tried[at_once.a] & tried[at_once.b]] for track in at_once)
+        test = np.zeros(len(tracks), bool)
+        test[long[fold::_FOLDS]] = True
+        first, last = _ends(tracks, _tells(tracks, long[~test[long]]))
+        one_animal.append(_apart(first[test], last[test]))
+        a, b = (track[test[at_once.a] & test[at_once.b]] for track in at_once)
         two.append(_apart(first[a], last[b]))
-    told = [np.concatenate(apart) for apart in (one_animal, two)]
-    counts = [len(apart) for apart in told]
+    distances = [np.concatenate(apart) for apart in (one_animal, two)]
+    counts = [len(apart) for apart in distances]
     if min(counts) < _LEAST:
         return np.zeros(len(pairs.a))
     from sklearn.linear_model import LogisticRegression
 
     learnt = LogisticRegression(class_weight="balanced").fit(
-        np.concatenate(told)[:, None], np.repeat([1, 0], counts)
+        np.concatenate(distances)[:, None], np.repeat([1, 0], counts)
     )
     slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
     if slope >= 0:  # what is farther apart would be more alike: nothing was learnt
@@ -106,10 +106,10 @@ def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnaly
 def _ends(
     tracks: Sequence[Floats], tells: "LinearDiscriminantAnalysis | None"
 ) -> tuple[Floats, Floats]:
-    """The mean (n, c) of each track's first part, and of its last, in what tells animals apart."""
-    part = [max(1, len(one) // _PARTS) for one in tracks]
-    first = np.array([one[:k].mean(0) for one, k in zip(tracks, part, strict=True)])
-    last = np.array([one[-k:].mean(0) for one, k in zip(tracks, part, strict=True)])
+    """The mean (n, c) of each track's first part, and of its last, in discriminant directions."""
+    part = [max(1, len(track) // _PARTS) for track in tracks]
+    first = np.array([track[:k].mean(0) for track, k in zip(tracks, part, strict=True)])
+    last = np.array([track[-k:].mean(0) for track, k in zip(tracks, part, strict=True)])
     # The directions are linear: the mean of codes is the code of the mean.
     return (first, last) if tells is None else (tells.transform(first), tells.transform(last))
 

@@ -37,10 +37,10 @@ class Spans(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Known:
-    """All by which the animals of a film are known. measures (n, d): of every row's body.
+class Evidence:
+    """The evidence for the identities in a film. measures (n, d): of every row's body.
 
-    segment (n,): of the film, in which each row lies; no animal is followed across a cut.
+    segment (n,): the part of the film, between cuts, of each row; no join leads across a cut.
     """
 
     reel: Reel
@@ -49,28 +49,28 @@ class Known:
     settings: Settings
 
 
-def known(reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: Settings) -> Known:
-    """What is known of a film's animals.
+def evidence(reel: Reel, tracks: pd.DataFrame, cuts: Sequence[int], p: Settings) -> Evidence:
+    """The evidence of a film.
 
     tracks: `USED` columns of the table of tracks, row by row of the reel; cuts: first frames of the
     film's further segments.
     """
     segment = np.searchsorted(np.array(cuts, int), reel.features["frame"], side="right")
-    return Known(reel, body_measures(tracks, reel.features), segment, p)
+    return Evidence(reel, body_measures(tracks, reel.features), segment, p)
 
 
-def identities(of_film: Known) -> pd.DataFrame:
-    """Schema IDENTITIES: whose track each is; animals are numbered by how long they are seen."""
-    features = of_film.reel.features
+def identities(film: Evidence) -> pd.DataFrame:
+    """Schema IDENTITIES: the animal of each track; number 0 is the one on film the longest."""
+    features = film.reel.features
     parts = [np.arange(a, b) for a, b in zip(*spans(features), strict=True)]
-    joins = joined(of_film, parts)
+    joins = joins_of(film, parts)
     frame, track = features["frame"].to_numpy(), features["track_id"].to_numpy()
     first, last = (np.array([rows[k] for rows in parts]) for k in (0, -1))
     has = joins.before >= 0
     return pd.DataFrame(
         {
             "track_id": track[first],
-            "identity": _numbered(joins, [len(rows) for rows in parts]),
+            "identity": _numbers(joins, [len(rows) for rows in parts]),
             "after_track": np.where(has, track[last[joins.before]], -1),
             "gap_frames": np.where(has, frame[first] - frame[last[joins.before]], 0),
             "probability": joins.probability,
@@ -78,35 +78,35 @@ def identities(of_film: Known) -> pd.DataFrame:
     ).astype(IDENTITIES.kinds)
 
 
-def told(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
-    """Schema IDENTITIES, where another program says whose track each is.
+def from_names(features: pd.DataFrame, animals: pd.Series) -> pd.DataFrame:
+    """Schema IDENTITIES from another program's names of the animals.
 
-    animals (rows,): its names, beside track_id and frame of the feature table.
+    animals (rows,): the names, in the rows of the feature table.
     """
     span = features.assign(animal=animals.to_numpy()).groupby("track_id", as_index=False)
     table = span.agg(
         animal=("animal", "first"), start=("frame", "min"), stop=("frame", "max"),
         rows=("frame", "size"),
     )  # fmt: skip
-    seen = table.groupby("animal")["rows"].sum().sort_values(ascending=False, kind="stable")
-    table["identity"] = table["animal"].map({one: k for k, one in enumerate(seen.index)})
+    totals = table.groupby("animal")["rows"].sum().sort_values(ascending=False, kind="stable")
+    table["identity"] = table["animal"].map({animal: k for k, animal in enumerate(totals.index)})
     ordered = table.sort_values(["identity", "start"])
     ordered["after_track"] = ordered.groupby("identity")["track_id"].shift(fill_value=-1)
     ended = ordered.groupby("identity")["stop"].shift()
     ordered["gap_frames"] = (ordered["start"] - ended).fillna(0)
-    made = ordered.sort_index().assign(probability=1.0)
-    return made[IDENTITIES.names].astype(IDENTITIES.kinds)
+    result = ordered.sort_index().assign(probability=1.0)
+    return result[IDENTITIES.names].astype(IDENTITIES.kinds)
 
 
-def made_gaps(of_film: Known, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
-    """Gaps made in whole tracks: the shares joined right, and joined wrong; NaN without any.
+def trial_gaps(film: Evidence, gaps: NDArray[np.intp], rng: np.random.Generator) -> Floats:
+    """Trial gaps in whole tracks: the shares joined right and joined wrong; NaN without any.
 
     Frames are taken out of the middle of every track that is long enough, as many as in one of the
     film's own `gaps`, and all tracks are joined anew.
     """
     parts, halves = list[NDArray[np.intp]](), list[int]()
-    frame = of_film.reel.features["frame"].to_numpy()
-    for a, b in zip(*spans(of_film.reel.features), strict=True):
+    frame = film.reel.features["frame"].to_numpy()
+    for a, b in zip(*spans(film.reel.features), strict=True):
         gap = int(rng.choice(gaps)) if len(gaps) else 1
         middle = int(np.searchsorted(frame[a:b], (frame[a] + frame[b - 1] - gap) // 2)) + a
         after = int(np.searchsorted(frame[a:b], frame[middle - 1] + gap)) + a
@@ -115,11 +115,12 @@ def made_gaps(of_film: Known, gaps: NDArray[np.intp], rng: np.random.Generator) 
             parts += [np.arange(a, middle), np.arange(after, b)]
         else:
             parts.append(np.arange(a, b))
-    before = joined(of_film, parts).before
-    found = before[np.array(halves, int) + 1]
-    if not len(found):
+    before = joins_of(film, parts).before
+    before_half = before[np.array(halves, int) + 1]
+    if not len(before_half):
         return np.full(2, np.nan)
-    return np.array([(found == halves).mean(), ((found != halves) & (found >= 0)).mean()])
+    right = before_half == halves
+    return np.array([right.mean(), (~right & (before_half >= 0)).mean()])
 
 
 def body_measures(tracks: pd.DataFrame, features: pd.DataFrame) -> Floats:
@@ -136,12 +137,12 @@ def spans(features: pd.DataFrame) -> Spans:
     return Spans(np.append(0, edges), np.append(edges, len(features)))
 
 
-def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:
+def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
     """The joins of tracks, or of parts of tracks: rows in the order of frames.
 
     The score of a join is that of motion and appearance together.
     """
-    reel, p = of_film.reel, of_film.settings
+    reel, p = film.reel, film.settings
     features = reel.features
     frame = features["frame"].to_numpy()
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.length_px
@@ -150,23 +151,23 @@ def joined(of_film: Known, parts: list[NDArray[np.intp]]) -> Joins:
     ends = motion.ends(
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
-    segment = np.array([of_film.segment[rows[0]] for rows in parts])
+    segment = np.array([film.segment[rows[0]] for rows in parts])
     pairs = later(ends.start, ends.stop, segment)
-    moved = motion.log_ratios(ends, drift, pairs)
+    motion_ratio = motion.log_ratios(ends, drift, pairs)
     some = [spread(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
-    looks = appearance.described(
-        of_film.measures[every],
+    looks = appearance.descriptors(
+        film.measures[every],
         lambda few: reel.frames(every[few], p.size_px, BODY).reshape(len(few), -1),
         p.components,
     )
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
-    looked = appearance.log_ratios(by_track, at_once(ends.start, ends.stop), pairs)
+    look_ratio = appearance.log_ratios(by_track, at_once(ends.start, ends.stop), pairs)
     rng = np.random.default_rng(p.seed)
-    return best(len(parts), pairs, moved + looked, p.strangers, p.least_probability, rng)
+    return best(len(parts), pairs, motion_ratio + look_ratio, p.strangers, p.least_probability, rng)
 
 
-def _numbered(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:
+def _numbers(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:
     """The number of each track's animal, 0 for the one with the most rows."""
     root = np.arange(len(lengths))
     for track in range(len(lengths)):
@@ -174,8 +175,8 @@ def _numbered(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:
         while joins.before[head] >= 0:
             head = joins.before[head]
         root[track] = head
-    seen = np.bincount(root, weights=lengths, minlength=len(lengths))
-    order = np.argsort(-seen, kind="stable")
+    rows = np.bincount(root, weights=lengths, minlength=len(lengths))
+    order = np.argsort(-rows, kind="stable")
     number = np.empty(len(lengths), np.intp)
     number[order] = np.arange(len(lengths))
     return number[root]

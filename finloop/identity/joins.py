@@ -48,8 +48,8 @@ def at_once(start: Reals, stop: Reals) -> Pairs:
     order = np.argsort(start, kind="stable")
     low = np.empty(len(order), np.intp)
     low[order] = np.arange(len(order)) + 1
-    one, other = _ranges(order, low, np.searchsorted(start[order], stop, side="right"))
-    return Pairs(np.minimum(one, other), np.maximum(one, other))
+    a, b = _ranges(order, low, np.searchsorted(start[order], stop, side="right"))
+    return Pairs(np.minimum(a, b), np.maximum(a, b))
 
 
 def _ranges(order: Tracks, low: Tracks, high: Tracks) -> Pairs:
@@ -135,6 +135,6 @@ class _Sets:
             m = len(tracks)
             graph = csr_array((cost[edges], column, start), (m, 2 * m))
             ends, starts = min_weight_full_bipartite_matching(graph)
-            joined = starts < m
-            before[tracks[starts[joined]]] = tracks[ends[joined]]
+            is_join = starts < m
+            before[tracks[starts[is_join]]] = tracks[ends[is_join]]
         return before

@@ -1,8 +1,7 @@
 """How far an animal gets while it is not seen, measured in its film.
 
-Where a track is whole, a gap is made in it: the animal's place after the gap, against the place at
-which its motion before would have brought it, is how wrong one would have been. Places are in body
-lengths, gaps in frames.
+Trial gaps in whole tracks measure it: the error is the distance of the animal's place after the gap
+from the place foretold by its motion before. Places are in body lengths, gaps in frames.
 """
 
 from dataclasses import dataclass
@@ -42,12 +41,12 @@ def ends(frames: list[Reals], places: list[Floats], before: int) -> Ends:
 
     before: rows over which a velocity is measured, where there are as many.
     """
-    back = [min(before, len(one) - 1) for one in frames]
+    back = [min(before, len(track) - 1) for track in frames]
     return Ends(
-        np.array([one[0] for one in frames]),
-        np.array([one[-1] for one in frames]),
-        np.array([one[0] for one in places]),
-        np.array([one[-1] for one in places]),
+        np.array([track[0] for track in frames]),
+        np.array([track[-1] for track in frames]),
+        np.array([track[0] for track in places]),
+        np.array([track[-1] for track in places]),
         np.array([_pace(f, p, 0, n) for f, p, n in zip(frames, places, back, strict=True)]),
         np.array([_pace(f, p, -1 - n, -1) for f, p, n in zip(frames, places, back, strict=True)]),
     )
@@ -61,14 +60,14 @@ def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
 
 @dataclass(frozen=True)
 class Drift:
-    """How wrong a foretold place is after a gap. gaps (k,): frames, ascending; error (k,).
+    """The error of a foretold place after a gap. gaps (k,): frames, ascending; error (k,).
 
-    before: frames over which the velocity is measured by which it is foretold.
+    before: frames over which the velocity is measured.
     """
 
     gaps: Floats
     error: Floats
-    kept: Floats  # (k,): of the velocity before, so much of it is taken on
+    share: Floats  # (k,): of the velocity before the gap, the part that lasts
     tank: float  # area, body lengths²
     before: int
 
@@ -84,51 +83,51 @@ class Drift:
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
     def shares(self, gap: Floats) -> Floats:
-        """Of the velocity before, how much is taken on over a gap."""
-        return np.interp(gap, self.gaps, self.kept)
+        """The share of the velocity before a gap that lasts over it."""
+        return np.interp(gap, self.gaps, self.share)
 
 
 def drift(tracks: pd.DataFrame) -> Drift:
-    """Measure it on whole tracks: track_id, frame, x, y (body lengths), rows in that order.
+    """The drift in whole tracks: track_id, frame, x, y (body lengths), rows in that order.
 
     The gaps double from one frame on, as long as there are enough tracks of that length; beyond, an
-    animal may be anywhere. A velocity is measured over as many frames as foretells best: over fewer
-    than a tail beat it may lead aside.
+    animal may be anywhere. The number of frames of a velocity is the one with the least error: over
+    less than a tail beat a velocity may point aside.
     """
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
     anywhere = float(np.sqrt(tank / (2 * np.pi)))
-    tried = [(before, *_errors(tracks, before)) for before in _BEFORE]
-    common = min(len(error) for _, error, _ in tried if error) if tried[0][1] else 0
+    trials = [(before, *_errors(tracks, before)) for before in _BEFORE]
+    common = min(len(error) for _, error, _ in trials if error) if trials[0][1] else 0
     if not common:
         return Drift(np.ones(1), np.full(1, anywhere), np.zeros(1), tank, _BEFORE[0])
-    before, error, kept = min(
-        (one for one in tried if one[1]),
-        key=lambda one: np.log(np.add(one[1][:common], 1e-6)).sum(),
+    before, error, share = min(
+        (trial for trial in trials if trial[1]),
+        key=lambda trial: np.log(np.add(trial[1][:common], 1e-6)).sum(),
     )
     gaps = 2.0 ** np.arange(len(error))
     last = max(anywhere, error[-1])
     beyond = gaps[-1] * (last / max(error[-1], _NO_ERROR)) ** 2 + 1
     return Drift(
-        np.append(gaps, beyond), np.append(error, last), np.append(kept, 0.0), tank, before
+        np.append(gaps, beyond), np.append(error, last), np.append(share, 0.0), tank, before
     )
 
 
 def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
-    """For gaps of 1, 2, 4 … frames: the scale of the error, and how much of a velocity is kept."""
+    """For gaps of 1, 2, 4 … frames: scale of the error, share of the velocity that lasts."""
     place = tracks[["x", "y"]].to_numpy(float)
-    error, kept = list[float](), list[float]()
+    error, shares = list[float](), list[float]()
     gap = 1
     while (same := _together(tracks, before + gap)).sum() >= _LEAST:
         at = np.flatnonzero(same)
         pace = (place[at + before] - place[at]) / before
         went = place[at + before + gap] - place[at + before]
         share = float(np.clip((pace * went).sum() / max(gap * (pace**2).sum(), 1e-12), 0, 1))
-        kept.append(share)
+        shares.append(share)
         # Of a spread that is exponential in all directions the mean distance is twice its scale.
         error.append(0.5 * float(np.hypot(*(went - share * gap * pace).T).mean()))
         gap *= 2
-    return error, kept
+    return error, shares
 
 
 def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:

@@ -8,11 +8,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.features.table import delta_of
-from finloop.jumps.search import Search, chosen
-from finloop.jumps.seen import Seen
+from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Straight, parts, scaled, signatures
+from finloop.jumps.visible import VisibleDistance
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 
@@ -22,12 +22,12 @@ _LOT = 2000  # rows at a time
 class FilmJumps(NamedTuple):
     """jumps: columns of `JUMPS`; look: (n, k), or (2 n, k) with mirror images.
 
-    seen: how far any two rows are apart to the eye; numbers: about jumps and looks, for metrics.
+    visible: how far any two rows are apart to the eye; numbers: about jumps and looks, for metrics.
     """
 
     jumps: pd.DataFrame
     look: NDArray[np.float32]
-    seen: Seen
+    visible: VisibleDistance
     numbers: dict[str, float]
 
 
@@ -35,30 +35,32 @@ def film_jumps(
     reel: Reel, poses: FilmPoses, settings: Settings,
     advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """Where a film can go on; poses: of the reel's rows; advance: told how many rows are done.
+    """The jumps of a film. poses: of the reel's rows; advance(n): n more rows are done.
 
-    A fish whose sides differ is not mirrored, unless it is asked for.
+    A fish whose sides differ is not mirrored, unless the settings say so.
     """
     track = reel.features["track_id"].to_numpy()
-    made = parts(reel, poses, settings)
-    sides, hand = sides_apart(Straight(reel, poses, settings.look_px), track), handedness(made)
+    row_parts = parts(reel, poses, settings)
+    sides, hand = sides_apart(Straight(reel, poses, settings.look_px), track), handedness(row_parts)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
-    values = signatures(made, reel.step_ends, settings)
+    values = signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.least * delta_of(reel.features)))
     search = Search.of(values, track, settings.candidates, least, mirror)
-    seen, tables = Seen.of(reel, poses, settings.look_px), []
+    visible, tables = VisibleDistance.of(reel, poses, settings.look_px), []
     for start in range(0, len(track), _LOT):
         lot = np.arange(start, min(start + _LOT, len(track)))
         near = search(lot)
-        tables.append(chosen(near, seen.best(near, settings.neighbours), settings.neighbours))
+        tables.append(
+            best_jumps(near, visible.best(near, settings.neighbours), settings.neighbours)
+        )
         advance(len(lot))
     jumps = pd.concat(tables, ignore_index=True)
     first, later = reel.step_ends
     step = np.linalg.norm(values[0, later] - values[0, first], axis=-1)
     best = jumps.groupby("row")["seam"].min()
-    look = scaled(made.look)[: 1 + mirror].reshape(-1, made.look.shape[-1])
-    return FilmJumps(jumps, look.astype(np.float32), seen, {
+    look = scaled(row_parts.look)[: 1 + mirror].reshape(-1, row_parts.look.shape[-1])
+    return FilmJumps(jumps, look.astype(np.float32), visible, {
         "jumps": len(jumps),
         "rows_with_jumps_pct": 100 * len(best) / len(track),
         "seam_median_steps": float(jumps["seam"].median()),

@@ -1,4 +1,4 @@
-"""The nearest neighbours of every row, mirror images too: where the film can go on."""
+"""The nearest neighbours of every row, mirror images too: the rows it can jump to."""
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -18,11 +18,10 @@ _LOOKED_AT = 8  # times as many nearest rows are looked at, at first, for `count
 
 @dataclass(frozen=True)
 class Search:
-    """Who looks for the `count` nearest rows of rows, one a passage of film.
+    """The search for the `count` nearest neighbours of rows, one of each passage of film.
 
-    Of rows that follow one another only the nearest is kept, and none less than `least` rows from a
-    nearer one. A row that less than `least` rows of its track follow is not jumped to, nor one
-    within `least` rows of the same track.
+    Of successive rows only the nearest counts, and none within `least` rows of a nearer one. A jump
+    leads neither into the last `least` rows of a track nor within `least` rows of its own place.
 
     targets (m, d): of the n rows, and of their mirror images where these are looked at; goals:
     numbers of those that can be jumped to, which are in `index`. track (n,): rising.
@@ -47,7 +46,7 @@ class Search:
         return cls(targets, goals, index, np.asarray(track), count, least)
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
-        """Of rows (k,), rising: row, to, mirrored, and how far, the nearest first."""
+        """Neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
         to, far = self.index.choose(
             self.targets[rows], _LOOKED_AT * self.count, partial(self._passages, rows)
         )
@@ -58,31 +57,32 @@ class Search:
         )
 
     def _passages(self, rows: Ints, some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
-        """Targets (k, count) of different passages, how far they are, ∞: none left; are they all?
+        """Targets (k, count) of different passages with their distances, ∞ where there is none.
 
-        near (k, l): numbers of the goals nearest to rows[some] (k,).
+        near (k, l): numbers of the goals nearest to rows[some] (k,). The mask (k,) is True where
+        all `count` targets are there.
         """
         rows = rows[some]
         near = np.sort(np.where(near < 0, -1, self.goals[near]), axis=1)
         threads = numba.get_num_threads()
         with ThreadPoolExecutor(threads) as pool:
-            made = pool.map(
+            results = pool.map(
                 lambda part: _minima(
                     self.targets, self.track, rows[part], near[part], self.least, self.count
                 ),
                 np.array_split(np.arange(len(rows)), threads),
             )
-            to, far = (np.concatenate(one) for one in zip(*made, strict=True))
+            to, far = (np.concatenate(blocks) for blocks in zip(*results, strict=True))
         return (to, far), np.isfinite(far[:, -1])
 
 
-def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
-    """Jumps, columns of `JUMPS`: of every row the `count` with the least seams.
+def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
+    """The `count` jumps of every row with the least seams: columns of `JUMPS`.
 
-    What is seen counts squared: below a natural step it is hidden in the motion, above it shows the
-    more. near: as `Search` gives them; seen: (k,) natural steps.
+    A seam is the larger of `far` and the visible distance squared: below a natural step the motion
+    hides it. near: as `Search` gives it; visible: (k,) natural steps.
     """
-    table = near.assign(seam=np.maximum(near["far"], np.square(seen)))
+    table = near.assign(seam=np.maximum(near["far"], np.square(visible)))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
     return table[JUMPS.names].astype(JUMPS.kinds).reset_index(drop=True)
 
@@ -91,10 +91,10 @@ def chosen(near: pd.DataFrame, seen: Floats, count: int) -> pd.DataFrame:
 def _minima(
     targets: Floats, track: Ints, rows: Ints, near: Ints, least: int, count: int
 ) -> tuple[Ints, Floats]:
-    """For rows (k,) the nearest of their `near` targets (k, l), rising, one a passage of film.
+    """The `count` nearest of the targets `near` (k, l), rising, of rows (k,); one a passage.
 
-    Of rows that follow one another only the nearest, with no nearer one beside, and none within
-    `least` of a nearer one. Those of the same passage as the row itself are left out.
+    Of successive targets only local minima of the distance count, and none within `least` of a
+    nearer one. Targets of the row's own passage are left out.
     """
     d = targets.shape[1]
     to, far = np.full((len(rows), count), -1), np.full((len(rows), count), np.inf)
@@ -102,12 +102,12 @@ def _minima(
     for k in range(len(rows)):
         row = rows[k]
         for c in range(near.shape[1]):
-            other = near[k, c]
+            target = near[k, c]
             apart[c] = np.inf
-            if other >= 0 and not _beside(track, row, other, least):
+            if target >= 0 and not _beside(track, row, target, least):
                 square = 0.0
                 for i in range(d):
-                    square += (targets[row, i] - targets[other, i]) ** 2
+                    square += (targets[row, i] - targets[target, i]) ** 2
                 apart[c] = np.sqrt(square)
         many = 0
         for c in np.argsort(apart, kind="mergesort"):
@@ -127,8 +127,8 @@ def _minima(
 
 
 @kernel
-def _beside(track, one, other, least):  # type: ignore[no-untyped-def]
+def _beside(track, a, b, least):  # type: ignore[no-untyped-def]
     """Whether two targets are of one passage: of one track and side, less than `least` apart."""
     n = len(track)
-    same = (one < n) == (other < n) and abs(one - other) < least
-    return same and track[one % n] == track[other % n]
+    same = (a < n) == (b < n) and abs(a - b) < least
+    return same and track[a % n] == track[b % n]

@@ -11,29 +11,29 @@ _ROWS = 300  # pictures at most
 
 
 def sides_apart(straight: Straight, track: Ints, seed: int = 0) -> float:
-    """How many times as far a fish is from its mirror image as its pictures are from each other.
+    """Distance of a fish from its mirror image, over the distance of two pictures of its track.
 
-    All are drawn in one posture, and compared by Eq. 5; medians over rows spread over the film, of
-    which each is compared with a random one of the same track (n,). About 1 or less: the sides are
-    alike.
+    All pictures are drawn in one posture and compared by Eq. 5. Both distances are medians over
+    rows spread over the film; the second picture is a random row of the same track (n,). About 1 or
+    less: the sides are alike.
     """
     n = len(track)
     rng = np.random.default_rng(seed)
     rows = spread(np.arange(n), _ROWS)
     first, last = np.searchsorted(track, track[rows]), np.searchsorted(track, track[rows], "right")
-    one, other = straight(rows), straight(rng.integers(first, last))
-    mirror, usual = (float(np.median(apart(one, two))) for two in (one[:, ::-1], other))
+    own, random = straight(rows), straight(rng.integers(first, last))
+    mirror, usual = (float(np.median(apart(own, against))) for against in (own[:, ::-1], random))
     return mirror / max(usual, 1e-12)
 
 
-def handedness(made: Parts) -> float:
-    """How much more a fish bends, goes aside or turns to one side than to the other.
+def handedness(parts: Parts) -> float:
+    """How much more a fish bends, drifts or turns to one side than to the other, 0 … 1.
 
-    Of each the length of its mean to the root mean square, of what changes in the mirror; the
-    largest. 0: all is done to both sides alike; 1: to one side alone.
+    The odd part of each is what changes sign in the mirror. Its mean over its root mean square is
+    taken, of the three the largest. 0: both sides alike; 1: one side alone.
     """
     largest = 0.0
-    for both in (made.pose, made.motion[..., 1:2], made.motion[..., 2:]):
+    for both in (parts.pose, parts.motion[..., 1:2], parts.motion[..., 2:]):
         odd = (both[0] - both[1]) / 2
         square = float((odd**2).mean(0).sum())
         largest = max(largest, float(np.linalg.norm(odd.mean(0))) / max(square, 1e-24) ** 0.5)

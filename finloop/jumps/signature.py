@@ -1,4 +1,4 @@
-"""What is compared at a jump: a vector of numbers for every row and for its mirror image."""
+"""The signature of a row: the vector by which jumps are compared, for its mirror image too."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -50,10 +50,10 @@ class Straight:
         """Pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
         middle = (self.size - 1) / 2
         place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
-        one = Pose(*place, self.poses.shapes.mean)
+        target = Pose(*place, self.poses.shapes.mean)
         film, size = self.reel.film, (self.size, self.size)
         return np.stack([
-            draw(film[int(row)], self.poses.pose[row], one, size, sharp=False) for row in rows
+            draw(film[int(row)], self.poses.pose[row], target, size, sharp=False) for row in rows
         ])  # fmt: skip
 
 
@@ -69,7 +69,7 @@ def _components(straight: Straight, count: int) -> Floats:
     for start in range(0, n, _LOT):
         lot = straight(np.arange(start, min(start + _LOT, n)))
         sides = (lot, lot[:, ::-1])
-        lots.append(np.stack([(one.reshape(len(lot), -1) - mean) @ axes for one in sides]))
+        lots.append(np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides]))
     return np.concatenate(lots, axis=1).astype(float)
 
 
@@ -77,12 +77,12 @@ def parts(reel: Reel, poses: FilmPoses, settings: Settings) -> Parts:
     """The parts of all rows; poses: of the reel's rows."""
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
-    change = np.stack([_slope(one, reel.goes_on, span) for one in pose])
+    change = np.stack([_slope(codes, reel.goes_on, span) for codes in pose])
     look = _components(Straight(reel, poses, settings.look_px), settings.look_numbers)
     return Parts(pose, change, _motion(reel, span), look)
 
 
-def signatures(made: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
+def signatures(row_parts: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
     """What rows [0] and their mirror images [1] are compared by, (2, n, d), in natural steps.
 
     The parts side by side, each divided by its deviation over the film, times its weight. A natural
@@ -90,7 +90,7 @@ def signatures(made: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floa
     """
     weights = (settings.pose, settings.change, settings.motion, settings.look)
     sides = [scaled(part, name == "motion") * weight for (name, part), weight in
-             zip(made._asdict().items(), weights, strict=True)]  # fmt: skip
+             zip(row_parts._asdict().items(), weights, strict=True)]  # fmt: skip
     values = np.concatenate(sides, axis=-1)
     step = np.median(np.linalg.norm(values[0, ends[1]] - values[0, ends[0]], axis=-1))
     return values / max(float(step), 1e-12)
@@ -120,9 +120,9 @@ def _motion(reel: Reel, span: int) -> Floats:
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.lengths_px[:, None]
     heading = features["heading_deg"].to_numpy(float)
     unwrapped = np.concatenate([
-        np.unwrap(one, period=360)
-        for one in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
+        np.unwrap(track, period=360)
+        for track in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
     ])  # fmt: skip
-    moved = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span)
-    speed = np.column_stack([ahead_left(moved[:, :2], np.radians(heading)), moved[:, 2]])
+    velocity = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span)
+    speed = np.column_stack([ahead_left(velocity[:, :2], np.radians(heading)), velocity[:, 2]])
     return np.stack([speed, speed * (1, -1, -1)])

@@ -1,8 +1,8 @@
-"""The graph of video loops: where film can go on, and where it cannot (fish paper Figs. 10, 12).
+"""The graph of video loops, and its dead ends (fish paper Figs. 10, 12).
 
 An *end* is a row of the feature table at which a loop begins or ends. Coming to one, the fish has
 a choice: to play on, or to jump to the other end of one of its loops. The film from an end to the
-next one of its track is a *segment*; it is named by the end it begins at.
+next end of its track is a *segment*; the number of a segment is that of its first end.
 """
 
 import heapq
@@ -34,13 +34,13 @@ class LoopGraph:
     start: NDArray[np.int32]
     to: NDArray[np.int32]
     distance: NDArray[np.float32]
-    # (m,) strongly connected component of the segment that begins at the end; 0 holds the most
-    # film. After segment k comes segment `ahead[k]`, or one to which there is a jump from there.
-    # A segment that cannot be reached again has a component of its own
+    # (m,) strongly connected component of each segment; 0 holds the most film. Segment k is
+    # followed by segment `ahead[k]`, or by one that the end `ahead[k]` has a jump to. A segment
+    # that cannot be reached again has a component of its own
     component: NDArray[np.int32]
     cyclic: Mask  # (m,) whether the segment can be reached again from itself
-    # (m,) whether one can play on for ever from the segment that begins at the end. So at end k:
-    # play on if `endless[k]`, jump to t if `endless[t]`
+    # (m,) whether the film can play for ever from the start of the segment. So at end k: play on
+    # if `endless[k]`, jump to t if `endless[t]`
     endless: Mask
 
     def jumps(self, end: int) -> NDArray[np.int32]:
@@ -88,14 +88,14 @@ def _following(
 
 
 def _components(following: csr_array, frames: NDArray[np.int32]) -> tuple[NDArray[np.int32], Mask]:
-    """Strongly connected components (m,), most film first, and which segments come round again."""
+    """Strongly connected components (m,), most film first, and which segments are on a cycle."""
     count, name = connected_components(following, directed=True, connection="strong")
     cyclic = (np.bincount(name, minlength=count) > 1)[name] | (following.diagonal() > 0)
     return ranked(name, frames * cyclic), cyclic
 
 
 def ranked(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDArray[np.int32]:
-    """New numbers of groups (n,) 0, 1 …: the heaviest first, of equal ones that which comes first.
+    """New group numbers (n,), 0 for the heaviest group; ties go to the group that comes first.
 
     weight (n,): of each member; None: 1.
     """
@@ -107,10 +107,10 @@ def ranked(name: NDArray[np.integer], weight: NDArray[Any] | None = None) -> NDA
 
 @kernel
 def endless_rows(more, end, start, to):  # type: ignore[no-untyped-def]
-    """Rows (n,) from which one can play for ever: all but those that only lead to ends of tracks.
+    """Rows (n,) from which the film can play for ever; from all others it ends with a track.
 
     more (n,): whether a row is followed by another; end (n,): the loop end at a row, −1 for none;
-    the film can go on at `to[start[k]:start[k + 1]]` in place of end k. Rows that lead nowhere are
+    from end k the film can jump to `to[start[k]:start[k + 1]]`. Rows without a successor are
     removed until nothing changes.
     """
     n = more.size
@@ -165,18 +165,17 @@ def routes(
 ) -> list[list[Leg]]:
     """Fig. 10: the `most` best ways from one end to another, by index.
 
-    The best way has the fewest frames, a jump counting as `jump_frames`: the more, the longer the
-    film plays between jumps. Each way is a list of (from row, to row, "play" | "jump"), from one
-    end to the next. It may come through an end again (GHCDEBCDEF does), but takes no jump twice,
-    and plays on between jumps: two frames that are like a third need not be alike. No more than
-    `most` ways are followed through any end.
+    The best way has the fewest frames, where a jump counts as `jump_frames`. Each way is a list of
+    (from row, to row, "play" | "jump"), from one end to the next. It may pass an end twice
+    (GHCDEBCDEF does), but takes no jump twice. There is film between two jumps, for two frames that
+    are like a third need not be alike. The search follows at most `most` ways through any end.
     """
-    left = _least_cost(graph, target_end, jump_frames)
+    rest = _least_cost(graph, target_end, jump_frames)
     ways: list[list[Leg]] = []
-    # (cost to the target at best, order of arrival, cost so far, end, way so far)
+    # (least cost of the whole way, order of arrival, cost so far, end, way so far)
     queue: list[tuple[float, int, float, int, tuple[Leg, ...]]]
-    queue = [(left[source_end], 0, 0, source_end, ())]
-    followed: dict[tuple[int, bool], int] = {}
+    queue = [(rest[source_end], 0, 0, source_end, ())]
+    visits: dict[tuple[int, bool], int] = {}
     arrival = 0
     while queue and len(ways) < most:
         _, _, cost, end, way = heapq.heappop(queue)
@@ -184,23 +183,23 @@ def routes(
             ways.append(list(way))
             continue
         jumped = bool(way) and way[-1][2] == JUMP
-        followed[end, jumped] = followed.get((end, jumped), 0) + 1
-        if followed[end, jumped] > most:
+        visits[end, jumped] = visits.get((end, jumped), 0) + 1
+        if visits[end, jumped] > most:
             continue
         choices = [] if jumped else [(int(to), JUMP, jump_frames) for to in graph.jumps(end)]
         if graph.ahead[end] >= 0:
             choices.append((int(graph.ahead[end]), PLAY, float(graph.frames[end])))
         for to, how, more in choices:
             leg = int(graph.ends[end]), int(graph.ends[to]), how
-            if np.isfinite(left[to]) and not (how == JUMP and leg in way):
+            if np.isfinite(rest[to]) and not (how == JUMP and leg in way):
                 arrival += 1
-                best = cost + more + left[to]
+                best = cost + more + rest[to]
                 heapq.heappush(queue, (best, arrival, cost + more, to, (*way, leg)))
     return ways
 
 
 def _least_cost(graph: LoopGraph, target: int, jump_frames: float) -> Floats:
-    """What it costs at least to come from an end (m,) to `target`; inf where no way leads."""
+    """The least cost from each end (m,) to `target`; inf where there is no way."""
     m = len(graph.ends)
     played = np.flatnonzero(graph.ahead >= 0)
     jumped = np.repeat(np.arange(m), np.diff(graph.start))

@@ -1,4 +1,4 @@
-"""Position table: where the fish gets to by playing on from one end to another (Fig. 11).
+"""Position table: the direction in which the fish swims between two ends of loops (Fig. 11).
 
 y is up here, against the film's rows: quadrants are counted anticlockwise from the upper right.
 """
@@ -45,10 +45,10 @@ def displacement(x: Reals, y: Reals, a: Any, b: Any) -> tuple[Reals, Reals]:
     return x[b] - x[a], y[a] - y[b]
 
 
-def shown_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
-    """The ends, at most 26, that a table for people shows: those of the track that has the most.
+def table_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
+    """At most 26 ends for a table that people read: those of the track with the most ends.
 
-    Where there are more, those nearest to moments spread evenly over the track.
+    Where it has more, those nearest to moments spread evenly over the track.
     """
     tracks, count = np.unique(track_id[ends], return_counts=True)
     mine = ends[track_id[ends] == tracks[count.argmax()]]
@@ -61,7 +61,7 @@ def shown_ends(ends: Rows, track_id: Rows) -> NDArray[np.int32]:
 def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
     """Fig. 11c: a row and a column for each end, A, B …; the quadrant of the later one, or "".
 
-    `ends` : rising rows of the feature table. To the end of another track nothing is played.
+    `ends` : rising rows of the feature table. A cell of two tracks is empty.
     """
     x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
     track = features["track_id"].to_numpy()[ends]

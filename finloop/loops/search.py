@@ -85,7 +85,7 @@ def find(
     loops, counts = _candidates(pairs, features, settings.threshold * step, settings)
     if loops.empty:
         raise _none(pairs, features, step, settings)
-    loops = loops[chosen(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
+    loops = loops[keep_best(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
     loops = loops.reset_index(drop=True)
     track = features["track_id"].to_numpy()
     a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
@@ -220,8 +220,8 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
 
     Played between its ends, a loop within one track travels from a to b, whatever the fish does on
     the way; its heading is the mean over it (none where the fish turns round). And at either end of
-    any loop the fish must swim the way it is headed: a swap of head and tail, or a fish adrift, is
-    no place to jump to. Who moved less than `MOVED` body lengths has no direction of travel.
+    any loop the fish must swim the way it is headed: head and tail may be swapped, or the fish
+    adrift. A fish that moved less than `MOVED` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
     x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
@@ -247,19 +247,19 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     return bad
 
 
-def chosen(a: Rows, b: Rows, most: int) -> Mask:
-    """Which of the loops (n,), best first, are kept so that no end has more than `most`."""
-    return _chosen(a, b, np.zeros(b.max() + 1, np.int32), most)
+def keep_best(a: Rows, b: Rows, most: int) -> Mask:
+    """Mask (n,) of the loops, best first, that leave no end with more than `most` loops."""
+    return _keep_best(a, b, np.zeros(b.max() + 1, np.int32), most)
 
 
 @kernel
-def _chosen(a, b, used, most):  # type: ignore[no-untyped-def]
+def _keep_best(a, b, count, most):  # type: ignore[no-untyped-def]
     keep = np.zeros(len(a), np.bool_)
     for p in range(len(a)):
-        if used[a[p]] < most and used[b[p]] < most:
+        if count[a[p]] < most and count[b[p]] < most:
             keep[p] = True
-            used[a[p]] += 1
-            used[b[p]] += 1
+            count[a[p]] += 1
+            count[b[p]] += 1
     return keep
 
 
@@ -279,8 +279,8 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
     part = np.empty(2 * n, np.int64)
     part[order] = parts
     size = int(parts[-1]) + 1
-    joined = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
-    _, name = connected_components(joined, directed=False)
+    overlaps = coo_array((np.ones(n, np.int8), (part[:n], part[n:])), (size, size))
+    _, name = connected_components(overlaps, directed=False)
     return ranked(name[part[:n]])
 
 

@@ -33,8 +33,8 @@ def draw(
     Drawn in its own pose at its own place it is the frame itself.
     """
     source = line(pose, cutout.x0_px, cutout.y0_px)
-    laid = Laid(cutout.pixels, source, line(target), mirrored, sharp)
-    return laid.in_box((0, 0, *size))
+    strip = Laid(cutout.pixels, source, line(target), mirrored, sharp)
+    return strip.in_box((0, 0, *size))
 
 
 class Laid:
@@ -61,12 +61,12 @@ class Laid:
         return canvas
 
 
-def blend(one: Premultiplied, other: Premultiplied, weight: float) -> Premultiplied:
-    """Two pictures (h, w, c) of one pose: 1 − weight of the one and weight of the other.
+def blend(first: Premultiplied, second: Premultiplied, weight: float) -> Premultiplied:
+    """Two pictures (h, w, c) of one pose, mixed: 1 − weight of the first, weight of the second.
 
     Light and skin go over; the shape, which is the same, stays.
     """
-    return cv2.addWeighted(one, 1 - weight, other, weight, 0)
+    return cv2.addWeighted(first, 1 - weight, second, weight, 0)
 
 
 def line(pose: Pose, x0_px: float = 0.0, y0_px: float = 0.0) -> Line:

@@ -141,10 +141,10 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def _span(y, one, other):  # type: ignore[no-untyped-def]
+def _span(y, front, rear):  # type: ignore[no-untyped-def]
     """From which x to which a row is between two cross-sections."""
-    (ax, ay), (anx, any_), _ = one
-    (bx, by), (bnx, bny), _ = other
+    (ax, ay), (anx, any_), _ = front
+    (bx, by), (bnx, bny), _ = rear
     start, stop = -HIDDEN, HIDDEN
     if abs(any_) > 1e-9:
         cut = ax + (y - ay) * anx / any_
@@ -157,29 +157,29 @@ def _span(y, one, other):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
-    """Draw one step of the strip, `part`: which, and how far to its left and right."""
+    """Draw a step of the strip. part: its number, its reach to the left and to the right."""
     height, width, channels = canvas.shape
     (there, here), (i, left, right) = strips, part
-    one, other = _section(here, i), _section(here, i + 1)
-    (ax, ay), (anx, any_), _ = one
-    (bx, by), (bnx, bny), _ = other
-    film_one, film_other = _section(there, i), _section(there, i + 1)
+    front, rear = _section(here, i), _section(here, i + 1)
+    (ax, ay), (anx, any_), _ = front
+    (bx, by), (bnx, bny), _ = rear
+    film_front, film_rear = _section(there, i), _section(there, i + 1)
     xs = (ax + left * anx, ax - right * anx, bx + left * bnx, bx - right * bnx)
     ys = (ay + left * any_, ay - right * any_, by + left * bny, by - right * bny)
     top, left_px = corner
     low, high = max(min(xs), left_px), min(max(xs), left_px + width - 1.0)
     first, last = max(min(ys), top), min(max(ys), top + height - 1.0)
     for y in range(math.ceil(first), math.floor(last) + 1):
-        start, stop = _span(y, one, other)
+        start, stop = _span(y, front, rear)
         for x in range(math.ceil(max(start, low)), math.floor(min(stop, high)) + 1):
             before = (x - ax) * any_ - (y - ay) * anx
             after = (bx - x) * bny - (by - y) * bnx
             if min(before, after) < -_SEAM or before + after < _SEAM:
                 continue
             share = before / (before + after)
-            t, along = _beside(x, y, one, other, share)
+            t, along = _beside(x, y, front, rear, share)
             at = t * how.across, along * how.across, share
-            u, v = _place(at, film_one, film_other, how.mirrored)
+            u, v = _place(at, film_front, film_rear, how.mirrored)
             if u >= HIDDEN:
                 continue
             red, green, blue, alpha = _cubic(film, u, v) if how.sharp else _linear(film, u, v)
@@ -193,13 +193,13 @@ def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-d
 
 
 @finite_kernel
-def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
+def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
     """How far [px] (x, y) lies beside the backbone, + = left, on the strip, and along it.
 
-    Both from the cross-section at `share` between `one` and `other`.
+    Both from the cross-section at `share` between `front` and `rear`.
     """
-    (ax, ay), (anx, any_), (aleft, aright) = one
-    (bx, by), (bnx, bny), (bleft, bright) = other
+    (ax, ay), (anx, any_), (aleft, aright) = front
+    (bx, by), (bnx, bny), (bleft, bright) = rear
     nx, ny = anx + share * (bnx - anx), any_ + share * (bny - any_)
     dx, dy = x - ax - share * (bx - ax), y - ay - share * (by - ay)
     norm = 1 / (nx * nx + ny * ny)
@@ -210,14 +210,14 @@ def _beside(x, y, one, other, share):  # type: ignore[no-untyped-def]
 
 
 @finite_kernel
-def _place(at, one, other, mirrored):  # type: ignore[no-untyped-def]
+def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
     """Where (u, v) [px] in the film lies a place of the strip; the inverse of `_beside`.
 
     at: how far beside the backbone and along it, px of the film, and the share from the section
-    `one` to `other`. (HIDDEN, HIDDEN) where the film's pose does not show it.
+    `front` to `rear`. (HIDDEN, HIDDEN) where the film's pose does not show it.
     """
-    (ax, ay), (anx, any_), (aleft, aright) = one
-    (bx, by), (bnx, bny), (bleft, bright) = other
+    (ax, ay), (anx, any_), (aleft, aright) = front
+    (bx, by), (bnx, bny), (bleft, bright) = rear
     t, along, share = at
     if mirrored:
         t = -t

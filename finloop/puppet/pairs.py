@@ -1,4 +1,4 @@
-"""How far pictures are apart once the one is drawn in the other's pose (Eq. 5), pair by pair."""
+"""Eq. 5 of pairs of pictures, the second drawn in the pose of the first."""
 
 import math
 from typing import NamedTuple
@@ -41,13 +41,13 @@ def apart_in_pose(film: Posed, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
 def nearest_in_pose(
     film: Posed, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
-    """As `apart_in_pose`, of no more pairs than the `count` best of every row need.
+    """As `apart_in_pose`, but only for pairs that can be among the `count` best of their row.
 
-    rows: rising. to: to which pictures (k,), mirrored or not, and (k,) how far each is at least,
-    rising with each row. A pair is worth the larger of that and the square of Eq. 5 in `unit`. −1
-    where others are better, whatever is seen.
+    rows: rising. to: the second pictures (k,), whether they are mirrored, and the least cost (k,)
+    of each pair, rising within each row. The cost of a pair is the larger of that and the square
+    of Eq. 5 in `unit`. −1 for pairs that are not drawn.
     """
-    other, mirrored, least = to
+    partner, mirrored, least = to
     apart = np.full(len(rows), -1.0)
     canvas = np.empty(film.pictures.shape[1:], np.float32)
     best = np.empty(count)
@@ -57,7 +57,7 @@ def nearest_in_pose(
             many = 0
         if many == count and least[k] > best[-1]:
             continue
-        pair = rows[k], other[k], mirrored[k]
+        pair = rows[k], partner[k], mirrored[k]
         apart[k] = _apart(film, pair, canvas)
         worth = max(least[k], (apart[k] / unit) ** 2)
         if many == count and worth >= best[-1]:
@@ -73,24 +73,24 @@ def nearest_in_pose(
 
 @finite_kernel
 def _apart(film, pair, canvas):  # type: ignore[no-untyped-def]
-    """Eq. 5 of a pair: picture, other picture, whether that is mirrored. canvas: (s, s, c)."""
+    """Eq. 5 of a pair: picture, partner, whether the partner is mirrored. canvas: (s, s, c)."""
     pictures, postures, size_px = film
     row, to, mirrored = pair
     side, channels = pictures.shape[1], pictures.shape[3]
     middle, unit = (side - 1) / 2, np.float32(1 / 255)
     here = Line(middle, middle, 0.0, size_px, postures[row])
     there = Line(middle, middle, 0.0, size_px, postures[to])
-    one, other = pictures[row], pictures[to].astype(np.float32)
+    picture, partner = pictures[row], pictures[to].astype(np.float32)
     how = How(1.0, mirrored, False)
     canvas[:] = 0
     # No literals: for those numba would compile all that `paint` calls once more.
-    paint(canvas, other, plan(other, there, here, how), how, (np.int64(0), np.int64(0)))
+    paint(canvas, partner, plan(partner, there, here, how), how, (np.int64(0), np.int64(0)))
     posed = plain = 0.0
     for y in range(side):
         from_y = side - 1 - y if mirrored else y
         for x in range(side):
             for c in range(channels):
-                wanted = one[y, x, c] * unit
-                posed += (canvas[y, x, c] - wanted) ** 2
-                plain += (other[from_y, x, c] * unit - wanted) ** 2
+                target = picture[y, x, c] * unit
+                posed += (canvas[y, x, c] - target) ** 2
+                plain += (partner[from_y, x, c] * unit - target) ** 2
     return math.sqrt(min(posed, plain))

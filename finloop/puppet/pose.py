@@ -97,10 +97,10 @@ def steps(posture: Floats) -> Floats:
 
 def mirrored(posture: Floats) -> Floats:
     """Postures (…, 2 + 2 n), left and right exchanged."""
-    other = posture.copy()
-    other[..., _LEFT] *= -1
-    bends(other)[...] *= -1
-    return other
+    copy = posture.copy()
+    copy[..., _LEFT] *= -1
+    bends(copy)[...] *= -1
+    return copy
 
 
 def filmed(features: pd.DataFrame, backbones: Reals) -> Pose:

@@ -93,8 +93,8 @@ def _limits(points, normals):  # type: ignore[no-untyped-def]
         for j in range(first, last + 1):
             dx, dy = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
             square = dx * dx + dy * dy + LEAST**2
-            bent = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / square
-            curve[i, 0], curve[i, 1] = max(curve[i, 0], bent), max(curve[i, 1], -bent)
+            curvature = 2 * (dx * normals[i, 0] + dy * normals[i, 1]) / square
+            curve[i, 0], curve[i, 1] = max(curve[i, 0], curvature), max(curve[i, 1], -curvature)
     return 1 / curve
 
 

@@ -56,7 +56,7 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
         If a page cannot hold the pictures of one sequence in one orientation.
     """
     groups = list(_groups(sprites, index))
-    made: list[Page] = []
+    atlas: list[Page] = []
     while groups:
         fit = _most(groups, page_px)
         if fit == 0:
@@ -67,9 +67,9 @@ def pages(sprites: pd.DataFrame, index: pd.DataFrame, page_px: int) -> list[Page
                 "a page for at least one sequence in one orientation",
                 "raise sprites.page_px, or list fewer frames",
             )
-        made.append(_smallest([spot for group in groups[:fit] for spot in group], page_px))
+        atlas.append(_smallest([spot for group in groups[:fit] for spot in group], page_px))
         groups = groups[fit:]
-    return made
+    return atlas
 
 
 def _groups(sprites: pd.DataFrame, index: pd.DataFrame) -> Iterator[list[Spot]]:
@@ -109,7 +109,7 @@ def _smallest(spots: list[Spot], page_px: int) -> Page:
 
 def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
     """Pack rows of pictures, highest first; None if they do not fit. The order stays as given."""
-    placed: dict[str, Spot] = {}
+    places: dict[str, Spot] = {}
     x = y = PADDING
     shelf = right = 0
     for spot in sorted(spots, key=lambda s: (-s.height, -s.width)):
@@ -117,10 +117,10 @@ def _shelves(spots: list[Spot], width: int, height: int) -> Page | None:
             x, y, shelf = PADDING, y + shelf + PADDING, 0
         if x + spot.width + PADDING > width or y + spot.height + PADDING > height:
             return None
-        placed[spot.name] = spot._replace(x=x, y=y)
+        places[spot.name] = spot._replace(x=x, y=y)
         x += spot.width + PADDING
         shelf, right = max(shelf, spot.height), max(right, x)
-    return Page(right, y + shelf + PADDING, [placed[spot.name] for spot in spots])
+    return Page(right, y + shelf + PADDING, [places[spot.name] for spot in spots])
 
 
 def picture(page: Page, pixels: Callable[[int, int], NDArray[np.uint8]]) -> NDArray[np.uint8]:
@@ -148,25 +148,25 @@ def straight_alpha(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     # Whole-number division with rounding: (2·255·c + a) // 2a.
     divisor = np.maximum(alpha, 1).astype(np.uint32)[..., None]
     colour = ((510 * pixels[..., :3].astype(np.uint32) + divisor) // (2 * divisor)).astype(np.uint8)
-    known = (alpha > 0).astype(np.uint8)
-    colour *= known[..., None]
+    coloured = (alpha > 0).astype(np.uint8)
+    colour *= coloured[..., None]
     for _ in range(BLEED):
-        count = cv2.boxFilter(known, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
+        count = cv2.boxFilter(coloured, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
         total = cv2.boxFilter(colour, cv2.CV_16U, (3, 3), normalize=False, borderType=0)
-        new = (known == 0) & (count > 0)
+        new = (coloured == 0) & (count > 0)
         colour[new] = (total[new] / count[new][:, None]).round().astype(np.uint8)
-        known |= new.astype(np.uint8)
+        coloured |= new.astype(np.uint8)
     return np.dstack([colour, alpha])
 
 
 def document(
-    made: list[Page], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
+    atlas: list[Page], number: int, sprites: pd.DataFrame, index: pd.DataFrame, rate_hz: float
 ) -> dict[str, Any]:
     """The JSON of page `number`: everything an engine needs, and each step's motion besides.
 
     All frames have the same untrimmed size, its middle within a pixel of the mass centre.
     """
-    page, reach = made[number], _reach(sprites, index)
+    page, reach = atlas[number], _reach(sprites, index)
     duration = round(1000 / rate_hz)
     centres = sprites[["x_px", "y_px"]].to_numpy()
     corners = index.set_index(_KEY)[["x0_px", "y0_px"]]
@@ -193,9 +193,9 @@ def document(
         ],
         "motion": _motion(sprites),
     }  # fmt: skip
-    if len(made) > 1:
-        others = [f"atlas-{n}.json" for n in range(len(made)) if n != number]
-        meta["related_multi_packs"] = others
+    if len(atlas) > 1:
+        packs = [f"atlas-{n}.json" for n in range(len(atlas)) if n != number]
+        meta["related_multi_packs"] = packs
     return {"frames": frames, "animations": groups, "meta": meta}
 
 

@@ -39,7 +39,7 @@ def beats(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
             "lopsided": np.abs(tail.mean(1)) / swing / settings.lopsided,
         }
         parts.append(pd.DataFrame({"start": at, "length": n, "swing": swing, **faults}))
-    waves = _joined(parts)
+    waves = _concat(parts)
     if waves.empty:
         return waves
     beat = waves["swing"].between(settings.swing_least, settings.swing_most)
@@ -69,7 +69,7 @@ def slides(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
                 "short": least / n,
             }
             parts.append(pd.DataFrame({"start": at, "length": n, **faults}))
-        glides = _joined(parts)
+        glides = _concat(parts)
         if not glides.empty:
             still = glides[glides["tail moves"] <= 1]
             return glides if still.empty else still
@@ -77,14 +77,14 @@ def slides(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
 
 
 def calm(table: pd.DataFrame, delta: int, settings: Settings) -> pd.DataFrame:
-    """What stands in for a tail beat where there is none: glides, a row each as in `slides`.
+    """Glides that stand in for a tail beat where there is none: a row each as in `slides`.
 
     They are of straight swimming, else of any swimming, else of any frames, usable or not.
     """
     as_straight = table.assign(type=np.int8(STRAIGHT))
-    for one in (table, as_straight, as_straight.assign(usable=True)):
-        if not (found := slides(one, delta, settings)).empty:
-            return found
+    for rows in (table, as_straight, as_straight.assign(usable=True)):
+        if not (glides := slides(rows, delta, settings)).empty:
+            return glides
     return pd.DataFrame()
 
 
@@ -127,7 +127,7 @@ def _crowded(alone: Reals, settings: Settings) -> Floats:
     return np.clip(2 - alone / settings.alone, 0, 1)
 
 
-def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
+def _concat(parts: list[pd.DataFrame]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
 
@@ -167,7 +167,7 @@ def turns(table: pd.DataFrame, side: int, settings: Settings) -> pd.DataFrame:
 
 
 def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
-    """What stands in for a whole turn to one side: every bend to it, a row each as in `beats`.
+    """Bends that stand in for a whole turn to one side: a row each as in `beats`.
 
     A bend runs from a minimum of bending to the next one.
     """
@@ -180,20 +180,20 @@ def bends(table: pd.DataFrame, side: int) -> pd.DataFrame:
             peak = float(bend[first : last + 1].max())
             if last - first >= 2 and peak > max(0.0, bend[first], bend[last]):
                 rows.append({"start": first, "length": last - first + 1, "weaker": peak})
-    found = pd.DataFrame(rows)
-    if not found.empty:
-        found["weaker"] = 1 - found["weaker"] / found["weaker"].max()
-    return found
+    candidates = pd.DataFrame(rows)
+    if not candidates.empty:
+        candidates["weaker"] = 1 - candidates["weaker"] / candidates["weaker"].max()
+    return candidates
 
 
 def _minimal(bend: Reals) -> Mask:
-    """Where numbers (n,) are less than the one before and no more than the one after; the ends."""
+    """Local minima (n,): less than the number before, no more than the next; and the ends."""
     inner = (bend[1:-1] < bend[:-2]) & (bend[1:-1] <= bend[2:])
     return np.concatenate([[True], inner, [True]])[: len(bend)]
 
 
 def _peaks(bend: Reals, turning: Mask) -> NDArray[np.intp]:
-    """Frames that are bent more than the one before and no less than the one after."""
+    """Local maxima of the bend among turning frames."""
     inner = np.flatnonzero((bend[1:-1] > bend[:-2]) & (bend[1:-1] >= bend[2:])) + 1
     return inner[turning[inner] & (bend[inner] > 0)]
 
@@ -209,8 +209,8 @@ def _turn(
     if before >= span.start and abs(bend[before]) < settings.bent * bend[peak]:
         first = before
     inside = slice(first, last + 1)
-    held = np.flatnonzero(bend[inside] >= settings.hold * bend[peak]) + first
-    if first == held[0] or last == held[-1] or last + 1 >= span.stop:
+    strong = np.flatnonzero(bend[inside] >= settings.hold * bend[peak]) + first
+    if first == strong[0] or last == strong[-1] or last + 1 >= span.stop:
         return None
     if not table["usable"].to_numpy()[inside].all():
         return None

@@ -32,7 +32,7 @@ these fish, headed right, their mass centres in the middle, all of one length.""
 class Choice:
     """The film's frames for one sequence; `mirrored` where the other side's turn stands in.
 
-    stands_in: there is no tail beat, or no whole turn, and this is the most like one.
+    stands_in: the film has no tail beat, or no whole turn, and this is the best substitute.
     """
 
     stretch: Stretch
@@ -43,9 +43,9 @@ class Choice:
 def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> dict[str, Choice]:
     """The film's frames for each sequence of `WORDS`: those of the settings, else the best.
 
-    `table` is of `swimmers`; delta: Δ in frames. A side without a turn gets the other one mirrored;
-    where there is no tail beat or no whole turn at all, the most like one stands in. FinloopError
-    if the settings name frames that do not exist, or the fish never bends.
+    `table` is of `swimmers`; delta: Δ in frames. A side without a turn gets the opposite one
+    mirrored; a film without a tail beat or a whole turn gets the best substitute. FinloopError if
+    the settings name frames that do not exist, or the fish never bends.
     """
     sharp = _typical_sharpness(table, look, settings)
     stretches: dict[str, Sequence[Stretch]] = {}
@@ -72,16 +72,16 @@ def choose(table: pd.DataFrame, look: Look, delta: int, settings: Settings) -> d
             stretches[word] = best(word, bends(table, side))
             stands_in.add(word)
     _check(stretches)
-    chosen = {
+    choices = {
         word: Choice(s, stands_in=word in stands_in)
         for word, s in combination(table, stretches, settings).items()
     }
-    if "slide" not in chosen:  # nothing glides: the straightest there is
-        chosen["slide"] = chosen["straight"]
-    for word, other in (("left", "right"), ("right", "left")):
-        if word not in chosen:
-            chosen[word] = replace(chosen[other], mirrored=True)
-    return {word: chosen[word] for word in WORDS}
+    if "slide" not in choices:  # nothing glides: the straightest there is
+        choices["slide"] = choices["straight"]
+    for word, opposite in (("left", "right"), ("right", "left")):
+        if word not in choices:
+            choices[word] = replace(choices[opposite], mirrored=True)
+    return {word: choices[word] for word in WORDS}
 
 
 def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> float:
@@ -93,7 +93,7 @@ def _typical_sharpness(table: pd.DataFrame, look: Look, settings: Settings) -> f
 
 
 def _check(stretches: dict[str, Sequence[Stretch]]) -> None:
-    """FinloopError where the film has nothing that can stand in for a tail beat, or for a turn."""
+    """FinloopError where the film has no substitute for a tail beat, or for a turn."""
     lacks = [] if stretches["straight"] else ["four frames of one track, one after the other"]
     if not (stretches["left"] or stretches["right"]):
         lacks.append("a fish that bends")
@@ -133,12 +133,12 @@ def best_of_tracks(
             more["does not close"] = closure(pictures)
         more["soft"] = max(0.0, 1 - float(np.median(sharpness(pictures))) / sharp) / settings.soft
         track = int(table["track_id"].iat[start])
-        one = Stretch(
+        stretch = Stretch(
             track, int(table["frame"].iat[start]), int(table["frame"].iat[start + n - 1]),
             slice(start, start + n), candidates.loc[at, faults].to_dict() | more,
         )  # fmt: skip
-        if track not in best or one.cost < best[track].cost:
-            best[track] = one
+        if track not in best or stretch.cost < best[track].cost:
+            best[track] = stretch
     return sorted(best.values(), key=lambda s: s.cost)
 
 
@@ -159,7 +159,7 @@ def sharpness(pictures: Reals) -> Floats:
 def combination(
     table: pd.DataFrame, stretches: dict[str, Sequence[Stretch]], settings: Settings
 ) -> dict[str, Stretch]:
-    """One stretch of each sequence; their faults and the changes of animal cost least together.
+    """One stretch of each sequence, with the least sum of faults and changes of animal.
 
     Another track than that of the first sequence costs `other_track`, and 1 for a relative
     difference of `size_off` in length, contrast and area, on average.
@@ -182,14 +182,14 @@ def combination(
 
     best: tuple[float, dict[str, Stretch]] = (np.inf, {})
     for first in stretches[words[0]]:
-        chosen = {words[0]: first}
+        choice = {words[0]: first}
         total = settings.cycle_weight * first.cost
         for word in words[1:]:
-            price, chosen[word] = min(
+            price, choice[word] = min(
                 ((s.cost + strange(first.track_id, s.track_id), s) for s in stretches[word]),
                 key=lambda priced: priced[0],
             )
             total += price
         if total < best[0]:
-            best = (total, chosen)
+            best = (total, choice)
     return best[1]

@@ -44,12 +44,12 @@ def numbers(
 ) -> dict[str, float]:
     """Flat numbers about the picks, for metrics.json; `table` is that of swimmers."""
     sequences = dict(iter(sprites.groupby("sequence", sort=False)))
-    picked = sprites[["track_id", "frame"]].drop_duplicates()
+    frames_used = sprites[["track_id", "frame"]].drop_duplicates()
     result: dict[str, float] = {
         "sprites": len(sprites),
         "pictures": len(sprites) * orientations_of(sprites),
-        "picked_of_fish_frames_pct": 100 * len(picked) / len(table),
-        "picked_of_film_frames_pct": 100 * picked["frame"].nunique() / frames,
+        "picked_of_fish_frames_pct": 100 * len(frames_used) / len(table),
+        "picked_of_film_frames_pct": 100 * frames_used["frame"].nunique() / frames,
         "tracks_used": sprites["track_id"].nunique(),
         "scale_min": sprites["scale"].min(),
         "scale_max": sprites["scale"].max(),
@@ -93,13 +93,13 @@ def is_still(choice: Choice, table: pd.DataFrame, delta: int, settings: Settings
     return long and float(np.ptp(tail)) <= settings.still
 
 
-def faults(chosen: dict[str, Choice]) -> pd.DataFrame:
+def faults(choices: dict[str, Choice]) -> pd.DataFrame:
     """Why these frames: every fault of each choice, in units of what is just acceptable."""
     return pd.DataFrame(
         [
             (word, f"{s.track_id}:{s.first}-{s.last}", name, value)
-            for word, one in chosen.items()
-            for s in [one.stretch]
+            for word, choice in choices.items()
+            for s in [choice.stretch]
             for name, value in (s.faults or {"listed by hand": 0.0}).items()
         ],
         columns=["sequence", "frames", "fault", "value"],

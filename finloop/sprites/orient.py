@@ -34,10 +34,10 @@ SPRITES = Schema(
 
 
 def sprite_table(
-    table: pd.DataFrame, chosen: dict[str, Choice], settings: Settings
+    table: pd.DataFrame, choices: dict[str, Choice], settings: Settings
 ) -> pd.DataFrame:
     """The rows of `SPRITES`: every frame of the choice, its heading and its motion."""
-    rows = pd.concat([_sequence(table, word, one, settings) for word, one in chosen.items()])
+    rows = pd.concat([_sequence(table, word, choice, settings) for word, choice in choices.items()])
     rows.insert(0, "sprite", np.arange(len(rows)))
     return rows.reset_index(drop=True)[SPRITES.names]
 
@@ -112,12 +112,12 @@ def _with_next(table: pd.DataFrame, stretch: Stretch) -> slice:
     return slice(stretch.rows.start, after + int(more))
 
 
-def drawn(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
+def sprite_cutouts(sprites: pd.DataFrame, film: Cutouts) -> Iterator[Cutout]:
     """Every sprite in all orientations, in the order of `finloop.reel.sprite_row`."""
     for row in sprites.itertuples():
         cutout = film[row.row]
         mirror = row.heading_deg if row.mirrored else None
         for orientation in range(1, row.orientations + 1):
             turn = float(direction_deg(orientation, row.orientations)) - row.heading_deg
-            one = turned(cutout, row.x_px, row.y_px, turn, mirror)
-            yield one._replace(sprite=row.sprite, orientation=orientation)
+            sprite = turned(cutout, row.x_px, row.y_px, turn, mirror)
+            yield sprite._replace(sprite=row.sprite, orientation=orientation)

@@ -79,17 +79,17 @@ def from_text(table: pd.DataFrame, word: str, text: str, hold: float) -> Stretch
 
 
 def phases(table: pd.DataFrame, stretch: Stretch, side: int, hold: float) -> list[str]:
-    """in, hold, out of each frame of a turn; ["none"] where there is no bend amid it.
+    """The phase of each frame of a turn: in, hold or out; ["none"] where no bend lies within it.
 
-    A turn is held from the share `hold` of its largest bend.
+    The phase is hold where the bend is at least the share `hold` of its largest.
     """
     bend = side * table["bend"].to_numpy()[stretch.rows]
     peak = int(bend.argmax())
     if bend[peak] <= 0 or peak in (0, len(bend) - 1):
         return ["none"]
-    held = bend >= hold * bend[peak]
-    first = peak - int(np.argmin(np.r_[held[:peak][::-1], False]))
-    last = peak + int(np.argmin(np.r_[held[peak + 1 :], False]))
+    strong = bend >= hold * bend[peak]
+    first = peak - int(np.argmin(np.r_[strong[:peak][::-1], False]))
+    last = peak + int(np.argmin(np.r_[strong[peak + 1 :], False]))
     first, last = max(first, 1), min(last, len(bend) - 2)
     return ["in"] * first + ["hold"] * (last - first + 1) + ["out"] * (len(bend) - 1 - last)
 

@@ -67,7 +67,7 @@ def _mapped(source: Cutout, pivot: Floats, linear: Floats) -> Cutout:
 
 
 def _limited(canvas: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """What the filter overshoots, brought back to 0 ≤ colour ≤ alpha ≤ 255.
+    """The canvas with 0 ≤ colour ≤ alpha ≤ 255, which the filter overshoots.
 
     Where alpha exceeds 255 the colour is lowered with it: else edges would shine.
     """

@@ -12,7 +12,7 @@ from finloop.io.record import load_record
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph
-from finloop.loops.positions import position_table, shown_ends
+from finloop.loops.positions import position_table, table_ends
 from finloop.loops.search import LOOPS, least_frames
 from finloop.loops.settings import Settings
 from finloop.plots import loops as draw
@@ -38,7 +38,7 @@ def main() -> None:
     track = features["track_id"].to_numpy()
     graph = loop_graph(loops, track)
     tank = load_picture(DATA / "extract/background.png")
-    ends = shown_ends(graph.ends, track)
+    ends = table_ends(graph.ends, track)
     save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, rate_hz))
     save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
     fig11 = draw.table_picture(position_table(ends, features), ends, features)

@@ -1,4 +1,4 @@
-"""What is seen at a jump: one row drawn in the pose of another, against that row itself (Eq. 5)."""
+"""The visible distance at a jump: a row drawn in the pose of another, against that one (Eq. 5)."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -20,8 +20,8 @@ _LOT = 1000  # pictures at a time
 
 
 @dataclass(frozen=True)
-class Seen:
-    """How far rows of a film are apart to the eye, where a jump is joined in their pose.
+class VisibleDistance:
+    """How far rows of a film are apart to the eye: Eq. 5 of two rows drawn in one pose.
 
     pictures: (n, s, s, c) of the rows, in their own postures (n, d), headed right; natural: the
     median of Eq. 5 from a row to the one a natural step later in its track.
@@ -32,7 +32,7 @@ class Seen:
     natural: float
 
     @classmethod
-    def of(cls, reel: Reel, poses: FilmPoses, size: int) -> "Seen":
+    def of(cls, reel: Reel, poses: FilmPoses, size: int) -> "VisibleDistance":
         """Draw the rows of a reel, `size` px across; poses: of the same rows."""
         middle, length = (size - 1) / 2, size / SPAN
         channels = reel.film[0].pixels.shape[2]
@@ -40,8 +40,8 @@ class Seen:
         for row in range(len(reel)):
             pose = poses.pose[row]
             here = pose.at(middle, middle, 0.0, length)
-            made = draw(reel.film[row], pose, here, (size, size), sharp=False)
-            pictures[row] = np.round(255 * made).clip(0, 255)
+            picture = draw(reel.film[row], pose, here, (size, size), sharp=False)
+            pictures[row] = np.round(255 * picture).clip(0, 255)
         ends = np.stack(reel.step_ends)
         step = [
             apart(*pictures[some].astype(np.float32) / 255)
@@ -59,10 +59,11 @@ class Seen:
         return self._of_all(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
 
     def best(self, near: pd.DataFrame, count: int) -> Floats:
-        """As a call of rows `near` (columns row, to, mirrored, far), of those that matter.
+        """Natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
 
-        Infinite where `count` others of a row are better, whatever is seen: a jump is worth the
-        larger of `far`, which rises with each row, and of what is seen, squared.
+        A jump costs the larger of `far`, which rises within each row, and the visible distance
+        squared. The distance is infinite where `count` other jumps of the row cost less: it is
+        not measured there.
         """
         rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
@@ -74,9 +75,9 @@ class Seen:
 
         starts = np.flatnonzero(np.diff(rows, prepend=-1))
         few = np.array_split(starts, numba.get_num_threads())[1:]
-        parts = np.split(np.arange(len(rows)), [one[0] for one in few if len(one)])
-        seen = self._of_all(of_some, parts)
-        return np.where(seen < 0, np.inf, seen)
+        parts = np.split(np.arange(len(rows)), [lot[0] for lot in few if len(lot)])
+        steps = self._of_all(of_some, parts)
+        return np.where(steps < 0, np.inf, steps)
 
     def _of_all(self, of_some: Callable[[Ints], Floats], parts: list[Ints]) -> Floats:
         """Natural steps of all pairs, by threads: a kernel holds no lock."""
