@@ -48,23 +48,23 @@ def tracks_of(film: Path, pattern: str) -> str:
         )
     folder, name = escape(str(film.absolute().parent)), escape(film.stem)
     path = Path(pattern.replace("{folder}", folder).replace("{name}", name)).expanduser().absolute()
-    found = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
-    if len(found) != 1:
+    paths = sorted(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
+    if len(paths) != 1:
         raise FinloopError(
-            f"{len(found)} tracks of {film} lie at {path}" + "".join(f"\n    {f}" for f in found),
+            f"{len(paths)} tracks of {film} lie at {path}" + "".join(f"\n    {f}" for f in paths),
             "one file, or folder, of tracks for each film",
             "correct extract.tracks_path, so that it fits that file alone",
         )
-    return str(found[0])
+    return str(paths[0])
 
 
 def load_given(clip: Path, facts: VideoFacts, p: Settings) -> GivenTracks:
     """The tracks that the settings name, by frames of the clip; FinloopError if they cannot be."""
     software = None if p.tracks_software == "auto" else p.tracks_software
     poses = load_poses(Path(p.tracks_path or "").expanduser(), software, facts.frame_rate_hz)
-    shown = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
+    source_frames = load_table(clip / FRAMES_NAME, FRAMES)["source_frame"].to_numpy(np.int64)
     size = FilmSize(facts.source_frames, facts.width_px, facts.height_px)
-    return GivenTracks(*given_of(poses, shown, size, p), size)
+    return GivenTracks(*given_of(poses, source_frames, size, p), size)
 
 
 def check_given(
@@ -76,9 +76,9 @@ def check_given(
     sample = there[np.unique(spread.round().astype(int))].tolist()
     frames = read_spread(clip / CLIP_NAME, sample, colour=facts.colour)
     spots = [detector(frame, scene).spots for frame in frames]
-    found = fit(tracks.given, sample, spots, detector.typical.length_px)
-    refuse_other_film(tracks.given, found, tracks.film)
-    return found
+    agreement = fit(tracks.given, sample, spots, detector.typical.length_px)
+    refuse_other_film(tracks.given, agreement, tracks.film)
+    return agreement
 
 
 def save_given(folder: Path, given: Given, points: int) -> None:
@@ -95,7 +95,7 @@ def save_given(folder: Path, given: Given, points: int) -> None:
     save_table(folder / GIVEN_NAME, rows, GIVEN)
 
 
-def given_metrics(tracks: GivenTracks, followed: Followed, found: Fit) -> dict[str, float]:
+def given_metrics(tracks: GivenTracks, followed: Followed, agreement: Fit) -> dict[str, float]:
     """What became of the places of the file, as numbers for metrics.json."""
     total = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():
@@ -106,8 +106,8 @@ def given_metrics(tracks: GivenTracks, followed: Followed, found: Fit) -> dict[s
         **{f"places_{what.replace(' ', '_')}": total[what] for what in get_args(Outcome)},
         "places_in_short_runs": followed.short,
         "places_used_share": (total["used"] - followed.short) / max(1, total.total()),
-        "places_near_a_silhouette_share": found.share,
-        "places_near_by_chance_share": found.chance,
+        "places_near_a_silhouette_share": agreement.share,
+        "places_near_by_chance_share": agreement.chance,
         "animals": len({animal for animal, _ in followed.outcomes}),
         "animals_used": len({animal for animal, what in followed.outcomes if what == "used"}),
         "frames_without_place": int((given.stop == given.start).sum()),

@@ -39,7 +39,7 @@ _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
 @dataclass(frozen=True)
-class Made:
+class ClipResult:
     """A clip that was written: facts, tally, arena (h, w); how good the film was and the clip is.
 
     mended: the parameters by which something was mended.
@@ -64,7 +64,7 @@ class Made:
 
 def make_clip(
     p: Settings, source: Source, folder: Path, watch: Watch = lambda *_: nullcontext(lambda: None)
-) -> Made:
+) -> ClipResult:
     """Write the clip of a film to a folder, with its check; own footage is mended.
 
     FinloopError as `normalise`.
@@ -72,22 +72,22 @@ def make_clip(
     with watch("clip", source.facts.frames) as advance:
         facts, tally, arena = normalise(source, p, folder, advance)
     filmed, tank = _checked(facts, tally, folder)
-    made = Made(facts, tally, arena, filmed, filmed, frozenset())
+    result = ClipResult(facts, tally, arena, filmed, filmed, frozenset())
     if not isinstance(p, File):
-        return made
+        return result
     fields: Order = ""
     twice: Doubled | None = None
     calm: Calm | None = None
     for kind in (_PICTURES, _TAKING):
-        todo = wanted(p, made.quality, min(arena.shape)) & kind
-        if "undouble" in todo and not _frame_by_frame(made.facts):
+        todo = wanted(p, result.quality, min(arena.shape)) & kind
+        if "undouble" in todo and not _frame_by_frame(result.facts):
             todo.remove("undouble")
         if not todo:
             continue
         if "deinterlace" in todo:
-            fields = field_of(made.quality)
+            fields = field_of(result.quality)
         if "undouble" in todo:
-            twice = doubled(np.array(made.tally.changes))
+            twice = doubled(np.array(result.tally.changes))
         if todo & _TAKING:
             calm = Calm(tank, "even_light" in todo, "steady" in todo)
         again = _again(p, fields, twice, calm)
@@ -97,8 +97,8 @@ def make_clip(
             arena = arena & calm.filmed()
             save_mask(folder / ARENA_NAME, arena)
         quality, tank = _checked(facts, tally, folder)
-        made = Made(facts, tally, arena, filmed, quality, made.mended | todo)
-    return made
+        result = ClipResult(facts, tally, arena, filmed, quality, result.mended | todo)
+    return result
 
 
 def _frame_by_frame(facts: VideoFacts) -> bool:
@@ -124,16 +124,16 @@ def _simple(rate: float, frames: int) -> Fraction:
     """The simplest fraction that goes with a rate over so many frames."""
     tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
     return next(
-        (one for one in tries if abs(float(one) - rate) * frames < 0.5),
+        (fraction for fraction in tries if abs(float(fraction) - rate) * frames < 0.5),
         Fraction(rate).limit_denominator(1001),
     )
 
 
 def _checked(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
     """Check the clip in a folder; what is measured of each frame, and the tank, go there, too."""
-    read = partial(read_frames, folder / CLIP_NAME)
+    reader = partial(read_frames, folder / CLIP_NAME)
     samples = list(tally.samples.values())
-    clip = Clip(read, facts.frame_rate_hz, samples, tally.lights, tally.changes)
+    clip = Clip(reader, facts.frame_rate_hz, samples, tally.lights, tally.changes)
     quality, table, tank = check(clip, KEY_FRAME_EVERY)
     save_table(folder / CHECK_NAME, table, CHECK)
     save_picture(folder / TANK_NAME, tank)

@@ -88,7 +88,7 @@ def normalise(
         truth = None
         if isinstance(p, Carp):
             truth = stack.enter_context(table_writer(folder / TRUTH_NAME, TRUTH))
-        timing, tally, shown = _record(writer, source, truth, advance)
+        timing, tally, source_frames = _record(writer, source, truth, advance)
     facts = replace(
         facts,
         frames=timing.frames,
@@ -101,7 +101,9 @@ def normalise(
     )
     save_facts(folder / FACTS_NAME, facts)
     save_mask(folder / ARENA_NAME, arena)
-    numbers = pd.DataFrame({"frame": np.arange(len(shown)), "source_frame": np.asarray(shown)})
+    numbers = pd.DataFrame(
+        {"frame": np.arange(len(source_frames)), "source_frame": np.asarray(source_frames)}
+    )
     save_table(folder / FRAMES_NAME, numbers, FRAMES)
     return facts, tally, arena
 
@@ -166,11 +168,11 @@ def _record(
 
     The third result are the numbers in the source of the frames that were written.
     """
-    timing, tally, shown = Timing(), Tally(), array("i")
+    timing, tally, source_frames = Timing(), Tally(), array("i")
     for take in source.takes:
         for number, frame in nearest_in_time(take, source.facts.frame_rate, timing):
             writer.write(frame)
-            shown.append(number)
+            source_frames.append(number)
             tally.add(frame)
             if tally.frames == _LOOKED_AT:
                 _refuse_small_disk(writer, source.facts.frames)
@@ -192,15 +194,15 @@ def _record(
             wanted="a film in which something is to be seen",
             do="check the camera's cap, exposure and file; or choose another range of time",
         )
-    return timing, tally, shown
+    return timing, tally, source_frames
 
 
 def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
     """FinloopError where the rest of the clip, as large as its beginning, has no room."""
-    wanted = writer.bytes / writer.frames * (frames - writer.frames)
+    size = writer.bytes / writer.frames * (frames - writer.frames)
     refuse_small(
         writer.path.parent,
-        wanted,
+        size,
         f"the clip of {frames} frames",
         "take a shorter film (clip.end_s)",
     )

@@ -29,7 +29,7 @@ _LOOKED_AT = 200  # cut-outs of a film, by which its light is measured
 Rows = NDArray[np.intp]
 
 
-class Brought(NamedTuple):
+class Contribution(NamedTuple):
     """What a film brings to the motion base, and how its fish were made like the first one's."""
 
     name: str
@@ -53,7 +53,7 @@ class Film(NamedTuple):
     home: Path
 
 
-def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Brought]:
+def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Contribution]:
     """Write tracks, cut-outs, scene and background of several films beside their folders.
 
     Where tracks are from files, what these say of the rows, too. A film whose tracks are all
@@ -73,7 +73,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
     for name in (SCENE_NAME, BACKGROUND_NAME):
         shutil.copyfile(first / name, folder / name)
     scene = load_record(folder / SCENE_NAME, SceneFacts, "extract")
-    brought: list[Brought] = []
+    contributions: list[Contribution] = []
     light = None
     with ExitStack() as stack:
         write = stack.enter_context(table_writer(folder / TRACKS_NAME, tracks_schema(scene.points)))
@@ -86,7 +86,7 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
                 continue
             film = _load(part, clip, folder, whole)
             if not len(film.rows):
-                brought.append(Brought(part.name, 0, 0, Likeness()))
+                contributions.append(Contribution(part.name, 0, 0, Likeness()))
                 continue
             grey = film.facts.colour and not whole.colour
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
@@ -94,14 +94,14 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[B
                 light = its if light is None else light
                 length = film.scene.typical_length_px
                 like = likeness(length, scene.typical_length_px, its, light, grey)
-                table = _numbered(film, like, sum(one.tracks for one in brought))
+                table = _numbered(film, like, sum(earlier.tracks for earlier in contributions))
                 write(table)
                 if write_given:
                     write_given(_given(film, table, like))
                 _copy(cutouts, store, film.rows, table, like)
             tracks = table["track_id"].nunique()
-            brought.append(Brought(part.name, len(film.rows), tracks, like))
-    return brought
+            contributions.append(Contribution(part.name, len(film.rows), tracks, like))
+    return contributions
 
 
 def _numbered(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
@@ -116,10 +116,10 @@ def _given(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
 
     An animal has the name of its film before its own: of number 1 there is one in every film.
     """
-    told = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
-    told = measured_alike(told.reset_index(drop=True), Likeness(like.scale))
-    names = film.part.name + "-" + told["animal"].astype(str)
-    return told.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
+    rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
+    rows = measured_alike(rows.reset_index(drop=True), Likeness(like.scale))
+    names = film.part.name + "-" + rows["animal"].astype(str)
+    return rows.assign(track_id=table["track_id"], frame=table["frame"], animal=names)
 
 
 def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
@@ -128,10 +128,10 @@ def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
     facts = load_facts(clip / FILMS / part.name / FACTS_NAME)
     table = load_table(home / TRACKS_NAME, tracks_schema(scene.points))
-    shown = frames_at(facts.frames, facts.frame_rate, whole.frame_rate)
-    rows = np.flatnonzero(np.isin(table["frame"], shown))
+    frames = frames_at(facts.frames, facts.frame_rate, whole.frame_rate)
+    rows = np.flatnonzero(np.isin(table["frame"], frames))
     table = table.iloc[rows].reset_index(drop=True)
-    at = part.start + np.searchsorted(shown, table["frame"])
+    at = part.start + np.searchsorted(frames, table["frame"])
     return Film(part, facts, scene, table.assign(frame=at.astype("int32")), rows, home)
 
 

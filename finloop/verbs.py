@@ -141,8 +141,8 @@ def _film(folder: str | Path | None, **values: Any) -> Film:
     p, home = settings("clip", **values), _folder(folder) / "clip"
     source = open_source(p)
     with whole_folder(home) as part:
-        made = make_clip(p, source, part)
-    return Film(home, made.facts, made.arena)
+        clip = make_clip(p, source, part)
+    return Film(home, clip.facts, clip.arena)
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
@@ -159,8 +159,8 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
         warnings.warn(said_of_lost(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))
     background = load_picture(home / BACKGROUND_NAME)
-    named = home / GIVEN_NAME
-    given = load_table(named, GIVEN) if named.exists() else None
+    path = home / GIVEN_NAME
+    given = load_table(path, GIVEN) if path.exists() else None
     return Tracks(film, table, _opened(home / CUTOUTS_NAME), background, given)
 
 
@@ -198,8 +198,8 @@ def make_sprites(
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
     home = _folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
-        for one in sprite_cutouts(sprites, film):
-            writer.write(one)
+        for sprite in sprite_cutouts(sprites, film):
+            writer.write(sprite)
     return Reel(features, film, as_loaded(sprites, SPRITES), _opened(home / "sprites.arrow"))
 
 
@@ -253,8 +253,8 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """
-    made = film_jumps(reel, poses, settings("jumps", **changes))
-    return made._replace(jumps=as_loaded(made.jumps, JUMPS))
+    result = film_jumps(reel, poses, settings("jumps", **changes))
+    return result._replace(jumps=as_loaded(result.jumps, JUMPS))
 
 
 def foretell(
@@ -294,12 +294,12 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     loops there is no mode "loops".
     """
     film, p = tracks.film, settings("animate", **changes)
-    made = Material(
+    material = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
         similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
         given_line(p, reel.features), film.facts.mm_per_px,
     )  # fmt: skip
-    plans = planner(made, p)
+    plans = planner(material, p)
     if mode not in plans.players:
         raise FinloopError(
             f"mode {mode!r}",

@@ -40,17 +40,17 @@ def main() -> None:
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
         learnt = [learn(rows, side, p, rate_hz, advance) for side in sides]
 
-    metrics, *other = (
+    metrics, *others = (
         assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
     )
-    for scores in other:
+    for scores in others:
         names = [name for name in scores if "held_out" in name or "skill" in name]
         metrics |= {f"other_split_{name}": scores[name] for name in names}
-    (model, curve), (_, held) = learnt[0], sides[0]
+    (model, curve), (_, held_out) = learnt[0], sides[0]
     save_json(OUT / "model.json", model.record(), indent=1)
     save_bytes(OUT / "model.onnx", onnx_bytes(model))
     save_csv(REPORT / "curve.csv", curve, decimals=5)
-    unseen = held_out_table(model, rows, held)
+    unseen = held_out_table(model, rows, held_out)
     save_table(OUT / "held_out.parquet", unseen, HELD_OUT)
     save_metrics(REPORT / "metrics.json", metrics)
 

@@ -22,7 +22,7 @@ from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
 from finloop.mended import Watch, make_clip
 from finloop.normalise import Source, open_source
-from stages.kept import code_of, kept_or_made
+from stages.reuse import code_of, reuse_or_make
 from stages.settings import load
 
 CLIP = Path("data/clip")
@@ -39,11 +39,11 @@ def main() -> None:
     films = films_of(p) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
-            numbers = several(films, folder)
+            numbers = write_clips(films, folder)
         else:
             p = films[0] if films else p
             source = open_source(p)
-            numbers = one(p, source, folder, progress)
+            numbers = write_clip(p, source, folder, progress)
     save_metrics(METRICS, numbers)
     say(numbers)
 
@@ -53,13 +53,13 @@ def films_of(p: File) -> list[File]:
     return [replace(of_path, path=str(film)) for path, of_path in p.each() for film in listed(path)]
 
 
-def one(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, float]:
+def write_clip(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, float]:
     """Write a film's clip to a folder; its metrics."""
     for note in source.facts.notes:
         print(f"finloop: note: {note}", file=sys.stderr)
     before = stamps(p.film) if isinstance(p, File) else []
-    made = make_clip(p, source, folder, watch)
-    facts, tally = made.facts, made.tally
+    clip = make_clip(p, source, folder, watch)
+    facts, tally = clip.facts, clip.tally
     for note in source.loss.notes:
         print(f"finloop: WARNING: {note}", file=sys.stderr)
     if isinstance(p, File):
@@ -67,13 +67,13 @@ def one(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, fl
     coded = read_spread(folder / CLIP_NAME, list(tally.samples), colour=facts.colour)
     return (
         of_facts(facts)
-        | made.numbers
+        | clip.numbers
         | {
             "brightness_mean_level": tally.brightness_mean,
             "brightness_min_level": tally.darkest,
             "brightness_max_level": tally.brightest,
             "coding_psnr_db": psnr_db(zip(tally.samples.values(), coded, strict=True)),
-            "arena_fraction": float(made.arena.mean()),
+            "arena_fraction": float(clip.arena.mean()),
         }
     )
 
@@ -91,7 +91,7 @@ def say(numbers: dict[str, float]) -> None:
     save_csv(FINDINGS, pd.DataFrame(rows), 0)
 
 
-def several(films: list[File], folder: Path) -> dict[str, float]:
+def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     """Write the clips of several films, each in a folder of its own, and what joins them.
 
     A film that cannot be read is named, and the others go on. A film that has been written by an
@@ -99,16 +99,16 @@ def several(films: list[File], folder: Path) -> dict[str, float]:
     """
     code, parts = code_of("clip"), list[Part]()
     numbers: dict[str, float] = {}
-    named = list(zip(names(p.film for p in films), films, strict=True))
+    named_films = list(zip(names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:
-        for name, p in named:
+        for name, p in named_films:
             path, home = p.film, Path(FILMS) / name
             parts.append(Part(name, str(path)))
             try:
                 source = open_source(p)
                 key = {"clip": asdict(p), "code": code, "film": stamps(path)}
-                make = partial(one, p, source, watch=lambda *_: nullcontext(lambda: None))
-                of_film = kept_or_made(CLIP / home, folder / home, key, make)
+                make = partial(write_clip, p, source, watch=lambda *_: nullcontext(lambda: None))
+                of_film = reuse_or_make(CLIP / home, folder / home, key, make)
                 numbers |= {f"{name}_{key}": value for key, value in of_film.items()}
             except FinloopError as error:
                 print(f"finloop: WARNING: {name} is left out: {error}", file=sys.stderr)

@@ -50,11 +50,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m stages.cluster", description=__doc__)
     parser.add_argument("address", help="of Dask's scheduler: tcp://host:8786")
     parser.add_argument("--count", type=int, default=THREADS, help="workers, of one thread each")
-    given = parser.parse_args()
+    arguments = parser.parse_args()
     if not find_spec("distributed"):
         raise FinloopError("Dask is not installed", "the extra `cluster`", "make cluster")
-    command = (sys.executable, "-m", "dask", "worker", given.address)
-    counts = ("--nthreads", "1", "--nworkers", str(given.count))
+    command = (sys.executable, "-m", "dask", "worker", arguments.address)
+    counts = ("--nthreads", "1", "--nworkers", str(arguments.count))
     path = os.pathsep.join(filter(None, (str(Path.cwd()), os.environ.get("PYTHONPATH"))))
     os.execve(sys.executable, (*command, *counts), os.environ | {"PYTHONPATH": path})
 

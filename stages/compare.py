@@ -28,14 +28,16 @@ BASE = "present commit"
 
 def git(*arguments: str, at: Path | None = None) -> str:
     """The output of a git command; FinloopError with its message if it fails."""
-    done = subprocess.run(["git", *arguments], cwd=at, capture_output=True, text=True, check=False)
-    if done.returncode:
+    process = subprocess.run(
+        ["git", *arguments], cwd=at, capture_output=True, text=True, check=False
+    )
+    if process.returncode:
         raise FinloopError(
-            f"git {arguments[0]} failed: {done.stderr.strip()}",
+            f"git {arguments[0]} failed: {process.stderr.strip()}",
             "a repository of git with a commit, and room",
             "git add --all; git commit",
         )
-    return done.stdout
+    return process.stdout
 
 
 def head() -> str:

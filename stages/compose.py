@@ -71,9 +71,9 @@ def _readable(error: BaseException) -> FinloopError:
         if isinstance(cause, FinloopError):
             return cause
         cause = cause.__cause__ or cause.__context__
-    said = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0].splitlines()
+    lines_of = f"{error}\n{error.__cause__ or ''}".partition("Config search path")[0].splitlines()
     # Hydra advises `+key`, which is refused as well.
-    lines = [line.strip() for line in said if line.strip() and not line.startswith("To append")]
+    lines = [line.strip() for line in lines_of if line.strip() and not line.startswith("To append")]
     return FinloopError(
         "\n    ".join(lines),
         f"keys and values that the groups in {CONF}/ have",
@@ -102,10 +102,10 @@ def compare(overrides: list[str]) -> None:
         )
 
 
-def same_but_files(one: dict[str, Any], other: dict[str, Any]) -> bool:
+def same_but_files(first: dict[str, Any], second: dict[str, Any]) -> bool:
     """Whether two compositions are the same, but for the stamps of films and tracks."""
     unstamped = dict.fromkeys(FILES)
-    return one | unstamped == other | unstamped
+    return first | unstamped == second | unstamped
 
 
 def main() -> None:
@@ -113,11 +113,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="make params", description=__doc__)
     parser.add_argument("--check", action="store_true")
     parser.add_argument("overrides", nargs="*", metavar="key=value")
-    given = parser.parse_args()
-    if given.check:
-        compare(given.overrides)
+    arguments = parser.parse_args()
+    if arguments.check:
+        compare(arguments.overrides)
         return
-    text = composed(given.overrides)
+    text = composed(arguments.overrides)
     with whole_file(PARAMS) as part:
         part.write_text(text, encoding="utf-8")
 

@@ -56,15 +56,15 @@ def main() -> None:
         save_record(folder / "facts.json", facts)
 
     frames = len(steps)
-    count, done = frames * (frames - 1) // 2, computed(todo)
+    count, pairs_computed = frames * (frames - 1) // 2, computed(todo)
     save_metrics(
         REPORT / "metrics.json",
         {
             "frames": frames,
             "film_mapped_pct": 100 * frames / len(features),
             "pairs": count,
-            "pairs_computed": done,
-            "pairs_skipped_pct": 100 * (1 - done / count),
+            "pairs_computed": pairs_computed,
+            "pairs_skipped_pct": 100 * (1 - pairs_computed / count),
             "pairs_kept": len(pairs),
             "pairs_kept_pct": 100 * len(pairs) / count,
             "step_median": facts.step_median,

@@ -27,15 +27,15 @@ from finloop.io.pieces import Pieces, keep_only
 from finloop.io.several import FILMS, Part, all_parts, parts_of
 from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
-from finloop.several import Brought, join_extractions
+from finloop.several import Contribution, join_extractions
 from stages.cluster import workers
-from stages.kept import KEY_NAME, code_of, kept_or_made, name_of
+from stages.reuse import KEY_NAME, code_of, name_of, reuse_or_make
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
 LONG = 60  # frames of a long track
-WORKERS_NEED = ["finloop.extract.ready", "finloop.several", "stages.cluster", "stages.kept"]
+WORKERS_NEED = ["finloop.extract.ready", "finloop.several", "stages.cluster", "stages.reuse"]
 """What workers import before they begin; not this module, which they run themselves."""
 
 
@@ -44,14 +44,16 @@ def main() -> None:
     settings: Settings = load("extract")
     with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
-            numbers, films = several(CLIP, settings, crew, folder)
+            numbers, films = extract_films(CLIP, settings, crew, folder)
         else:
             pieces = Pieces(PIECES / name_of(made_from(CLIP, settings)))
             keep_only(PIECES, [pieces.folder.name])
-            numbers = one(CLIP, settings, crew, pieces, folder)
+            numbers = extract_film(CLIP, settings, crew, pieces, folder)
             name = load_facts(CLIP / FACTS_NAME).source
-            brought = Brought(name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness())
-            films = [of_film(brought)]
+            contribution = Contribution(
+                name, int(numbers["fish_frames"]), int(numbers["tracks"]), Likeness()
+            )
+            films = [of_film(contribution)]
     keep_only(PIECES, [])
     save_metrics(REPORT / "metrics.json", numbers)
     save_csv(REPORT / "films.csv", pd.DataFrame(films), decimals=3)
@@ -70,7 +72,7 @@ def stamps_of(path: Path) -> list[Stamp] | None:
     return stamps(path) if path.exists() else None
 
 
-def one(
+def extract_film(
     clip: Path, settings: Settings, crew: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
     """Write what is found in a clip to a folder; its metrics."""
@@ -79,22 +81,22 @@ def one(
         print("finloop: goes on from what an interrupted run has found", file=sys.stderr)
     try:
         with progress("extract", facts.frames) as advance:
-            made = extract(clip, settings, folder, crew, advance, pieces)
+            extraction = extract(clip, settings, folder, crew, advance, pieces)
     except FollowedNoneError:
         pieces.remove()  # there would be nothing again
         raise
-    for note in said_of_given(made.given):
+    for note in notes_on_given(extraction.given):
         print(f"finloop: note: {note}", file=sys.stderr)
-    if made.lost:
+    if extraction.lost:
         print(
-            f"finloop: WARNING: {said_of_lost(made.lost, facts)}. To make the clip again: "
+            f"finloop: WARNING: {said_of_lost(extraction.lost, facts)}. To make the clip again: "
             "`dvc repro --force clip`",
             file=sys.stderr,
         )
-    return {"frames": facts.frames, **metrics(made)}
+    return {"frames": facts.frames, **metrics(extraction)}
 
 
-def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:
+def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
     """What a person should know about the use of tracks from a file; nothing without one."""
     if numbers:
         animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
@@ -103,7 +105,7 @@ def said_of_given(numbers: Mapping[str, float]) -> Iterator[str]:
             yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
 
 
-def several(
+def extract_films(
     clip: Path, settings: Settings, crew: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
     """Write what is found in several films, each in a folder of its own, and their motion base.
@@ -128,16 +130,16 @@ def several(
         home = Path(FILMS) / part.name
         print(f"finloop: {part.name}", file=sys.stderr)
         with left_out(part, errors):
-            make = partial(one, clip / home, own, crew, Pieces(PIECES / name_of(key)))
-            its = kept_or_made(EXTRACT / home, folder / home, key, make)
+            make = partial(extract_film, clip / home, own, crew, Pieces(PIECES / name_of(key)))
+            its = reuse_or_make(EXTRACT / home, folder / home, key, make)
             numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
-    brought = join_extractions(clip, folder, errors)
+    contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
-    numbers["fish_frames"] = sum(one.rows for one in brought)
-    numbers["tracks"] = sum(one.tracks for one in brought)
-    numbers |= {"films": len(brought), "films_left_out": len(errors)}
+    numbers["fish_frames"] = sum(item.rows for item in contributions)
+    numbers["tracks"] = sum(item.tracks for item in contributions)
+    numbers |= {"films": len(contributions), "films_left_out": len(errors)}
     return numbers, [
-        *map(of_film, brought),
+        *map(of_film, contributions),
         *({"film": name, "left_out_because": error} for name, error in errors.items()),
     ]
 
@@ -152,22 +154,22 @@ def left_out(part: Part, errors: dict[str, str]) -> Iterator[None]:
         errors[part.name] = error.came
 
 
-def of_film(brought: Brought) -> dict[str, Any]:
+def of_film(contribution: Contribution) -> dict[str, Any]:
     """A row of films.csv."""
-    gains = brought.like.gains or (1.0,)
+    gains = contribution.like.gains or (1.0,)
     return {
-        "film": brought.name,
-        "fish_frames": brought.rows,
-        "tracks": brought.tracks,
-        "length_times": brought.like.scale,
+        "film": contribution.name,
+        "fish_frames": contribution.rows,
+        "tracks": contribution.tracks,
+        "length_times": contribution.like.scale,
         "light_times": sum(gains) / len(gains),
         "left_out_because": "",
     }
 
 
-def metrics(made: Extraction) -> dict[str, float]:
+def metrics(extraction: Extraction) -> dict[str, float]:
     """Numbers on noise, the typical fish, verdicts and the lengths of tracks."""
-    scene, verdicts, lengths, given, lost = made
+    scene, verdicts, lengths, given, lost = extraction
     long = [count for count in lengths.values() if count >= LONG]
     return {
         **{name: value for name, value in asdict(scene).items() if name.endswith(("_grey", "_px"))},

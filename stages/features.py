@@ -31,8 +31,8 @@ def main() -> None:
     facts = load_facts(CLIP / FACTS_NAME)
     scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
     tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
-    named = EXTRACT / GIVEN_NAME
-    given = load_table(named, GIVEN) if named.exists() else None
+    path = EXTRACT / GIVEN_NAME
+    given = load_table(path, GIVEN) if path.exists() else None
     table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 

@@ -31,27 +31,27 @@ def films_in(text: str) -> list[str]:
     if not text.strip():
         raise FinloopError("FILM names no film", WANTED, "give the path of your film")
     try:
-        named = [text] if Path(text).expanduser().exists() else shlex.split(text)
+        names = [text] if Path(text).expanduser().exists() else shlex.split(text)
     except ValueError as error:
         raise FinloopError(
             f"FILM={text} cannot be read: {error}",
             WANTED,
             "give the path as it is, or close quotes",
         ) from error
-    missing = [one for name in named for one in listed(name) if not one.exists()]
+    missing = [film for name in names for film in listed(name) if not film.exists()]
     if missing:
         raise FinloopError(
-            f"there is nothing at {', '.join(str(one.absolute()) for one in missing)}",
+            f"there is nothing at {', '.join(str(film.absolute()) for film in missing)}",
             WANTED,
             "correct the path",
         )
-    return [str(Path(name).expanduser().absolute()) for name in named]
+    return [str(Path(name).expanduser().absolute()) for name in names]
 
 
 def local_text(films: list[str]) -> str:
     """The content of conf/local/default.yaml for these films."""
     # As OmegaConf reads it: `${` would begin the name of another value.
-    paths = [json.dumps(one.replace("${", "\\${"), ensure_ascii=False) for one in films]
+    paths = [json.dumps(film.replace("${", "\\${"), ensure_ascii=False) for film in films]
     value = paths[0] if len(paths) == 1 else "[" + ", ".join(paths) + "]"
     return f"""# @package _global_
 # By `make film`. Your own settings belong here, too.
@@ -70,22 +70,22 @@ def name_films(films: list[str], local: Path) -> str:
     unless it holds nothing but what this function wrote.
     """
     before = local.read_text(encoding="utf-8") if local.is_file() else ""
-    known = _films_of(before)
-    if known == films:
+    films_before = _films_of(before)
+    if films_before == films:
         return f"{local} names the film already, and is left as it is"
-    kept = ""
-    if before and before != local_text(known):
+    note = ""
+    if before and before != local_text(films_before):
         backup = next(
-            one
+            path
             for number in range(1, 10**6)
-            if not (one := local.with_name(f"{local.name}.before-{number}")).exists()
+            if not (path := local.with_name(f"{local.name}.before-{number}")).exists()
         )
         with whole_file(backup) as part:
             part.write_text(before, encoding="utf-8")
-        kept = f"; what it held before is kept in {backup}"
+        note = f"; what it held before is kept in {backup}"
     with whole_file(local) as part:
         part.write_text(local_text(films), encoding="utf-8")
-    return f"{local} names the film{kept}"
+    return f"{local} names the film{note}"
 
 
 def _films_of(text: str) -> list[str]:
@@ -95,9 +95,9 @@ def _films_of(text: str) -> list[str]:
     except (yaml.YAMLError, KeyError, TypeError):
         return []
     paths = [path] if isinstance(path, str) else path
-    if not isinstance(paths, list) or not all(isinstance(one, str) for one in paths):
+    if not isinstance(paths, list) or not all(isinstance(name, str) for name in paths):
         return []
-    return [one.replace("\\${", "${") for one in paths]
+    return [name.replace("\\${", "${") for name in paths]
 
 
 def show_report(report: Path) -> None:

@@ -62,12 +62,12 @@ def measured(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
     """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
-    told = assess.ensembles(film, swim, parts, rng)
+    ensemble = assess.ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
-    save_table(folder / "held_out.parquet", assess.held_out_table(told), assess.HELD_OUT)
+    save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)
     save_table(folder / "free.parquet", assess.free_table(states, rows), assess.FREE)
     return {
-        **assess.of_forecasts(film, told, swim, parts),
+        **assess.of_forecasts(film, ensemble, swim, parts),
         **assess.of_free_run(states, rows, film, swim),
         **assess.obedience(swim, film, rng),
     }

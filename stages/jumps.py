@@ -27,12 +27,12 @@ def main() -> None:
     with open_cutouts(DATA / "extract/cutouts.arrow") as film:
         reel = Reel(features, film)
         with progress("jumps", len(reel), "rows") as advance:
-            made = film_jumps(reel, load_poses(features), p, advance)
+            result = film_jumps(reel, load_poses(features), p, advance)
     with whole_folder(OUT) as folder:
-        save_table(folder / "jumps.parquet", made.jumps, JUMPS)
-        look = pd.DataFrame({"look": list(made.look)})
+        save_table(folder / "jumps.parquet", result.jumps, JUMPS)
+        look = pd.DataFrame({"look": list(result.look)})
         save_table(folder / "look.parquet", look, LOOK)
-    save_metrics(REPORT / "metrics.json", made.numbers)
+    save_metrics(REPORT / "metrics.json", result.numbers)
 
 
 if __name__ == "__main__":

@@ -57,15 +57,15 @@ def hoop(p: Settings) -> dict[str, float]:
     angle = np.linspace(0, 2 * np.pi, HOOP_POINTS, endpoint=False)
     radius = np.sqrt(abs(area(outline)) / np.pi)
     ring = radius * np.column_stack([np.cos(angle), np.sin(angle)])
-    bent, rest = matched(outline, Curve(ring, True), HOOP_POINTS)
-    bent = bent - bent.mean(axis=0) - rest
+    shape, rest = matched(outline, Curve(ring, True), HOOP_POINTS)
+    shape = shape - shape.mean(axis=0) - rest
     # Mode m swings m √(e₀/ρ) times in a time of 1: the oval, m = 2, once.
     material = Material(density=1.0, elastic=0.25, mass_damping=1.0)
     times = np.linspace(0, 3, 181)
-    problem = Problem(rest, bent, material, times, wavelet=p.wavelet)
+    problem = Problem(rest, shape, material, times, wavelet=p.wavelet)
     exact = solve(problem)
     material = Material(0.0, 1.0, 1.0, 0.02)
-    massless = Problem(rest, bent, material, np.linspace(0, 1, 61), wavelet=p.wavelet)
+    massless = Problem(rest, shape, material, np.linspace(0, 1, 61), wavelet=p.wavelet)
     numbers = {
         f"{name}_error_{method.replace('-', '_')}": solve(case, method, options).error
         for name, case, options, methods in (

@@ -41,17 +41,17 @@ WELL_FOLLOWED = 0.8  # share of ticks; of fewer it is said
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
-def share_of(followed: Sized, work: list[Work]) -> float:
+def share_of(ticks: Sized, work: list[Work]) -> float:
     """The share of the ticks of edit lists at which extraction followed a fish."""
-    return len(followed) / max(1, sum(len(edit) for edit, _ in work))
+    return len(ticks) / max(1, sum(len(edit) for edit, _ in work))
 
 
-def followed(
+def swimming_of(
     works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument, crew: Workers
 ) -> dict[str, Swimming]:
     """What extraction measures of film and animations, without those that it cannot follow."""
     work = partial(measured, pictures, instrument)
-    every = [one for part in works.values() for one in part]
+    every = [job for part in works.values() for job in part]
     tables = []
     with progress("realism", sum(len(edit) for edit, _ in every), "ticks") as advance:
         for (edit, _), table in zip(every, ordered_map(work, every, crew), strict=True):
@@ -117,15 +117,15 @@ def save_report(
 ) -> None:  # fmt: skip
     """Write numbers and curves."""
     save_csv(REPORT / "auc.csv", compare.table(verdicts), decimals=4)
-    curves = [roc(one.scores).assign(compared=name) for name, one in verdicts.items()]
+    curves = [roc(result.scores).assign(compared=name) for name, result in verdicts.items()]
     columns = ["compared", "false_alarms", "hits"]
     table = pd.concat(curves, ignore_index=True) if curves else pd.DataFrame()
     save_csv(REPORT / "roc.csv", table.reindex(columns=columns), decimals=4)
     numbers = compare.numbers(verdicts)
-    for name, one in swum.items():
+    for name, result in swum.items():
         numbers |= {
-            f"{name}_s": len(one.row) / sample.rate_hz,
-            f"{name}_followed_pct": 100 * share_of(one.row, works[name]),
+            f"{name}_s": len(result.row) / sample.rate_hz,
+            f"{name}_followed_pct": 100 * share_of(result.row, works[name]),
         }
     save_metrics(REPORT / "metrics.json", numbers)
 
@@ -153,7 +153,7 @@ def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
         pictures.drawn.scene, load("extract"),
         replace(load("features"), delta_s=delta_of(features) / rate), rate,
     )  # fmt: skip
-    swum = followed(works, pictures, instrument, crew)
+    swum = swimming_of(works, pictures, instrument, crew)
     if FILM not in swum:
         raise FinloopError(
             "extraction could follow no fish of the film drawn again",
@@ -164,9 +164,9 @@ def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
     sides = sample.sides({mode: swum[mode] for mode in swum if mode != FILM}, features)
     verdicts = judged(sides, p, crew)
     with whole_folder(OUT) as folder:
-        shown, seen = examples.Show(sample, works, swum).tables(sides, verdicts)
-        save_table(folder / "examples.parquet", shown, examples.EXAMPLES)
-        save_table(folder / "curves.parquet", seen, examples.CURVES)
+        windows, curves = examples.Show(sample, works, swum).tables(sides, verdicts)
+        save_table(folder / "examples.parquet", windows, examples.EXAMPLES)
+        save_table(folder / "curves.parquet", curves, examples.CURVES)
         save_film(folder, pictures, p.slower)
     save_report(verdicts, sample, works, swum)
 

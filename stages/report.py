@@ -110,8 +110,8 @@ def main() -> None:
     values = read()
     values = {word: values[word] for word in WORDS}  # what results depend on
     mode, source = values["render"]["mode"], values["clip"]["source"]
-    marked = RENDER / f"{mode}_marked.mp4"
-    film_path = marked if marked.is_file() else RENDER / f"{mode}.mp4"
+    marked_film = RENDER / f"{mode}_marked.mp4"
+    film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
     numbers = {word: metrics(word) for word in values if word != "report"}
     chapters = list(sections(p))
@@ -122,7 +122,7 @@ def main() -> None:
         "film": data_uri("video/mp4", film),
         "poster": webp(poster, p.picture_width_px, p.picture_quality),
         "film_text": f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
-        + (" Rings are goals, the line is its way." if film_path == marked else ""),
+        + (" Rings are goals, the line is its way." if film_path == marked_film else ""),
         "headline": headline(numbers["animate"] | numbers["realism"], mode),
         "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,

@@ -211,13 +211,13 @@ def save_metrics(path: Path, numbers: Mapping[str, float | int | None]) -> None:
     """
     from finloop.io.atomic import whole_file  # not at the top: needs the right Python
 
-    kept: dict[str, float | int] = {}
+    values: dict[str, float | int] = {}
     for name, value in sorted(numbers.items()):
         if isinstance(value, Integral):
-            kept[name] = int(value)
+            values[name] = int(value)
         elif isinstance(value, Real) and math.isfinite(value):
-            kept[name] = significant(float(value))
+            values[name] = significant(float(value))
         elif not (value is None or isinstance(value, Real)):
             raise TypeError(f"metric {name}: a number is wanted, got {value!r}")
     with whole_file(path) as part:
-        part.write_text(json.dumps(kept, indent=2) + "\n", encoding="utf-8")
+        part.write_text(json.dumps(values, indent=2) + "\n", encoding="utf-8")

@@ -60,7 +60,7 @@ def _refuse_stale(values: Mapping[str, Any]) -> None:
     stamps = [str(values.get(STAMP)), stamp(CONF)]
     if Path(os.environ.get("DVC_ROOT", ".")).resolve() != Path.cwd():
         # A temporary experiment has only what git has; conf/local/ was composed before.
-        stamps = [one.partition("-")[0] for one in stamps]
+        stamps = [digest.partition("-")[0] for digest in stamps]
     if stamps[0] != stamps[1]:
         raise FinloopError(
             f"{CONF}/ is not what {PARAMS} was composed from",
@@ -134,7 +134,7 @@ def overrides(values: Mapping[str, Any]) -> list[str]:
 def _literal(value: Any) -> str:
     """A value as Hydra's overrides write it: as JSON, but keys without quotes."""
     if isinstance(value, Mapping):
-        return "{" + ",".join(f"{key}:{_literal(one)}" for key, one in value.items()) + "}"
+        return "{" + ",".join(f"{key}:{_literal(item)}" for key, item in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ",".join(map(_literal, value)) + "]"
     return json.dumps(value)

@@ -38,7 +38,7 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
     try:
         films = _films(clip)
         paths = [tracks_of(film, path) for film in films] if len(films) > 1 else [path]
-        return digest(Path(one).expanduser() for one in paths)
+        return digest(Path(file).expanduser() for file in paths)
     except (FinloopError, OSError):
         return None
 
@@ -62,8 +62,8 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
     from finloop.io.footage.listed import listed
 
     several = [paths] if isinstance(paths, str) else paths
-    named = [one if isinstance(one, str) else one["path"] for one in several]
-    return [film for path in named for film in listed(path)]
+    names = [item if isinstance(item, str) else item["path"] for item in several]
+    return [film for path in names for film in listed(path)]
 
 
 def digest(paths: Iterable[Path]) -> str | None:
@@ -73,8 +73,8 @@ def digest(paths: Iterable[Path]) -> str | None:
         return None
     from finloop.io.footage.listed import stamps
 
-    seen = [(str(path.absolute()), *stamps(path)) for path in files]
-    return hashlib.sha256(repr(seen).encode()).hexdigest()[:16]
+    stamps_of = [(str(path.absolute()), *stamps(path)) for path in files]
+    return hashlib.sha256(repr(stamps_of).encode()).hexdigest()[:16]
 
 
 def main() -> None:

@@ -57,7 +57,7 @@ def copy(root: Path, folder: Path, cache: str) -> None:
 
 def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
     """Whether a DVC command succeeds in a folder, and what it prints."""
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", DVC, *arguments],
         cwd=at,
         text=True,
@@ -66,13 +66,13 @@ def dvc(*arguments: str, at: Path) -> tuple[bool, str]:
         stderr=subprocess.STDOUT,
         check=False,
     )
-    return not done.returncode, done.stdout
+    return not process.returncode, process.stdout
 
 
 def is_same(commit: str, params: str) -> bool:
     """Whether an experiment was made from these parameters by the present code."""
-    others = [f":(exclude){name}" for name in RESULTS]
-    changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *others], check=False)
+    excludes = [f":(exclude){name}" for name in RESULTS]
+    changed = subprocess.run(["git", "diff", "--quiet", commit, "--", ".", *excludes], check=False)
     return not changed.returncode and git("show", f"{commit}:{PARAMS}") == params
 
 
@@ -153,24 +153,24 @@ def main() -> None:
     parser.add_argument("experiment", help="a name in conf/experiment/")
     parser.add_argument("overrides", nargs="*", metavar="key=value", help="for every run")
     parser.add_argument("--jobs", type=int, default=THREADS, help="runs at a time")
-    given = parser.parse_args()
-    plan = experiment(given.experiment)
-    every = [f"+experiment={given.experiment}", *overrides(read()), *given.overrides]
-    runs = {name: every + changes for name, changes in plan.runs(given.experiment).items()}
+    arguments = parser.parse_args()
+    plan = experiment(arguments.experiment)
+    every = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
+    runs = {name: every + changes for name, changes in plan.runs(arguments.experiment).items()}
     head()  # a commit is there for the experiments to stand on
-    failures = sweep(runs, plan.until, max(1, given.jobs))
-    made = [name for name in runs if name not in failures]
-    if made:
+    failures = sweep(runs, plan.until, max(1, arguments.jobs))
+    finished = [name for name in runs if name not in failures]
+    if finished:
         wide = {} if sys.stdout.isatty() else {"COLUMNS": "200"}
         subprocess.run(table(plan.params, plan.measures), env=os.environ | wide, check=False)
-        print(f"\n{compare(made, list(plan.measures), plan.title, plan.why)} compares them.")
+        print(f"\n{compare(finished, list(plan.measures), plan.title, plan.why)} compares them.")
     if failures:
         for name, why in failures.items():
             print(f"\n{name} failed:\n    {why}", file=sys.stderr)
         raise FinloopError(
             f"{len(failures)} of {len(runs)} runs failed: {', '.join(failures)}",
             "values that the film allows",
-            f"see above; conf/experiment/{given.experiment}.yaml holds the values",
+            f"see above; conf/experiment/{arguments.experiment}.yaml holds the values",
         )
 
 

@@ -15,7 +15,7 @@ from finloop.drawn.carp.midline import midline
 from finloop.drawn.carp.skin import half_width
 from finloop.gait.outline import (
     Swim,
-    bent,
+    asymmetry,
     contours,
     in_body_frame,
     of_track,
@@ -127,7 +127,7 @@ def test_a_straight_fish_is_its_own_mirror_image() -> None:
     lines = np.stack([still, curled])
     found = contours(np.stack([drawn(line) for line in lines]), lines[:, 0], 128)
     centre, angle = pose(found, lines)
-    far = bent(in_body_frame(found, centre, angle))
+    far = asymmetry(in_body_frame(found, centre, angle))
     assert far[0] < 1e-3
     assert far[1] > 0.03
 

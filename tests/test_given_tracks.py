@@ -209,10 +209,10 @@ def test_the_verbs_take_tracks_of_centres_alone(film, tmp_path):
 
 def test_what_is_used_is_said():
     numbers = {"places_used_share": 0.875, "animals": 4, "animals_used": 3}
-    used, unseen = stages.extract.said_of_given(numbers)
+    used, unseen = stages.extract.notes_on_given(numbers)
     assert "87.5%" in used and "4 animals 1 never" in unseen
-    assert len([*stages.extract.said_of_given(numbers | {"animals_used": 4})]) == 1
-    assert not [*stages.extract.said_of_given({})]
+    assert len([*stages.extract.notes_on_given(numbers | {"animals_used": 4})]) == 1
+    assert not [*stages.extract.notes_on_given({})]
 
 
 def test_each_of_several_films_has_its_tracks(tmp_path):

@@ -40,7 +40,7 @@ def test_who_swims_straight_on_is_foretold():
     ways = [np.outer(np.arange(200), (0.1, 0.02 * k)) for k in range(3)]
     drift = motion.drift(table_of(*ways))
     assert drift.error[:-1] == pytest.approx(0, abs=1e-9)
-    assert drift.kept[:-1] == pytest.approx(1)
+    assert drift.share[:-1] == pytest.approx(1)
 
 
 def test_who_wanders_gets_as_far_as_a_random_walk(rng):
@@ -48,7 +48,7 @@ def test_who_wanders_gets_as_far_as_a_random_walk(rng):
     drift = motion.drift(table_of(*ways))
     # The mean distance after g steps of spread 1 is sqrt(pi g / 2): twice the scale.
     assert drift.error[:-1] == pytest.approx(0.5 * np.sqrt(np.pi * drift.gaps[:-1] / 2), rel=0.1)
-    assert np.all(drift.kept[:-1] < 0.1)
+    assert np.all(drift.share[:-1] < 0.1)
 
 
 def test_the_ratio_of_places_is_that_of_densities(rng):

@@ -17,7 +17,7 @@ from finloop.drawn.carp.film import film
 from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table
 from finloop.io.video import ARENA_NAME, CLIP_NAME, FRAMES, FRAMES_NAME, load_mask, read_frames
-from finloop.mended import Made, make_clip
+from finloop.mended import ClipResult, make_clip
 from finloop.normalise import open_source
 
 RNG = np.random.default_rng(3)
@@ -35,7 +35,9 @@ def carp() -> Frames:
     return drawn(frames=40)
 
 
-def made(folder: Path, frames: Frames, rate: int = 25, **values) -> tuple[Made, list[np.ndarray]]:
+def made(
+    folder: Path, frames: Frames, rate: int = 25, **values
+) -> tuple[ClipResult, list[np.ndarray]]:
     """What becomes of a film of these frames."""
     shot, home = folder / "film.mp4", folder / "clip"
     height, width = frames[0].shape[:2]

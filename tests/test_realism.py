@@ -253,7 +253,7 @@ def test_a_copy_of_the_film_cannot_be_told_whatever_its_order():
 def test_twice_the_turning_speed_gives_itself_away_by_turning():
     fast = verdict_on(fish(10, 120.0, turning=3.0))
     assert fast.whole.value > 0.9
-    assert max(fast.lost, key=fast.lost.get) == "turning"
+    assert max(fast.importance, key=fast.importance.get) == "turning"
 
 
 def test_permuted_labels_cannot_be_told():
@@ -274,7 +274,7 @@ def test_a_film_too_short_is_refused_with_what_would_do():
 
 def test_a_verdict_is_the_same_again():
     first, second = verdict_of(10), verdict_on(fish(10, 120.0))
-    assert first.whole == second.whole and first.lost == second.lost
+    assert first.whole == second.whole and first.importance == second.importance
 
 
 def test_tracks_stay_whole_and_long_ones_are_cut_evenly():
@@ -303,8 +303,8 @@ def test_the_falsest_windows_do_not_touch_and_a_copy_is_most_alike():
     score[3] = np.nan
     pairs = examples.worst(film, made, score, 4, sample.cut.length)
     assert pairs[0].score == np.nanmax(score) and len(pairs) == 4
-    assert all(one.film == one.made for one in pairs)
-    begins = np.sort([made.first[one.made] for one in pairs])
+    assert all(one.film == one.animation for one in pairs)
+    begins = np.sort([made.first[one.animation] for one in pairs])
     assert (np.diff(begins) > sample.cut.length).all()
 
 
@@ -434,5 +434,5 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
     monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
     pictures = pictures_of(NETWORK, "realism")
-    assert stages.realism.followed(works, pictures, instrument_of(carp), Processes()) == {}
+    assert stages.realism.swimming_of(works, pictures, instrument_of(carp), Processes()) == {}
     assert "the fish of nn in 0 %" in capsys.readouterr().err

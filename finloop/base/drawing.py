@@ -53,8 +53,8 @@ def checked(curve: Curve, name: str) -> Curve:
             f"coordinates that are numbers of size {LARGEST:g} at most",
             f"mend these points of {name} or leave them out",
         )
-    given = len(points)
-    if given:
+    count = len(points)
+    if count:
         apart = (np.diff(points, axis=0) != 0).any(axis=1)
         points = points[np.r_[True, apart]]
         if curve.closed and len(points) > 1 and (points[0] == points[-1]).all():
@@ -62,7 +62,7 @@ def checked(curve: Curve, name: str) -> Curve:
     kind, least = ("closed", 3) if curve.closed else ("open", 2)
     if len(points) < least:
         raise FinloopError(
-            f"of {given} points of the {kind} curve {name} {len(points)} lie apart"
+            f"of {count} points of the {kind} curve {name} {len(points)} lie apart"
             + (": its length is 0" if len(points) < 2 else ""),
             f"at least {least} points of a {kind} curve",
             f"draw {name} anew or leave it out",

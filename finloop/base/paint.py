@@ -53,14 +53,14 @@ def paint(style: str, side: float) -> Paint:
 
     FinloopError if a colour or number cannot be read.
     """
-    given = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
-    given = {key.strip(): value.strip() for key, value in given.items()}
+    values = dict(part.split(":", 1) for part in style.split(";") if ":" in part)
+    values = {key.strip(): value.strip() for key, value in values.items()}
     try:
-        fill, stroke = (_colour(given.get(kind, "none")) for kind in ("fill", "stroke"))
+        fill, stroke = (_colour(values.get(kind, "none")) for kind in ("fill", "stroke"))
         if fill is None and stroke is None:
             return Paint(None, (0, 0, 0), 1.0, 1.0, side / 200)
         numbers = ("fill-opacity", "stroke-opacity", "stroke-width")
-        return Paint(fill, stroke, *(float(given.get(key, 1)) for key in numbers))
+        return Paint(fill, stroke, *(float(values.get(key, 1)) for key in numbers))
     except ValueError as error:
         raise FinloopError(
             f"the style {style!r} cannot be read ({error})",
@@ -90,20 +90,20 @@ def shapes(closed: Mapping[str, bool], styles: Mapping[str, str], side: float) -
 
 
 def painted(
-    drawn: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
+    layers: list[tuple[Shape, list[Points]]], shape: tuple[int, int], scale: float
 ) -> Picture:
     """A picture (h, w, 3) on white of shapes and their contours (n, 2) in drawing units.
 
     `scale` is px per unit. Pixel (0, 0) reaches from 0 to 1 / scale, as in SVG.
     """
     picture = np.full((*shape, 3), 255.0, np.float32)
-    for one, contours in drawn:
-        how = one.paint
+    for form, contours in layers:
+        how = form.paint
         if how.fill is not None:
-            _lay(picture, contours, one.closed, scale, how.fill, how.fill_opacity, None)
+            _lay(picture, contours, form.closed, scale, how.fill, how.fill_opacity, None)
         if how.stroke is not None:
             width = how.width * scale
-            _lay(picture, contours, one.closed, scale, how.stroke, how.stroke_opacity, width)
+            _lay(picture, contours, form.closed, scale, how.stroke, how.stroke_opacity, width)
     return np.round(picture).astype(np.uint8)
 
 

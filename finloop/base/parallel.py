@@ -116,16 +116,16 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     if workers.alone or len(todo) < 2:
         yield from map(work, todo)
         return
-    given: deque[A] = deque()  # to the workers, and no result is taken yet
+    pending: deque[A] = deque()  # to the workers, and no result is taken yet
     killed = 0
-    while todo or given:
+    while todo or pending:
         with workers.employ(work) as hand:
             results: deque[Handed[B]] = deque()
-            while todo or given:
-                while todo and len(given) < workers.count + 1:
-                    given.append(todo.popleft())
+            while todo or pending:
+                while todo and len(pending) < workers.count + 1:
+                    pending.append(todo.popleft())
                 try:
-                    results += [hand(given[k]) for k in range(len(results), len(given))]
+                    results += [hand(pending[k]) for k in range(len(results), len(pending))]
                     result = results[0].result()
                 except BrokenProcessPool as error:
                     killed += 1
@@ -133,7 +133,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                         raise ended(workers.count) from error
                     break
                 results.popleft()
-                given.popleft()
+                pending.popleft()
                 killed = 0
                 yield result
 

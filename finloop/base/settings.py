@@ -70,7 +70,7 @@ def variants(word: str) -> dict[str, type]:
     union = get_args(declared)
     if not union:
         return {"default": declared}
-    return {get_args(get_type_hints(one)["source"])[0]: one for one in union}
+    return {get_args(get_type_hints(variant)["source"])[0]: variant for variant in union}
 
 
 def _declaration(word: str) -> ModuleType:
@@ -135,13 +135,13 @@ def _adapter(option: type) -> TypeAdapter[Any]:
     return TypeAdapter(checked(option, frozen=True, config=strict))
 
 
-def _problem(word: str, known: list[str], detail: dict[str, Any]) -> str:
+def _problem(word: str, names: list[str], detail: dict[str, Any]) -> str:
     name = ".".join(map(str, (word, *detail["loc"])))
     if detail["type"] == "missing":
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
-        near = get_close_matches(str(detail["loc"][0]), known, 1)
-        hint = f"did you mean {word}.{near[0]}?" if near else f"{word} has {', '.join(known)}"
+        near = get_close_matches(str(detail["loc"][0]), names, 1)
+        hint = f"did you mean {word}.{near[0]}?" if near else f"{word} has {', '.join(names)}"
         return f"{name}: unknown; {hint}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
     return f"{name}: {message}" + (f", got {detail['input']!r}" if detail["loc"] else "")

@@ -23,10 +23,10 @@ def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> l
     for start, stop in pairwise(edges):
         cuts = np.linspace(start, stop, -(-(stop - start) // longest) + 1).round().astype(int)
         every += [slice(int(a), int(b)) for a, b in pairwise(cuts)]
-    chosen, rows = [], 0
+    sample, rows = [], 0
     for number in np.random.default_rng(seed).permutation(len(every)):
         if rows >= most:
             break
-        chosen.append(every[number])
+        sample.append(every[number])
         rows += every[number].stop - every[number].start
-    return sorted(chosen, key=lambda one: one.start)
+    return sorted(sample, key=lambda stretch: stretch.start)

@@ -62,7 +62,9 @@ class Quality:
     @classmethod
     def of(cls, numbers: Mapping[str, float], prefix: str = "") -> "Quality":
         """From metrics, whose names may have a prefix; NaN where one is missing."""
-        return cls(**{one.name: numbers.get(prefix + one.name, np.nan) for one in fields(cls)})
+        return cls(
+            **{entry.name: numbers.get(prefix + entry.name, np.nan) for entry in fields(cls)}
+        )
 
 
 class Reader(Protocol):
@@ -102,7 +104,7 @@ def still_tank(samples: Sequence[Picture]) -> Picture:
     few = [in_light(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
     first = marks(_median(few))
     shifts = [shift(frame, first) for frame in few]
-    known = np.array([one for one in shifts if one is not UNKNOWN])
+    known = np.array([offset for offset in shifts if offset is not UNKNOWN])
     if len(known):
         middle = Shift(*np.median(known, axis=0))
         few = [
@@ -129,7 +131,7 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
     whole = still_tank(clip.samples)
     tank, of, last = grey(whole), marks(whole), STILL
     rows: list[dict[str, float]] = []
-    moving: list[tuple[float, float, float, float]] = []
+    movers: list[tuple[float, float, float, float]] = []
     for start, stop in runs(clip.frames, stride):
         before: Picture | None = None
         light_before = 1.0
@@ -142,13 +144,13 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
             if before is not None and frame % _EVERY == 1:
                 row |= _against(before, here, light_before / bright)
                 steady = here if place is UNKNOWN else steadied(here, place)
-                moving.append(_moving(steady, tank, bright))
+                movers.append(_movers(steady, tank, bright))
             rows.append({"frame": frame} | row)
             before, light_before = here, bright
     table = pd.DataFrame({"light": clip.lights, "change": clip.changes})
     table = table.join(pd.DataFrame(rows).set_index("frame")).rename_axis("frame").reset_index()
     table = table.reindex(columns=CHECK.names)
-    return _quality(table, clip, len(rows), np.array(moving).reshape(-1, 4)), table, whole
+    return _quality(table, clip, len(rows), np.array(movers).reshape(-1, 4)), table, whole
 
 
 def grey(picture: Picture) -> Picture:
@@ -169,7 +171,7 @@ def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float
     }
 
 
-def _moving(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
+def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
     """Of what moves in a grey frame: pixels, median contrast, black ones, white ones."""
     few = here[::_THIN, ::_THIN]
     off = np.abs(few / bright - tank[::_THIN, ::_THIN])
@@ -182,15 +184,15 @@ def _moving(here: Picture, tank: Picture, bright: float) -> tuple[float, float, 
     return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
 
 
-def _quality(table: pd.DataFrame, clip: Clip, looked: int, moving: Floats) -> Quality:
+def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Quality:
     """The numbers of a film from those of its frames; `looked`: at so many of them."""
     lamp = light(np.array(clip.lights), clip.rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
-    known = place[np.isfinite(place[:, 0])]
-    far = np.hypot(*(known - np.median(known, axis=0)).T) if len(known) else known[:, 0]
-    still = 2 * len(known) >= looked  # else the floor has too few marks
+    places = place[np.isfinite(place[:, 0])]
+    far = np.hypot(*(places - np.median(places, axis=0)).T) if len(places) else places[:, 0]
+    still = 2 * len(places) >= looked  # else the floor has too few marks
     twice = doubled(np.array(clip.changes))
-    pixels, contrast, black, white = moving.T
+    pixels, contrast, black, white = movers.T
     many = max(1.0, float(pixels.sum()))
     return Quality(
         **{f"light_{name}": value for name, value in lamp._asdict().items()},

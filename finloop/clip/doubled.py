@@ -54,48 +54,48 @@ class Doubled(NamedTuple):
 
 def doubled(changes: Floats) -> Doubled:
     """Doubled pictures from the changes (frames,); `changes[k]` is from k - 1 to k, [0] is NaN."""
-    told, twice = _told(changes)
-    count = int(told.sum())
-    share = float(twice[told].mean()) if count else 0.0
+    decidable, twice = _decidable(changes)
+    count = int(decidable.sum())
+    share = float(twice[decidable].mean()) if count else 0.0
     every = np.arange(len(changes)), np.zeros(len(changes), bool)
     if twice.sum() < _FEW:
         return Doubled(share, 1.0 if not twice.any() else float("nan"), *every)
-    rate, pictures, repeats = _cadence(told, twice)
-    if np.mean(repeats[told] == twice[told]) < _AGREE:
+    rate, pictures, repeats = _cadence(decidable, twice)
+    if np.mean(repeats[decidable] == twice[decidable]) < _AGREE:
         return Doubled(share, float("nan"), *every)
-    repeats = np.where(told, twice, repeats)  # the cadence may be off by a frame
+    repeats = np.where(decidable, twice, repeats)  # the cadence may be off by a frame
     repeats[0] = False
     return Doubled(share, rate, pictures - pictures[0], repeats)
 
 
-def _told(changes: Floats) -> tuple[Mask, Mask]:
+def _decidable(changes: Floats) -> tuple[Mask, Mask]:
     """In which frames it can be told whether they are doubled, and which of them are."""
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
     around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
-    told = around[:, -1] > _LEAST
-    if told.any():
-        told &= around[:, -1] >= np.median(around[told, -1])
-    told[:1] = False
+    decidable = around[:, -1] > _LEAST
+    if decidable.any():
+        decidable &= around[:, -1] >= np.median(around[decidable, -1])
+    decidable[:1] = False
     around = np.maximum(around, 0.02 * around[:, -1:] + 1e-9)  # of two that are nearly 0
     ratios = around[:, 1:] / around[:, :-1]
     gap = ratios.argmax(axis=1)
     below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
     twice = (np.nan_to_num(changes) <= below) & (ratios.max(axis=1) >= _GAP)
-    return told, told & twice
+    return decidable, decidable & twice
 
 
-def _cadence(told: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
+def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     """If a film of one rate is shown at another: pictures a frame, their numbers, what is doubled.
 
     Frame k then shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the
     frames that are new (or doubled: whichever is rarer), refined between its bins.
     """
-    frames = len(told)
-    rare = twice if 2 * twice.sum() < told.sum() else told & ~twice
+    frames = len(decidable)
+    rare = twice if 2 * twice.sum() < decidable.sum() else decidable & ~twice
     place = np.arange(frames)
-    density = rare[told].mean()
-    signal = np.where(told, rare - density, 0.0)
+    density = rare[decidable].mean()
+    signal = np.where(decidable, rare - density, 0.0)
     power = np.abs(np.fft.rfft(signal, 8 * frames))
     low = max(1, round(8 * frames * 0.25 * density))
     near = low + int(power[low : round(8 * frames * min(0.5, 2 * density)) + 1].argmax())
@@ -104,7 +104,7 @@ def _cadence(told: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
     best = int(np.abs(waves).argmax())
     beat, phase = float(rates[best]), float(np.angle(waves[best])) / (2 * np.pi)
     tries = [phase + beat * share for share in np.linspace(0, 1, _PHASES)]
-    right = np.array([np.mean(_beats(place, beat, t)[told] == rare[told]) for t in tries])
+    right = np.array([np.mean(_beats(place, beat, t)[decidable] == rare[decidable]) for t in tries])
     amid = np.flatnonzero(right == right.max())
     phase = tries[amid[len(amid) // 2]]
     beats = np.floor(place * beat + phase).astype(np.int64)

@@ -20,15 +20,15 @@ def field_order(before: Picture, frame: Picture) -> float:
     The relative difference of the two squared distances where something moved: 0 of whole pictures,
     up to ±0.8 of woven ones. NaN where too little moved.
     """
-    last, here = (one[:, ::_THIN].astype(np.float64) for one in (before, frame))
-    moved = np.abs(here - last) >= _MOVED
+    last, here = (picture[:, ::_THIN].astype(np.float64) for picture in (before, frame))
+    motion = np.abs(here - last) >= _MOVED
     rows = (len(last) - 1) // 2 * 2
-    near = moved[:rows:2] | moved[1:rows:2] | moved[2 : rows + 1 : 2]
+    near = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
     if near.sum() < _FEW:
         return float("nan")
     # A row of the lower field lies between two of the upper: it is compared with their mean.
-    upper = [(one[:rows:2] + one[2 : rows + 1 : 2]) / 2 for one in (last, here)]
-    lower = [one[1:rows:2] for one in (last, here)]
+    upper = [(picture[:rows:2] + picture[2 : rows + 1 : 2]) / 2 for picture in (last, here)]
+    lower = [picture[1:rows:2] for picture in (last, here)]
     if_upper = float(((lower[0] - upper[1])[near] ** 2).mean())
     if_lower = float(((upper[0] - lower[1])[near] ** 2).mean())
     whole = if_upper + if_lower

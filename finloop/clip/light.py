@@ -27,7 +27,7 @@ def gain(frame: Picture, tank: Picture) -> Floats:
     A ratio of sums over the pixels that are tank in both, and neither black nor white; 1 where
     there are none.
     """
-    here, there = (_grid(one) for one in (frame, tank))
+    here, there = (_grid(picture) for picture in (frame, tank))
     low, high = _LIT
     lit = ((there > low) & (there < high) & (here < high)).all(axis=1)
     if not lit.any():

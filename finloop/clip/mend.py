@@ -32,18 +32,18 @@ def wanted(p: File, q: Quality, smaller_px: int) -> set[str]:
     """The names of the parameters by which something is to be mended, of a film so good."""
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
-    seen = {
+    faults = {
         "deinterlace": abs(q.field_order) >= INTERLACED,
         "undouble": q.doubled_pct >= DOUBLED_PCT and converted,
         "even_light": q.light_flicker_pct >= FLICKER_PCT or q.light_drift_pct >= DRIFT_PCT,
         "steady": q.shake_px >= SHAKE_PX and far,
     }
     possible = {"undouble": converted, "steady": isfinite(q.shake_px)}
-    modes = {name: getattr(p, name) for name in seen}
+    modes = {name: getattr(p, name) for name in faults}
     return {
         name
         for name, mode in modes.items()
-        if (mode == "always" and possible.get(name, True)) or (mode == "auto" and seen[name])
+        if (mode == "always" and possible.get(name, True)) or (mode == "auto" and faults[name])
     }
 
 
@@ -98,9 +98,9 @@ class Calm:
 
     def filmed(self) -> Mask:
         """Mask (h, w) of the pixels that every frame shows, whatever its shift was."""
-        shown = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
+        mask = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
         height, width = self.tank.shape[:2]
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)
         top, bottom, left, right = (int(np.ceil(px)) + _EDGE if px else 0 for px in sides)
-        shown[top : height - bottom, left : width - right] = True
-        return shown
+        mask[top : height - bottom, left : width - right] = True
+        return mask

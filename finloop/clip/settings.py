@@ -72,16 +72,16 @@ class File:
             problems.append(f"end_s {self.end_s:g} is not after start_s {self.start_s:g}")
         for shape, names in _ARENA_NUMBERS.items():
             for name in names:
-                given = getattr(self, name) is not None
-                if given != (self.arena == shape):
+                is_set = getattr(self, name) is not None
+                if is_set != (self.arena == shape):
                     kind = "needs" if self.arena == shape else f"has no use (arena={shape} has) for"
                     problems.append(f"arena={self.arena} {kind} {name}")
         paths = [self.path] if isinstance(self.path, str) else self.path
-        if not paths or any(isinstance(one, str) and not one.strip() for one in paths):
+        if not paths or any(isinstance(path, str) and not path.strip() for path in paths):
             problems.append("path is empty")
-        for one in paths:
-            if isinstance(one, dict):
-                problems += self._with(one)[1]
+        for path in paths:
+            if isinstance(path, dict):
+                problems += self._with(path)[1]
         if problems:
             raise ValueError("; ".join(problems))
 
@@ -97,9 +97,9 @@ class File:
         if isinstance(self.path, str):
             return [(self.path, self)]
         return [
-            (one, replace(self, path=one)) if isinstance(one, str)
-            else (one["path"], self._with(one)[0])
-            for one in self.path
+            (path, replace(self, path=path)) if isinstance(path, str)
+            else (path["path"], self._with(path)[0])
+            for path in self.path
         ]  # fmt: skip
 
     def _with(self, values: dict[str, Any]) -> tuple[Any, list[str]]:

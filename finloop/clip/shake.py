@@ -75,7 +75,7 @@ def marks(tank: Picture) -> Marks:
     """The steepest places of each tile of the still tank."""
     soft = _soft(tank)
     level = soft.astype(np.float64)
-    down, right = (np.asarray(one) for one in np.gradient(level))
+    down, right = (np.asarray(part) for part in np.gradient(level))
     steep: Floats = np.asarray(np.hypot(right, down))
     edge = min(_MARGIN, *(side // 4 for side in soft.shape))
     rows, columns = (np.linspace(edge, side - edge, _TILES + 1).astype(int) for side in soft.shape)
@@ -91,7 +91,7 @@ def marks(tank: Picture) -> Marks:
         y.append(at[0] + top)
         x.append(at[1] + left)
         tile.append(np.full(at.shape[1], number))
-    xs, ys, tiles = (np.concatenate([np.empty(0, int), *one]) for one in (x, y, tile))
+    xs, ys, tiles = (np.concatenate([np.empty(0, int), *part]) for part in (x, y, tile))
     share = np.bincount(tiles, steep[ys, xs] ** 2, _TILES**2)
     usual = float(np.median(share[share > 0])) if len(tiles) else 1.0
     trust = np.minimum(1.0, usual / share[tiles])

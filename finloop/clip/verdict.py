@@ -52,13 +52,20 @@ def findings(
 
     filmed: of the film before it was `mended`, by these parameters.
     """
-    done = {word: said for name in mended for word in MENDED[name][0] for said in MENDED[name][1:]}
-    before = {one.word: one for one in _all(filmed)} if filmed and done else {}
+    remedies = {
+        word: text for name in mended for word in MENDED[name][0] for text in MENDED[name][1:]
+    }
+    before = {now.word: now for now in _all(filmed)} if filmed and remedies else {}
     return [
-        Finding(one.word, one.good, f"{before[one.word].text} {done[one.word]} {one.text}", one.do)
-        if one.word in done and not before[one.word].good
-        else one
-        for one in _all(quality)
+        Finding(
+            now.word,
+            now.good,
+            f"{before[now.word].text} {remedies[now.word]} {now.text}",
+            now.do,
+        )
+        if now.word in remedies and not before[now.word].good
+        else now
+        for now in _all(quality)
     ]
 
 
@@ -142,7 +149,7 @@ def _interlaced(q: Quality) -> Finding:
 
 
 def _exposure(q: Quality) -> Iterator[Finding]:
-    for word, share, wanted in (
+    for word, share, remedy in (
         ("black", q.animal_black_pct, "more light or a longer exposure"),
         ("white", q.animal_white_pct, "less light or a shorter exposure"),
     ):
@@ -151,7 +158,7 @@ def _exposure(q: Quality) -> Iterator[Finding]:
             yield Finding(
                 word, good,
                 f"{_short(share)} % of what moves is plain {word}: no skin is seen there.",
-                f"Give it {wanted}.",
+                f"Give it {remedy}.",
             )  # fmt: skip
     if max(q.animal_black_pct, q.animal_white_pct) < LOST_PCT:
         yield Finding("exposure", True, "What moves is neither plain black nor plain white.", "")

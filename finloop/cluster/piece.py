@@ -48,14 +48,14 @@ class Home:
     def refuse_other(self) -> None:
         """FinloopError where this process is not of the same facts."""
         own = _facts(tuple(name for name in self.facts if name.isupper()))
-        other = [
+        differences = [
             f"{name}: {own.get(name)} there, {value} here"
             for name, value in self.facts.items()
             if own.get(name) != value
         ]
-        if other:
+        if differences:
             raise FinloopError(
-                f"{_worker()} is not what this program is: " + "; ".join(other),
+                f"{_worker()} is not what this program is: " + "; ".join(differences),
                 "the same code, packages and thread counts, for the same results",
                 f"end it, and start it in {self.folder}: {self.start}",
             )

@@ -136,10 +136,12 @@ class DaskWorkers:
         """
         with self._shared(_nothing) as path:
             call = pickle.dumps(Call(partial(_fit, need), self.home, path))
-            told = self.client.run(pickle.loads, call, on_error="return")
-        refused = [self.refusal(one) for one in told.values() if isinstance(one, Exception)]
+            answers = self.client.run(pickle.loads, call, on_error="return")
+        refused = [
+            self.refusal(answer) for answer in answers.values() if isinstance(answer, Exception)
+        ]
         if refused:
-            came = "\n    ".join(sorted({one.came for one in refused}))
+            came = "\n    ".join(sorted({answer.came for answer in refused}))
             raise FinloopError(came, refused[0].wanted, refused[0].do)
 
     @contextmanager
@@ -189,15 +191,15 @@ class _Handed:
         killed = _distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:
-                return self._told()
+                return self._outcome()
             except killed:
                 self._future = self._submit()
         try:
-            return self._told()
+            return self._outcome()
         except killed as error:
             raise ended(self._workers.count) from error
 
-    def _told(self) -> Any:
+    def _outcome(self) -> Any:
         """Wait for the result, or what is raised."""
         alone_s = 0.0
         while not self._future.done():

@@ -37,7 +37,7 @@ def filter_bank(wavelet: str) -> Floats:
             "choose db4, coif2, sym8, bior4.4, …: pywt.wavelist(kind='discrete') lists them",
         )
     if _loss(bank) < _ROUNDED:
-        bank = _mended(bank)
+        bank = _exact(bank)
     loss = _loss(bank)
     if loss > LOSSLESS:
         raise FinloopError(
@@ -64,7 +64,7 @@ def _cubic_spline() -> Floats:
     return np.stack([low[0], -sign * low[1], low[1], sign * low[0]])
 
 
-def _mended(bank: Floats) -> Floats:
+def _exact(bank: Floats) -> Floats:
     """The nearest filters that reconstruct: Σ_i s[i] a[taps − 1 − i + 2k] = δ_k0.
 
     A Newton step or two of least size. Filters of an orthogonal wavelet stay each other's mirror
@@ -97,8 +97,8 @@ def _loss(bank: Floats) -> float:
     for phase in (0, 1):  # of the sample
         total = np.zeros(2 * taps)
         for analysis, synthesis in ((bank[0], bank[2]), (bank[1], bank[3])):
-            every_other = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
-            total[:-1] += np.convolve(every_other, analysis)
+            phase_taps = np.where(np.arange(taps) % 2 == phase, synthesis, 0)
+            total[:-1] += np.convolve(phase_taps, analysis)
         total[taps - 1] -= 1
         parts.append(np.abs(total).sum())
     return max(parts)

@@ -92,10 +92,10 @@ def smoothness(alpha: Floats) -> float:
     index = np.arange(1 - size, size) / size
     moments = np.linalg.qr(np.stack([index**p for p in range(4)], axis=1), "complete")[0]
     vanishing = moments[:, 4:]  # sequences without moments 0 … 3
-    moved = _transfer(alpha, size) @ vanishing
-    if np.abs(moments[:, :4].T @ moved).max() > _ALMOST:
+    image = _transfer(alpha, size) @ vanishing
+    if np.abs(moments[:, :4].T @ image).max() > _ALMOST:
         return 0.5
-    rate = float(np.abs(np.linalg.eigvals(vanishing.T @ moved)).max())
+    rate = float(np.abs(np.linalg.eigvals(vanishing.T @ image)).max())
     exponent = min(-np.log2(rate) / 2, 2.0)
     return exponent if abs(exponent - 1) > _ALMOST else 1.0
 
@@ -146,10 +146,10 @@ def stiffness(wavelet: str, n: int, levels: int, elastic: float = 1.0) -> csr_ar
     units = np.zeros((n, len(places)))
     units[[place.start for place in places], range(len(places))] = 1
     functions = back(units, wavelet, levels)
-    moved = np.zeros_like(functions)
+    image = np.zeros_like(functions)
     for l in np.flatnonzero(row):  # noqa: E741  # zeros stay exactly zero, as with no FFT
-        moved += row[l] * np.roll(functions, l, axis=0)
-    generators = forward(moved, wavelet, levels).T
+        image += row[l] * np.roll(functions, l, axis=0)
+    generators = forward(image, wavelet, levels).T
     return _symmetric(generators, places, n)
 
 

@@ -60,7 +60,7 @@ class Alone:
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
-        over_black, over_white = (one.canvas[box.of] for one in (self.black, self.white))
+        over_black, over_white = (painter.canvas[box.of] for painter in (self.black, self.white))
         through = over_white.astype(np.float32) - over_black
         alpha = np.rint(_WHITE - through.mean(axis=2, keepdims=True)).astype(np.uint8)
         rgb = over_black if over_black.shape[2] == 3 else over_black.repeat(3, axis=2)
@@ -124,8 +124,8 @@ def cycle(
         gallery.turned(SPRITE, int(sprite), 1, 0.0, float(scale))
         for sprite, scale in zip(rows["sprite"], rows["scale"], strict=True)
     ]
-    half = RIM + max(math.ceil(one.scale * math.hypot(*one.picture.near.shape)) for one in steps)
-    return [(Placed(half, half, one, None, 0.0),) for one in steps], half
+    half = RIM + max(math.ceil(step.scale * math.hypot(*step.picture.near.shape)) for step in steps)
+    return [(Placed(half, half, step, None, 0.0),) for step in steps], half
 
 
 def readable(
@@ -137,13 +137,13 @@ def readable(
     tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None: not
     known; length_px: at which the animal is drawn.
     """
-    shown = _shown(edit, "", "source", tracks, sprites)
-    partner = _shown(edit, "partner_", "partner", tracks, sprites)
+    source = _source_columns(edit, "", "source", tracks, sprites)
+    partner = _source_columns(edit, "partner_", "partner", tracks, sprites)
     scale = np.nan if mm_per_px is None else mm_per_px
     mm = {name: edit[name.replace("_mm", "_px")] * scale for name in _MM}
     speed = edit["speed"].astype(float) * length_px * scale
     return pd.concat(
-        [edit, shown, partner.add_prefix("partner_"), pd.DataFrame(mm | {"speed_mm_s": speed})],
+        [edit, source, partner.add_prefix("partner_"), pd.DataFrame(mm | {"speed_mm_s": speed})],
         axis=1,
     )
 
@@ -162,20 +162,20 @@ def flat(listed: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([listed.drop(columns=["pose", *unknown]), spread], axis=1)
 
 
-def _shown(
+def _source_columns(
     edit: pd.DataFrame, prefix: str, source: str, tracks: pd.DataFrame, sprites: pd.DataFrame
 ) -> pd.DataFrame:
     kind, number = edit[f"{prefix}kind"], edit[source].fillna(0).to_numpy(int)
     is_sprite, none = (kind == SPRITE).to_numpy(), kind.isna().to_numpy()
-    cutout, picked = np.where(is_sprite, 0, number), sprites.iloc[np.where(is_sprite, number, 0)]
+    cutout, rows = np.where(is_sprite, 0, number), sprites.iloc[np.where(is_sprite, number, 0)]
     names = [
         f"{sequence}/{at:02d}/{step:02d}"
         for sequence, at, step in zip(
-            picked["sequence"], edit[f"{prefix}orientation"].fillna(0), picked["step"], strict=True
+            rows["sequence"], edit[f"{prefix}orientation"].fillna(0), rows["step"], strict=True
         )
     ]
     where = {
-        name: np.where(is_sprite, picked[name].to_numpy(), tracks[name].to_numpy()[cutout])
+        name: np.where(is_sprite, rows[name].to_numpy(), tracks[name].to_numpy()[cutout])
         for name in ("track_id", "frame")
     }
     return pd.DataFrame(

@@ -36,15 +36,17 @@ def poses(
     """
     who = tracks["track_id"] if animals is None else animals
     length = who.groupby(who).size()
-    kept = length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
-    if kept.empty:
+    longest_first = (
+        length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
+    )
+    if longest_first.empty:
         longest = length.max() if len(length) else 0
         raise FinloopError(
             f"no track has {least_frames} frames; the longest has {longest}",
             "at least one track to export",
             "lower export.tracks_least_s",
         )
-    ids = np.sort(kept)
+    ids = np.sort(longest_first)
     rows = pd.concat([tracks, features], axis=1).assign(who=who)[who.isin(ids)]
     rows = rows.sort_values(["frame", "who"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
@@ -54,7 +56,7 @@ def poses(
     sure = rows["head_confidence"].to_numpy(float)[:, None]
     body = [f"body_{n}" for n in range(1, body_points + 1)]
     return Poses(
-        tuple(f"track_{one}" if animals is None else str(one) for one in ids),
+        tuple(f"track_{number}" if animals is None else str(number) for number in ids),
         (HEAD, *body, TAIL, CENTRE),
         frames,
         np.searchsorted(ids, rows["who"].to_numpy()),

@@ -59,15 +59,15 @@ def ensembles(
     A member is the mean and the departure of a similar row that was learnt from. rng: where the
     truth lies between two members.
     """
-    known = np.zeros(len(film.states), bool)
-    known[parts.train] = True
+    in_train = np.zeros(len(film.states), bool)
+    in_train[parts.train] = True
     rest = np.zeros_like(film.states)
     rest[film.rows] = film.states[film.rows + 1] - swim.mean[film.rows]
-    whole = rest[known].var(0)
+    whole = rest[in_train].var(0)
     rows, means, spreads, ranks = [], [], [], []
     for row in parts.held_out.tolist():
         similar = swim.to[swim.start[row] : swim.start[row + 1]]
-        similar = similar[known[similar]]
+        similar = similar[in_train[similar]]
         if len(similar) < _LEAST:
             continue
         members = rest[similar]
@@ -85,34 +85,38 @@ def ensembles(
 
 
 def of_forecasts(
-    film: FilmStates, told: Ensemble, swim: Sampler, parts: Partition
+    film: FilmStates, ensemble: Ensemble, swim: Sampler, parts: Partition
 ) -> dict[str, float]:
     """Errors, log likelihoods [nats per number of the state] and coverage of held-out forecasts."""
-    held, true = parts.held_out, film.states[parts.held_out + 1]
+    rows, true = parts.held_out, film.states[parts.held_out + 1]
     numbers = {}
     for name, part in {"pose": slice(0, -MOTION), "motion": slice(-MOTION, None)}.items():
         unit = film.scale[part]
         error, still = (
-            float(np.sqrt(np.mean(((one[held] - true)[:, part] / unit) ** 2)))
-            for one in (swim.mean, film.states)
+            float(np.sqrt(np.mean(((states[rows] - true)[:, part] / unit) ** 2)))
+            for states in (swim.mean, film.states)
         )
         numbers[f"{name}_error"] = error
         numbers[f"persistence_{name}_error"] = still
         numbers[f"{name}_skill_against_persistence"] = 1 - error / still
     change = film.states[parts.train + 1] - film.states[parts.train]
-    if len(told.rows):
-        later = film.states[told.rows + 1]
+    if len(ensemble.rows):
+        later = film.states[ensemble.rows + 1]
         norm = scipy.stats.norm
         numbers["held_out_log_likelihood"] = float(
-            norm.logpdf(later / film.scale, told.mean / film.scale, told.spread / film.scale).mean()
+            norm.logpdf(
+                later / film.scale, ensemble.mean / film.scale, ensemble.spread / film.scale
+            ).mean()
         )
         numbers["persistence_log_likelihood"] = float(
             norm.logpdf(
-                later / film.scale, film.states[told.rows] / film.scale, change.std(0) / film.scale
+                later / film.scale,
+                film.states[ensemble.rows] / film.scale,
+                change.std(0) / film.scale,
             ).mean()
         )
         for share in (50, 80):
-            inner = np.abs(told.rank - 0.5) <= share / 200
+            inner = np.abs(ensemble.rank - 0.5) <= share / 200
             numbers[f"truth_in_inner_{share}_pct"] = float(100 * inner.mean())
     return numbers
 
@@ -131,7 +135,7 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
 
     From random rows of the film; wanted is what the film does in a state like theirs.
     """
-    wanted, done = [], []
+    controls, motions = [], []
     delta, step_s = film.delta, 1 / film.rate_hz
     for row in rng.choice(film.rows, _TRIALS).tolist():
         similar = swim.to[swim.start[row] : swim.start[row + 1]]
@@ -142,10 +146,10 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
         for _ in range(delta):
             state = step(swim, state, control, rng)
             way.append(state.past[0, -MOTION:] * step_s)
-        wanted.append(control)
-        done.append(_covered(np.array(way)))
+        controls.append(control)
+        motions.append(_covered(np.array(way)))
     names = ("displacement_slope", "angle_slope")
-    x, y = np.array(wanted), np.array(done)
+    x, y = np.array(controls), np.array(motions)
     return {
         name: float(np.polyfit(x[:, i], y[:, i], 1)[0])
         for i, name in enumerate(names)
@@ -155,10 +159,10 @@ def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict
 
 def _covered(way: Floats) -> tuple[float, float]:
     """Displacement and included angle of steps (t, 3): ahead, to the left, turned."""
-    turned = np.cumsum(way[:, 2])
-    before = np.append(0.0, turned[:-1])
+    heading = np.cumsum(way[:, 2])
+    before = np.append(0.0, heading[:-1])
     z = ((way[:, 0] + 1j * way[:, 1]) * np.exp(1j * before)).sum()
-    return float(abs(z)), float(turned[-1])
+    return float(abs(z)), float(heading[-1])
 
 
 def motion_area(postures: Floats) -> Floats:
@@ -168,10 +172,10 @@ def motion_area(postures: Floats) -> Floats:
     return np.abs(bend(lines, steps(postures).sum(1)))
 
 
-def held_out_table(told: Ensemble) -> pd.DataFrame:
+def held_out_table(ensemble: Ensemble) -> pd.DataFrame:
     """The table of `HELD_OUT`."""
-    ranks = dict(zip(HELD_OUT.names[1:], told.rank[:, [0, -3, -2, -1]].T, strict=True))
-    return pd.DataFrame({"row": told.rows, **ranks})
+    ranks = dict(zip(HELD_OUT.names[1:], ensemble.rank[:, [0, -3, -2, -1]].T, strict=True))
+    return pd.DataFrame({"row": ensemble.rows, **ranks})
 
 
 def free_table(states: Floats, rows: Ints) -> pd.DataFrame:

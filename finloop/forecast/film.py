@@ -99,10 +99,10 @@ def film_states(
         whole[range(c, c + MOTION), range(c, c + MOTION)] = 1, -1, -1
     scale = np.maximum(np.nanstd(states, axis=0), _LEAST)
     both = np.arange(n if mirror is None else 2 * n) % n
-    turned = (np.arange(len(both)) >= n)[:, None]
+    is_mirror = (np.arange(len(both)) >= n)[:, None]
     return FilmStates(
-        np.where(turned, (states @ whole)[both], states[both]),
-        np.where(turned, (control * side)[both], control[both]), usable[both], whole, side, lags,
+        np.where(is_mirror, (states @ whole)[both], states[both]),
+        np.where(is_mirror, (control * side)[both], control[both]), usable[both], whole, side, lags,
         scale, np.sqrt(np.nanmean(control**2, axis=0)), frame[both], delta, rate_hz, n,
         memory_frames(codes, track),
     )  # fmt: skip
@@ -119,8 +119,8 @@ def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
     step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))
-    moved = ahead_left(step, np.append(heading[:1], heading[:-1])) / length[:, None]
-    motion = np.column_stack([moved, np.angle(np.exp(1j * turn))]) * rate_hz
+    travel = ahead_left(step, np.append(heading[:1], heading[:-1])) / length[:, None]
+    motion = np.column_stack([travel, np.angle(np.exp(1j * turn))]) * rate_hz
     track, frame = features["track_id"].to_numpy(), features["frame"].to_numpy()
     first = np.append(True, (np.diff(track) != 0) | (np.diff(frame) != 1))
     motion[first] = np.nan

@@ -19,7 +19,7 @@ def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
 
 def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:
     """The graph that `table` gave, of so many rows; ValueError if it is of others."""
-    one, other = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
-    if len(edges) and max(one.max(), other.max()) >= rows:
-        raise ValueError(f"row {max(one.max(), other.max())} of {rows}")
-    return np.searchsorted(one, np.arange(rows + 1)), other
+    row, neighbour = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
+    if len(edges) and max(row.max(), neighbour.max()) >= rows:
+        raise ValueError(f"row {max(row.max(), neighbour.max())} of {rows}")
+    return np.searchsorted(row, np.arange(rows + 1)), neighbour

@@ -31,10 +31,10 @@ class _Network(nn.Module):
         super().__init__()
         d = len(film.scale)
         sizes = (len(film.lags) * d + CONTROL, hidden, hidden, d)
-        one, two, three = (nn.Linear(before, after) for before, after in pairwise(sizes))
-        nn.init.zeros_(three.bias)
-        three.weight.data *= 0.1  # at first nothing changes
-        self.layers = nn.ModuleList([one, two, three])
+        first, second, third = (nn.Linear(before, after) for before, after in pairwise(sizes))
+        nn.init.zeros_(third.bias)
+        third.weight.data *= 0.1  # at first nothing changes
+        self.layers = nn.ModuleList([first, second, third])
         mirror = film.mirror * film.scale[:, None] / film.scale
         self.mirror = torch.tensor(mirror, dtype=torch.float64)
         self.side = torch.tensor(film.side, dtype=torch.float64)
@@ -61,19 +61,19 @@ def learn(
     """
     with _one_thread(p.seed) as chance:
         network = _Network(film, p.hidden)
-        known, held = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
-        weight = 1 / (_mean_square(known[0][:, 0] - known[2]) + _FLOOR)
+        train, held_out = (_tensors(film, rows) for rows in (parts.train, parts.held_out))
+        weight = 1 / (_mean_square(train[0][:, 0] - train[2]) + _FLOOR)
         adam = torch.optim.AdamW(
             network.parameters(), lr=p.learning_rate, weight_decay=p.weight_decay
         )
-        curve = [_errors(network, weight, known, held)]
+        curve = [_errors(network, weight, train, held_out)]
         best, wait = _copy(network), 0
         for _ in range(p.epochs):
-            _epoch(network, adam, (known, weight), p, chance)
-            curve.append(_errors(network, weight, known, held))
+            _epoch(network, adam, (train, weight), p, chance)
+            curve.append(_errors(network, weight, train, held_out))
             advance()
             wait += 1
-            if curve[-1]["held_out_error"] < min(one["held_out_error"] for one in curve[:-1]):
+            if curve[-1]["held_out_error"] < min(row["held_out_error"] for row in curve[:-1]):
                 best, wait = _copy(network), 0
             if wait >= p.patience:
                 break
@@ -131,11 +131,11 @@ def _noise(shape: torch.Size, chance: torch.Generator) -> Tensor:
     return most[0] * shift + most[1] * _STEADY * each
 
 
-def _errors(network: _Network, weight: Tensor, known: Sample, held: Sample) -> dict[str, float]:
+def _errors(network: _Network, weight: Tensor, train: Sample, held_out: Sample) -> dict[str, float]:
     """Mean squares of the errors in units of those of persistence, a number of the state each."""
     errors = {}
     with torch.inference_mode():
-        for name, (past, control, later) in (("train", known), ("held_out", held)):
+        for name, (past, control, later) in (("train", train), ("held_out", held_out)):
             mean = _mean_square(network(past, control) - later) * weight
             errors[f"{name}_error"] = float(mean.mean())
     return errors

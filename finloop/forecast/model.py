@@ -73,9 +73,9 @@ class Forecast:
         x = np.concatenate([past.reshape(len(past), -1), control], 1)
         mean = past[:, 0].astype(float)
         for side in range(2):
-            one = silu(x @ net.first[side] + net.first_bias[side])
-            two = silu(one @ net.second[side] + net.second_bias[side])
-            mean = mean + two @ net.third[side] + net.third_bias[side]
+            first = silu(x @ net.first[side] + net.first_bias[side])
+            second = silu(first @ net.second[side] + net.second_bias[side])
+            mean = mean + second @ net.third[side] + net.third_bias[side]
         return mean
 
     def record(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def forecast_model(**content: Any) -> Forecast:
     shapes = [layer.shape == (sizes[i], sizes[i + 1]) for i, layer in enumerate(layers)]
     shapes += [bias.shape == (sizes[i + 1],) for i, bias in enumerate(biases)]
     shapes += [mirror.shape == (d, d), control_scale.shape == side.shape == (2,), lags.ndim == 1]
-    if not all(shapes) or not all(np.isfinite(one).all() for one in (*layers, *biases, mirror)):
+    if not all(shapes) or not all(np.isfinite(array).all() for array in (*layers, *biases, mirror)):
         raise ValueError("weights of other sizes, or not finite")
     return Forecast(tuple(layers), tuple(biases), lags, scale, control_scale, mirror, side)  # type: ignore[arg-type]
 
@@ -122,17 +122,17 @@ def silu(x: Reals) -> Reals:
 def next_mean(net: Net, past: Weights, out: Floats) -> None:
     """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last."""
     d, h = out.size, net.second_bias.shape[1]
-    one, two = np.empty(h, np.float32), np.empty(h, np.float32)
+    first, second = np.empty(h, np.float32), np.empty(h, np.float32)
     for j in range(d):
         out[j] = past[j]
     for side in range(2):
-        _layer(past, net.first[side], net.first_bias[side], one)
-        _layer(one, net.second[side], net.second_bias[side], two)
+        _layer(past, net.first[side], net.first_bias[side], first)
+        _layer(first, net.second[side], net.second_bias[side], second)
         for j in range(d):
             out[j] += net.third_bias[side, j]
         for i in range(h):
             for j in range(d):
-                out[j] += two[i] * net.third[side, i, j]
+                out[j] += second[i] * net.third[side, i, j]
 
 
 @finite_kernel

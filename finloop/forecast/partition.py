@@ -34,8 +34,8 @@ def split(film: FilmStates, p: Settings) -> Partition:
     first, last = (film.frame[rows] - film.lags[-1]) // block, (film.frame[rows] + 1) // block
     blocks = np.unique(first)
     count = min(max(1, round(p.held_out * len(blocks))), len(blocks) - 1)
-    chosen = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
-    begins, ends = np.isin(first, chosen), np.isin(last, chosen)
+    sample = np.random.default_rng((p.seed, 0)).permutation(blocks)[:count]
+    begins, ends = np.isin(first, sample), np.isin(last, sample)
     parts = Partition(rows[~begins & ~ends], rows[begins & ends])
     if min(len(parts.train), len(parts.held_out)) == 0:
         raise FinloopError(
@@ -46,6 +46,6 @@ def split(film: FilmStates, p: Settings) -> Partition:
         )
     rng = np.random.default_rng((p.seed, 2))
     return Partition(*(
-        np.sort(rng.choice(one, p.most_rows, replace=False)) if len(one) > p.most_rows else one
-        for one in (parts.train, parts.held_out)
+        np.sort(rng.choice(part, p.most_rows, replace=False)) if len(part) > p.most_rows else part
+        for part in (parts.train, parts.held_out)
     ))  # fmt: skip

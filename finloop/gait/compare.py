@@ -145,9 +145,9 @@ def _by_scale(
         gammas.append(model.gammas(True, LEAST_MOTION * film.body_length)[m])
         share.append(float((way[scale] ** 2).sum() / max((way**2).sum(), 1e-300)))
         count.append(scale.stop - scale.start)
-    linear, fitted, frames = table["linear"], table["gamma_scale"], table["frames"]
+    linear, gamma_scale, frames = table["linear"], table["gamma_scale"], table["frames"]
     rms_linear = np.sqrt(linear / frames) / film.body_length
-    gain = (linear - fitted) / linear.where(linear > 0)
+    gain = (linear - gamma_scale) / linear.where(linear > 0)
     verdict = np.select(
         [rms_linear < LEAST_ERROR, gain > LEAST_GAIN, gain < -LEAST_GAIN],
         ["not seen", "buys", "costs"],
@@ -158,7 +158,7 @@ def _by_scale(
         gamma=gammas,
         energy_share=share,
         rms_linear=rms_linear,
-        rms_gamma_scale=np.sqrt(fitted / frames) / film.body_length,
+        rms_gamma_scale=np.sqrt(gamma_scale / frames) / film.body_length,
         gamma_buys_pct=(100 * gain).fillna(0.0),
         verdict=verdict,
     )

@@ -36,11 +36,11 @@ def align_phase(phase: Floats, ahead: Floats, split: float) -> Floats:
     whole = np.isfinite(ahead).all(axis=1)
     if whole.sum() < 12:  # eight numbers a foot are fitted
         return phase
-    known, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
-    middle = float(known.mean())
+    phases, way = phase[whole], ahead[whole] - ahead[whole].mean(axis=0)
+    middle = float(phases.mean())
 
     def off(change: Floats) -> float:
-        return _off(known - change[0] + change[1] * (known - middle), way, split)
+        return _off(phases - change[0] + change[1] * (phases - middle), way, split)
 
     moves = np.linspace(-REACH, REACH, STEPS)
     first = float(moves[np.argmin([off(np.array([move, 0.0])) for move in moves])])

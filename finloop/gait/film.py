@@ -44,9 +44,9 @@ class Film:
             return self
         contours = dict(self.contours)
         for name, points in self.contours.items():
-            for side, other in (("left", "right"), ("right", "left")):
+            for side, opposite in (("left", "right"), ("right", "left")):
                 if side in name:
-                    contours.setdefault(name.replace(side, other), np.full_like(points, np.nan))
+                    contours.setdefault(name.replace(side, opposite), np.full_like(points, np.nan))
         return replace(self, contours=contours)
 
     @property
@@ -101,11 +101,11 @@ def hips(film: Film) -> dict[str, Points]:
     for name, here in centre.items():
         twin = partner(name, film.contours)
         if name < twin:
-            own, others = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
-            if own.any() and others.any():
+            own, twins = (np.isfinite(centre[limb]).all(axis=1) for limb in (name, twin))
+            if own.any() and twins.any():
                 phase = film.phase[own] + 0.5
                 there = [
-                    np.interp(phase, film.phase[others], centre[twin][others, k], period=1.0)
+                    np.interp(phase, film.phase[twins], centre[twin][twins, k], period=1.0)
                     for k in range(2)
                 ]
                 out[name] = (here[own] - np.column_stack(there)).mean(axis=0)

@@ -46,8 +46,8 @@ class Subcycle:
         out = []
         for scale in self.scales if per_scale else [slice(None)]:
             way = np.linalg.norm(self.start[scale].ravel() - self.end[scale].ravel())
-            moving = way > still * np.sqrt(len(self.start))
-            out.append(gamma_fit([self.sums(scale)]) if moving else 0.0)
+            moves = way > still * np.sqrt(len(self.start))
+            out.append(gamma_fit([self.sums(scale)]) if moves else 0.0)
         return tuple(out)
 
     def predict(self, tau: Points, gamma: Points) -> Points:

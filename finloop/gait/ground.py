@@ -134,9 +134,9 @@ def _sheared(name: str, stack: Points, ways: list[tuple[Ints, Points]], speed: f
 
 def _bridged(shift: Points) -> Points:
     """Shifts (f, 2) of a cycle; missing ones (NaN) are interpolated smoothly."""
-    frames, known = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
+    frames, present = len(shift), np.flatnonzero(~np.isnan(shift[:, 0]))
     out = shift.copy()
-    for here, there in zip(known, np.append(known[1:], known[0] + frames), strict=True):
+    for here, there in zip(present, np.append(present[1:], present[0] + frames), strict=True):
         between = np.arange(here + 1, there)
         s = (between - here) / (there - here)
         s = (s * s * (3 - 2 * s))[:, None]

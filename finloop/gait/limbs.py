@@ -137,17 +137,17 @@ def corresponding(regions: Sequence[Region], n: int) -> Floats:
     for _ in range(ROUNDS):
         fits = np.fft.ifft(spectra * np.fft.fft(mean).conj(), axis=1)
         starts = np.abs(fits).argmax(axis=1)
-        turned = np.stack(
+        aligned = np.stack(
             [
                 np.roll(shape, -start) * np.exp(-1j * np.angle(fit[start]))
                 for shape, start, fit in zip(centred, starts, fits, strict=True)
             ]
         )
-        mean = turned.mean(axis=0)
+        mean = aligned.mean(axis=0)
     top = int(mean.imag.argmin())
     for k, shape, start in zip(there, fine, starts, strict=True):
-        picked = np.roll(shape, -start - top)[::FINE]
-        out[k] = np.column_stack([picked.real, picked.imag])
+        contour = np.roll(shape, -start - top)[::FINE]
+        out[k] = np.column_stack([contour.real, contour.imag])
     return out
 
 

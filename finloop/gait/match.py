@@ -31,16 +31,16 @@ def corresponding(
     """
     first, second = dict[str, Points](), dict[str, Points]()
     for name, curve in key1.curves.items():
-        other = partner(name, key1.curves) if symmetry == "swap" else name
-        kinds = {which.closed for which in (curve, key1.curves[other], key2.curves[name])}
+        twin = partner(name, key1.curves) if symmetry == "swap" else name
+        kinds = {which.closed for which in (curve, key1.curves[twin], key2.curves[name])}
         if len(kinds) > 1:
             raise FinloopError(
-                f"of {name!r} and {other!r} one is closed, the other open",
+                f"of {name!r} and {twin!r} one is closed, the other open",
                 "contours that are closed in every pose, left and right, or open in every pose",
                 "close them all, or none",
             )
-        model = first.get(other, resampled(clockwise(curve), points).points)
-        first[name] = renumbered(model, curve) if other in first else model
+        model = first.get(twin, resampled(clockwise(curve), points).points)
+        first[name] = renumbered(model, curve) if twin in first else model
         second[name] = renumbered(model, key2.curves[name])
     return first, second
 
@@ -73,12 +73,12 @@ def mirror_orders(
     """
     orders = dict[str, Ints]()
     for name in key1:
-        other = partner(name, key1)
-        if other in orders:
-            orders[name] = orders[other]
+        twin = partner(name, key1)
+        if twin in orders:
+            orders[name] = orders[twin]
             continue
         pairs = [
-            (_complex(here[name]), _complex(there[other] * [1, -1]))
+            (_complex(here[name]), _complex(there[twin] * [1, -1]))
             for here, there in ((key2, key1), (key1, key2))
         ]
         n = len(key1[name])

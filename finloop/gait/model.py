@@ -78,8 +78,8 @@ class Gait:
 
 def partner(name: str, names: Mapping[str, object] | set[str] | list[str]) -> str:
     """The id with left and right exchanged if it is among `names`, else the id itself."""
-    for side, other in (("left", "right"), ("right", "left")):
-        if side in name and (swapped := name.replace(side, other)) in names:
+    for side, opposite in (("left", "right"), ("right", "left")):
+        if side in name and (swapped := name.replace(side, opposite)) in names:
             return swapped
     return name
 
@@ -145,20 +145,20 @@ def half_later(
     orders, offsets = layout.orders or {}, layout.offsets or {}
     out = dict[str, Points]()
     for name in contours:
-        other = partner(name, contours)
+        twin = partner(name, contours)
         if symmetry == "mirror":
-            order = orders.get(name, reversal(contours[other].shape[-2]))
-            identity = np.array_equal(order[orders.get(other, order)], np.arange(len(order)))
-            out[name] = mirrored(contours[other], layout.middle, order)
+            order = orders.get(name, reversal(contours[twin].shape[-2]))
+            identity = np.array_equal(order[orders.get(twin, order)], np.arange(len(order)))
+            out[name] = mirrored(contours[twin], layout.middle, order)
         else:
             offset = offsets.get(name, np.zeros(2))
-            identity = np.allclose(offset, -np.asarray(offsets.get(other, -offset)))
-            out[name] = contours[other] + offset
+            identity = np.allclose(offset, -np.asarray(offsets.get(twin, -offset)))
+            out[name] = contours[twin] + offset
         if not identity:
             raise FinloopError(
                 f"half a cycle later, twice, is not {name!r} itself",
                 "orders that undo one another, offsets that add up to 0",
-                f"set them alike for {name!r} and {other!r}",
+                f"set them alike for {name!r} and {twin!r}",
             )
     return out
 
@@ -262,10 +262,10 @@ def _check_keys(key1: Mapping[str, Points], key2: Mapping[str, Points]) -> None:
     for name in key1:
         if name in key2 and len(key1[name]) != len(key2[name]):
             wrong.append(f"{name!r} has {len(key1[name])} points in key 1, {len(key2[name])} in 2")
-        other = partner(name, key1)
-        if name < other and len(key1[name]) != len(key1[other]):
+        twin = partner(name, key1)
+        if name < twin and len(key1[name]) != len(key1[twin]):
             wrong.append(
-                f"{name!r} has {len(key1[name])} points, its partner {other!r} {len(key1[other])}"
+                f"{name!r} has {len(key1[name])} points, its partner {twin!r} {len(key1[twin])}"
             )
     if wrong or not key1:
         raise FinloopError(

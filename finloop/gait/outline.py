@@ -53,8 +53,8 @@ def of_track(track: pd.DataFrame, features: pd.DataFrame) -> tuple[Floats, Float
             "the same frames of both",
             "make both anew: dvc repro features",
         )
-    turned = tail_first(backbone, features)[:, None, None]
-    return outline.astype(float), np.where(turned, backbone[:, ::-1], backbone)
+    tail_leads = tail_first(backbone, features)[:, None, None]
+    return outline.astype(float), np.where(tail_leads, backbone[:, ::-1], backbone)
 
 
 def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int = POINTS) -> Swim:
@@ -73,7 +73,7 @@ def swim(outline_px: Floats, backbone_px: Floats, frame_rate_hz: float, n: int =
     smooth = course(np.column_stack([centre, angle]), beat.phase)
     straightened = in_body_frame(points, smooth[:, :2], smooth[:, 2]) / length
     flat = straightened.reshape(len(straightened), -1)
-    straight = bent(course(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
+    straight = asymmetry(course(flat, beat.phase).reshape(straightened.shape)) <= STRAIGHT
     steady = assess(flat, beat.phase, beat.steady & straight, frame_rate_hz)
     if not steady.cycles:
         why = f"it turns: where it is straight, {steady.why}"
@@ -163,7 +163,7 @@ def sideways(points: Floats) -> Floats:
     return (y + y[:, -np.arange(y.shape[1])])[:, : y.shape[1] // 2 + 1] / 2
 
 
-def bent(points: Floats) -> Floats:
+def asymmetry(points: Floats) -> Floats:
     """Asymmetry (frames,) of contours in the body frame: 0 if the fish is straight.
 
     It is half the RMS distance of corresponding points of the contour and its mirror image.

@@ -83,8 +83,10 @@ def period(
     beat = assess(modes, phase, (share[along] >= _STEADY) & whole, frame_rate_hz)
     if not beat.cycles:
         return replace(beat, why=_why_not(modes, share[along], beat.why))
-    followed = modes[:, 0] * _sign(signal[whole]) if extreme is None else np.asarray(extreme, float)
-    return with_phase_zero(beat, followed)
+    reference = (
+        modes[:, 0] * _sign(signal[whole]) if extreme is None else np.asarray(extreme, float)
+    )
+    return with_phase_zero(beat, reference)
 
 
 def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> Period:
@@ -105,9 +107,9 @@ def assess(signal: Floats, phase: Floats, good: Mask, frame_rate_hz: float) -> P
 
 def with_phase_zero(beat: Period, extreme: Floats) -> Period:
     """The same period with phase 0 where the fundamental of `extreme` (frames,) is greatest."""
-    used = beat.steady & np.isfinite(extreme)
-    terms = _harmonics(beat.phase[used], 1)
-    _, cos, sin = np.linalg.lstsq(terms, extreme[used], rcond=None)[0]
+    frames = beat.steady & np.isfinite(extreme)
+    terms = _harmonics(beat.phase[frames], 1)
+    _, cos, sin = np.linalg.lstsq(terms, extreme[frames], rcond=None)[0]
     phase = beat.phase - np.arctan2(sin, cos) / (2 * np.pi)
     return replace(beat, phase=phase - np.floor(phase.min()))
 
@@ -151,12 +153,12 @@ def filled(signal: Floats) -> Floats:
     """
     time, out = np.arange(len(signal)), signal.copy()
     for column in out.T:
-        known = np.isfinite(column)
-        if not known.any():
+        finite = np.isfinite(column)
+        if not finite.any():
             raise FinloopError(
                 "a limb that no frame shows", "each limb in half of the frames", "leave it out"
             )
-        column[:] = np.interp(time, time[known], column[known])
+        column[:] = np.interp(time, time[finite], column[finite])
     return out
 
 
@@ -166,8 +168,8 @@ def _modes(signal: Floats) -> Floats:
     left, size, _ = np.linalg.svd(centred, full_matrices=False)
     if size[0] <= 1e-12 * max(1.0, np.abs(signal).max()):
         return np.zeros((len(signal), 0))
-    held = np.cumsum(size**2) / (size**2).sum()
-    keep = min(_MODES, int(np.searchsorted(held, _VARIANCE)) + 1)
+    variance = np.cumsum(size**2) / (size**2).sum()
+    keep = min(_MODES, int(np.searchsorted(variance, _VARIANCE)) + 1)
     return left[:, :keep] * size[:keep]
 
 
@@ -181,10 +183,10 @@ def _long_runs(good: Mask, phase: Floats) -> Mask:
     """Frames in runs of at least a cycle in which the phase rises."""
     good = good & np.r_[True, np.diff(phase) > 0]
     edges = np.flatnonzero(np.diff(np.r_[False, good, False].astype(np.int8)))
-    kept = np.zeros(len(good), bool)
+    result = np.zeros(len(good), bool)
     for start, stop in edges.reshape(-1, 2):
-        kept[start:stop] = phase[stop - 1] - phase[start] >= 1
-    return kept
+        result[start:stop] = phase[stop - 1] - phase[start] >= 1
+    return result
 
 
 def course(values: Floats, phase: Floats) -> Floats:

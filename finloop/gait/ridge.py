@@ -107,14 +107,14 @@ def phase_along(modes: Floats, share: Floats, path: NDArray[np.intp], grid: Floa
     modes in one direction, so its angle always rises.
     """
     frequency = _peak(share, path, grid)
-    turned = np.empty(modes.shape, np.complex128)
+    amplitudes = np.empty(modes.shape, np.complex128)
     for place in np.unique(path):
         here = path == place
         _, amplitude, apart = _windows(modes, grid[place])
         turn = np.exp(2j * np.pi * frequency[here] * apart[here])
-        turned[here] = amplitude[here] * turn[:, None]
-    pattern = np.linalg.svd(turned, full_matrices=False)[2][0]
-    angle = np.angle(turned @ pattern.conj()) / (2 * np.pi)
+        amplitudes[here] = amplitude[here] * turn[:, None]
+    pattern = np.linalg.svd(amplitudes, full_matrices=False)[2][0]
+    angle = np.angle(amplitudes @ pattern.conj()) / (2 * np.pi)
     # Unwrapped about the phase that the frequencies predict, so that every step has the right sign.
     predicted = np.concatenate([[0.0], np.cumsum((frequency[1:] + frequency[:-1]) / 2)])
     return predicted + np.unwrap(angle - predicted, period=1.0)

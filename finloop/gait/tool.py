@@ -59,14 +59,14 @@ def path_of(name: str, shipped: Path) -> Path:
     FinloopError
         If it is neither.
     """
-    known = gaits(shipped)
-    if name in known:
-        return known[name]
+    paths = gaits(shipped)
+    if name in paths:
+        return paths[name]
     if Path(name).is_file():
         return Path(name)
     raise FinloopError(
         f"the gait {name!r}",
-        f"one of {', '.join(known) or 'none, as none is here'}, or the path of a gait's JSON file",
+        f"one of {', '.join(paths) or 'none, as none is here'}, or the path of a gait's JSON file",
         "choose one of these, or fit one to a film: dvc repro gait",
     )
 
@@ -94,7 +94,9 @@ def summary(result: Transfer, gait: Gait, seconds: float) -> str:
     lines = [f"{len(morph.layers)} contours, {frames} frames, a cycle of {seconds:.3g} s"]
     if result.before is not None and result.after is not None:
         way = abs(result.after.speed) * frames
-        before, after = (100 * max(one.slide.values()) for one in (result.before, result.after))
+        before, after = (
+            100 * max(contact.slide.values()) for contact in (result.before, result.after)
+        )
         lines[0] += (
             f"; the ground passes by at {way:.3g} widths of the drawing a cycle, feet slide"
             f" {after:.2g} % of one ({before:.2g} % between the keys as drawn)"

@@ -135,9 +135,9 @@ def _offsets(key1: dict[str, Points], gait: Gait) -> dict[str, Points]:
     """
     down = {name for name in key1 if any(0 in run for run in _wrapped(gait, name))}
     return {
-        name: np.array([0, key1[name][:, 1].max() - key1[other][:, 1].max()])
+        name: np.array([0, key1[name][:, 1].max() - key1[twin][:, 1].max()])
         for name in down
-        if (other := partner(name, key1)) in down and other != name
+        if (twin := partner(name, key1)) in down and twin != name
     }
 
 
@@ -150,9 +150,9 @@ def _lifted(key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]) 
     }
     out = []
     for name in down & key2.keys():
-        if (other := partner(name, key2)) not in down and other in gait.support:
-            lower = key2[other][:, 1].max() - key2[name][:, 1].max()
-            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(key2[other][:, 1]):
+        if (twin := partner(name, key2)) not in down and twin in gait.support:
+            lower = key2[twin][:, 1].max() - key2[name][:, 1].max()
+            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(key2[twin][:, 1]):
                 out.append(name)
     return tuple(sorted(out))
 

@@ -93,7 +93,9 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
     with film:
         for frame in range(len(morph.tau)):
-            contours = [(one, [morph.layers[name][frame] for name in one.layers]) for one in what]
+            contours = [
+                (paint, [morph.layers[name][frame] for name in paint.layers]) for paint in what
+            ]
             film.write(painted(contours, shape[:2], scale))
 
 

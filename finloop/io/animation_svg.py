@@ -55,14 +55,14 @@ def _path(points: Ints, closed: bool) -> str:
 
 
 def _style(paint: Paint, grid: float) -> str:
-    found = {"fill": _hex(paint.fill), "stroke": _hex(paint.stroke)}
+    style = {"fill": _hex(paint.fill), "stroke": _hex(paint.stroke)}
     if paint.fill is not None and paint.fill_opacity < 1:
-        found["fill-opacity"] = f"{paint.fill_opacity:.4g}"
+        style["fill-opacity"] = f"{paint.fill_opacity:.4g}"
     if paint.stroke is not None:
-        found["stroke-width"] = f"{paint.width * grid:.6g}"
+        style["stroke-width"] = f"{paint.width * grid:.6g}"
         if paint.stroke_opacity < 1:
-            found["stroke-opacity"] = f"{paint.stroke_opacity:.4g}"
-    return " ".join(f'{key}="{value}"' for key, value in found.items())
+            style["stroke-opacity"] = f"{paint.stroke_opacity:.4g}"
+    return " ".join(f'{key}="{value}"' for key, value in style.items())
 
 
 def _hex(colour: tuple[int, int, int] | None) -> str:

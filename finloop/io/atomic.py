@@ -29,7 +29,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     part = path.with_name(f".{path.stem}.{_own()}.part{path.suffix}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_left(path.parent)
+        _remove_leftovers(path.parent)
         yield part
         _to_disk(part)
         part.replace(path)
@@ -50,7 +50,7 @@ def whole_folder(path: Path) -> Iterator[Path]:
     part = path.with_name(f".{path.name}.{_own()}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        _remove_left(path.parent)
+        _remove_leftovers(path.parent)
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir()
         yield part
@@ -71,7 +71,7 @@ def passing_file(path: Path) -> Iterator[Path]:
     """Yield a hidden path beside `path` for a file that is needed during the block alone."""
     part = path.with_name(f".{path.name}.{_own()}.part")
     path.parent.mkdir(parents=True, exist_ok=True)
-    _remove_left(path.parent)
+    _remove_leftovers(path.parent)
     try:
         yield part
     finally:
@@ -83,7 +83,7 @@ def _own() -> str:
     return f"{socket.gethostname().partition('.')[0]}-{os.getpid()}"
 
 
-def _remove_left(folder: Path) -> None:
+def _remove_leftovers(folder: Path) -> None:
     """Remove what processes of this machine that have ended left unfinished in a folder."""
     host = _own().rpartition("-")[0]
     for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):

@@ -42,8 +42,8 @@ def film_writer(folder: Path, schema: Schema) -> Iterator[Write]:
         def write(lot: pd.DataFrame, of_lot: Iterable[Cutout]) -> None:
             rows.write_table(arrow_table(lot, schema, TRACKS_NAME))
             tracks.append(lot["track_id"].to_numpy(np.int32))
-            for one in of_lot:
-                cutouts.write(one)
+            for cutout in of_lot:
+                cutouts.write(cutout)
 
         yield write
     order = np.argsort(np.concatenate([np.empty(0, np.int32), *tracks]), kind="stable")

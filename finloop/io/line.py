@@ -26,14 +26,14 @@ def load_line(path: Path, unit: str) -> Line:
     """
     suffix = path.suffix.lower()
     if suffix == ".svg":
-        return checked_line(_drawn(path, unit))
+        return checked_line(_of_drawing(path, unit))
     if suffix not in (".csv", ".parquet"):
         raise FinloopError(
             f"{path} is no file that a path is read from",
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
             "save the path as one of these, or correct animate.path",
         )
-    return checked_line(_listed(path, _table(path, suffix), unit))
+    return checked_line(_of_table(path, _table(path, suffix), unit))
 
 
 def _table(path: Path, suffix: str) -> pa.Table:
@@ -45,11 +45,11 @@ def _table(path: Path, suffix: str) -> pa.Table:
         ) from error
 
 
-def _listed(path: Path, table: pa.Table, unit: str) -> Line:
+def _of_table(path: Path, table: pa.Table, unit: str) -> Line:
     """The line of a table, by the names of its columns."""
     names = {name.strip().lower(): name for name in table.column_names}
     units = [PX, MM, TANK]
-    own = next((one for one in units if {f"x_{one}", f"y_{one}"} <= names.keys()), None)
+    own = next((choice for choice in units if {f"x_{choice}", f"y_{choice}"} <= names.keys()), None)
     x, y = ("x", "y") if own is None else (f"x_{own}", f"y_{own}")
     if not {x, y} <= names.keys():
         raise FinloopError(
@@ -73,7 +73,7 @@ def _numbers(path: Path, table: pa.Table, name: str) -> Floats:
     return np.array(column.to_numpy(zero_copy_only=False), float)
 
 
-def _drawn(path: Path, unit: str) -> Line:
+def _of_drawing(path: Path, unit: str) -> Line:
     """The one path of a drawing."""
     drawing = load_svg(path)
     if len(drawing.curves) != 1:

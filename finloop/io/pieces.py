@@ -37,9 +37,9 @@ class Pieces:
         try:
             return unpacked(path.read_bytes())
         except (OSError, EOFError, ValueError, pickle.UnpicklingError):
-            made = make()
-        save_bytes(path, packed(made))
-        return made
+            piece = make()
+        save_bytes(path, packed(piece))
+        return piece
 
     def size(self) -> int:
         """Bytes of all that is kept."""
@@ -52,9 +52,9 @@ class Pieces:
             self.folder.parent.rmdir()
 
 
-def packed(made: object) -> bytes:
+def packed(piece: object) -> bytes:
     """A result as compressed bytes, its size before it."""
-    plain = pickle.dumps(made, pickle.HIGHEST_PROTOCOL)
+    plain = pickle.dumps(piece, pickle.HIGHEST_PROTOCOL)
     return len(plain).to_bytes(_SIZE) + _CODEC.compress(plain, asbytes=True)
 
 

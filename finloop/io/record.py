@@ -52,7 +52,7 @@ def save_records(path: Path, records: Sequence[NamedTuple]) -> None:
 
 def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
     """A `kind(**one)` for each object of a list that a stage wrote; errors as for `load_json`."""
-    return load_json(path, lambda content: [kind(**one) for one in content], *made_by(stage))
+    return load_json(path, lambda content: [kind(**record) for record in content], *made_by(stage))
 
 
 def made_by(stage: str) -> tuple[str, str]:

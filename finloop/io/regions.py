@@ -63,7 +63,7 @@ def load_regions(
     inside = sorted(path for path in folder.iterdir() if not path.name.startswith("."))
     traces = [path for path in inside if path.suffix.lower() == ".svg"]
     masks = {
-        path.name: [one for one in sorted(path.iterdir()) if one.suffix.lower() == ".png"]
+        path.name: [file for file in sorted(path.iterdir()) if file.suffix.lower() == ".png"]
         for path in inside
         if path.is_dir()
     }

@@ -67,9 +67,9 @@ def join_clips(clip: Path, parts: Sequence[Part]) -> VideoFacts:
         if not part.error
     }
     if not facts:
-        raise _none_left([(part.path, part.error) for part in parts])
+        raise _no_films([(part.path, part.error) for part in parts])
     first = next(iter(facts))
-    rate = min(one.frame_rate for one in facts.values())
+    rate = min(fact.frame_rate for fact in facts.values())
     listed: list[Part] = []
     segments: list[tuple[int, int]] = []
     start = 0
@@ -86,10 +86,10 @@ def join_clips(clip: Path, parts: Sequence[Part]) -> VideoFacts:
         facts[first],
         frames=start,
         frame_rate=rate,
-        colour=all(one.colour for one in facts.values()),
+        colour=all(fact.colour for fact in facts.values()),
         segments=tuple(segments),
-        **{name: sum(getattr(one, name) for one in facts.values()) for name in _COUNTS},
-        notes=tuple(f"{name}: {note}" for name, one in facts.items() for note in one.notes),
+        **{name: sum(getattr(fact, name) for fact in facts.values()) for name in _COUNTS},
+        notes=tuple(f"{name}: {note}" for name, fact in facts.items() for note in fact.notes),
     )
     save_facts(clip / FACTS_NAME, whole)
     shutil.copyfile(clip / FILMS / first / ARENA_NAME, clip / ARENA_NAME)
@@ -105,9 +105,10 @@ def frames_at(frames: int, rate: Fraction, common: Fraction) -> Frames:
     return np.rint(np.arange(int((frames - 1) / step) + 1) * step).astype(np.intp)
 
 
-def _none_left(errors: Sequence[tuple[str, str]]) -> FinloopError:
+def _no_films(errors: Sequence[tuple[str, str]]) -> FinloopError:
     return FinloopError(
-        "none of the films can be used:\n    " + "\n    ".join(": ".join(one) for one in errors),
+        "none of the films can be used:\n    "
+        + "\n    ".join(": ".join(error) for error in errors),
         "at least one film that can be read",
         "correct clip.path, or mend the films",
     )

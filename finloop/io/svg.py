@@ -81,22 +81,22 @@ def _size(tree: ElementTree.Element, picture: Any, curves: dict[str, Curve]) -> 
 # --- names
 
 
-def _names(path: Path, given: list[tuple[str, bool]]) -> list[str]:
+def _names(path: Path, ids: list[tuple[str, bool]]) -> list[str]:
     """Names that differ; those which are ids of their own are kept as they are."""
-    own = Counter(name for name, is_id in given if is_id)
+    own = Counter(name for name, is_id in ids if is_id)
     if twice := [name for name, count in own.items() if count > 1]:
         raise FinloopError(
             f"{path} uses the id {twice[0]!r} {own[twice[0]]} times",
             "an id of its own for every contour",
             "rename them: ids tell which contours of two drawings belong together",
         )
-    names, taken = [], set(own)
-    for name, is_id in given:
+    names, used = [], set(own)
+    for name, is_id in ids:
         number, new = 1, name
-        while not is_id and new in taken:
+        while not is_id and new in used:
             number += 1
             new = f"{name}-{number}"
-        taken.add(new)
+        used.add(new)
         names.append(new)
     return names
 
@@ -188,8 +188,8 @@ def _polyline(segment: Any, flat: float) -> Points:
     return level[0]
 
 
-def _pieces(wanted: float) -> int:
-    return int(np.ceil(np.clip(wanted, 1, _MOST_PIECES))) if np.isfinite(wanted) else 1
+def _pieces(count: float) -> int:
+    return int(np.ceil(np.clip(count, 1, _MOST_PIECES))) if np.isfinite(count) else 1
 
 
 def _xy(*points: Any) -> Points:
@@ -203,19 +203,19 @@ def _style(shape: Any) -> str:
     """What is needed to paint a shape again, "" if that is nothing."""
     values = shape.values
     whole = _share(values.get("opacity"))
-    found = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}
-    if set(found.values()) == {"none"}:
+    style = {kind: _paint(getattr(shape, kind), values.get(kind)) for kind in ("fill", "stroke")}
+    if set(style.values()) == {"none"}:
         return ""
     for kind, colour in (("fill", shape.fill), ("stroke", shape.stroke)):
-        if found[kind] != "none" and (opacity := whole * float(colour.opacity)) < 1:
-            found[f"{kind}-opacity"] = f"{opacity:.4g}"
-    if found["stroke"] != "none":
-        found["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
-    return ";".join(f"{key}:{value}" for key, value in found.items())
+        if style[kind] != "none" and (opacity := whole * float(colour.opacity)) < 1:
+            style[f"{kind}-opacity"] = f"{opacity:.4g}"
+    if style["stroke"] != "none":
+        style["stroke-width"] = f"{shape.implicit_stroke_width:.6g}"
+    return ";".join(f"{key}:{value}" for key, value in style.items())
 
 
-def _paint(colour: Any, given: object) -> str:
-    if str(given).startswith("url("):
+def _paint(colour: Any, text: object) -> str:
+    if str(text).startswith("url("):
         return _GRADIENT
     if colour is None or colour.value is None:
         return "none"

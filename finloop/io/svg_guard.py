@@ -140,14 +140,14 @@ def target(path: Path, element: ElementTree.Element) -> str | None:
 
 def _count(path: Path, root: ElementTree.Element) -> None:
     """Refuse drawings whose `use` elements show themselves or too much."""
-    known = {element.get("id"): element for element in root.iter()}
-    done = dict[int, int]()
+    by_id = {element.get("id"): element for element in root.iter()}
+    counts = dict[int, int]()
     open_ = set[int]()
 
-    def drawn(element: ElementTree.Element, depth: int) -> int:
+    def count(element: ElementTree.Element, depth: int) -> int:
         key = id(element)
-        if key in done:
-            return done[key]
+        if key in counts:
+            return counts[key]
         if key in open_:
             raise FinloopError(
                 f"{path} holds a <use> that shows itself",
@@ -157,13 +157,13 @@ def _count(path: Path, root: ElementTree.Element) -> None:
         if depth > MOST_NESTED:
             _too_many(path)
         open_.add(key)
-        shown = known.get(target(path, element) or "")
-        parts = [*element, *([] if shown is None else [shown])]
-        total = _weight(element) + sum(drawn(part, depth + 1) for part in parts)
+        target_of = by_id.get(target(path, element) or "")
+        parts = [*element, *([] if target_of is None else [target_of])]
+        total = _weight(element) + sum(count(part, depth + 1) for part in parts)
         open_.discard(key)
         if total > MOST_DRAWN:
             _too_many(path)
-        done[key] = total
+        counts[key] = total
         return total
 
-    drawn(root, 0)
+    count(root, 0)

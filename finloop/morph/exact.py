@@ -34,18 +34,18 @@ def _exact_sign(ax: float, ay: float, bx: float, by: float, cx: float, cy: float
     left = (ax, -ay, bx, -by, cx, -cy)
     right = (by, bx, cy, cx, ay, ax)
     sums = np.zeros(12)
-    used = 0
+    count = 0
     for k in range(6):
         high, low = _two_product(left[k], right[k])
         for term in (low, high):
             q = term
-            for m in range(used):
+            for m in range(count):
                 total = q + sums[m]
                 part = total - q
                 sums[m] = (q - (total - part)) + (sums[m] - part)
                 q = total
-            sums[used] = q
-            used += 1
+            sums[count] = q
+            count += 1
     for k in range(11, -1, -1):
         if sums[k] > 0:
             return 1

@@ -146,7 +146,7 @@ def ears_off(points: Points) -> tuple[Points, bool]:
         (x, y), (u, v) = (pose[corners] - pose[before]).T, (pose[after] - pose[corners]).T
         tip = np.sign(goal) * (x * v - y * u)
         for corner in np.argsort(tip):
-            cut = _cut(pose, before[corner], after[corner])
+            cut = _straighten(pose, before[corner], after[corner])
             if tip[corner] >= 0 and no_contact(np.stack([pose, cut]), True):
                 break
         else:
@@ -156,15 +156,15 @@ def ears_off(points: Points) -> tuple[Points, bool]:
     return np.stack(poses), True
 
 
-def _cut(points: Points, first: int, last: int) -> Points:
+def _straighten(points: Points, first: int, last: int) -> Points:
     """The polygon with the vertices between two of them spread along the line that joins those."""
     span = (last - first) % len(points)
     share = np.arange(1, span)[:, None] / span
-    cut = points.copy()
-    cut[(first + np.arange(1, span)) % len(points)] = (
+    result = points.copy()
+    result[(first + np.arange(1, span)) % len(points)] = (
         points[first] + (points[last] - points[first]) * share
     )
-    return cut
+    return result
 
 
 def retracted(points: Points) -> tuple[Points, bool]:

@@ -135,14 +135,14 @@ def count_folds(points: Floats, closed: bool, first_only: bool) -> int:
         return count
     boxes, blocks = _edge_boxes(points, edges)
     for block in range(len(blocks)):
-        for other in range(block, len(blocks)):
-            if not _overlap(blocks, block, blocks, other):
+        for partner in range(block, len(blocks)):
+            if not _overlap(blocks, block, blocks, partner):
                 continue
             for i in range(block * BLOCK, min((block + 1) * BLOCK, edges)):
-                if not _overlap(boxes, i, blocks, other):
+                if not _overlap(boxes, i, blocks, partner):
                     continue
-                first = i + 2 if block == other else other * BLOCK
-                for j in range(max(first, i + 2), min((other + 1) * BLOCK, edges)):
+                first = i + 2 if block == partner else partner * BLOCK
+                for j in range(max(first, i + 2), min((partner + 1) * BLOCK, edges)):
                     if not _overlap(boxes, i, boxes, j) or (closed and i == 0 and j == n - 1):
                         continue
                     i_next, j_next = i + 1, j + 1 if j + 1 < n else 0
@@ -177,7 +177,7 @@ def _passes(motion: Motion) -> bool:
     """Whether at every moment the cross product is not 0 or the dot product is positive."""
     c0, c1, c2, d0, d1, d2, room = motion
     waiting = np.empty((DEPTH + 2, 7))
-    _put(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
+    _assign(waiting[0], (c0, c1, c2, d0, d1, d2, 0.0))
     left = 1
     while left:
         left -= 1
@@ -190,14 +190,14 @@ def _passes(motion: Motion) -> bool:
         c, d = (c01 + c12) / 2, (d01 + d12) / 2
         if abs(c) <= room and d <= room:
             return False
-        _put(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
-        _put(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
+        _assign(waiting[left], (c, c12, c2, d, d12, d2, depth + 1))
+        _assign(waiting[left + 1], (c0, c01, c, d0, d01, d, depth + 1))
         left += 2
     return True
 
 
 @kernel
-def _put(row, values):  # type: ignore[no-untyped-def]
+def _assign(row, values):  # type: ignore[no-untyped-def]
     """row[:] = values, without the seconds that compiling that takes."""
     for i in range(len(values)):
         row[i] = values[i]
@@ -223,13 +223,13 @@ def no_contact(path: Floats, closed: bool) -> bool:
                 lines[i, 2 + axis] = max(points[i, 2 + axis], points[j, 2 + axis])
         point_blocks, line_blocks = _gathered(points), _gathered(lines)
         for block in range(len(point_blocks)):
-            for other in range(len(line_blocks)):
-                if not _overlap(point_blocks, block, line_blocks, other):
+            for partner in range(len(line_blocks)):
+                if not _overlap(point_blocks, block, line_blocks, partner):
                     continue
                 for v in range(block * BLOCK, min((block + 1) * BLOCK, n)):
-                    if not _overlap(points, v, line_blocks, other):
+                    if not _overlap(points, v, line_blocks, partner):
                         continue
-                    for i in range(other * BLOCK, min((other + 1) * BLOCK, edges)):
+                    for i in range(partner * BLOCK, min((partner + 1) * BLOCK, edges)):
                         if v == i or not _overlap(points, v, lines, i):
                             continue
                         j = i + 1 if i + 1 < n else 0

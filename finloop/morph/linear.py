@@ -48,15 +48,15 @@ def physical(
     neither mass nor damping.
     """
     shape, rest = matched(a, b, points)
-    bent = shape - rest
-    place = bent.mean(axis=0)
-    bent = bent - place if a.closed else mirrored(bent - place)
-    slowest = np.cos(2 * np.pi * (np.arange(len(bent)) + 0.5) / len(bent))
+    offset = shape - rest
+    place = offset.mean(axis=0)
+    offset = offset - place if a.closed else mirrored(offset - place)
+    slowest = np.cos(2 * np.pi * (np.arange(len(offset)) + 0.5) / len(offset))
     material = Material(mass, elastic, damping / mass if mass > 0 else damping, 0.0)
     times = np.linspace(0, 1, frames)
-    start = np.column_stack([bent, slowest])
+    start = np.column_stack([offset, slowest])
     modes = solve(Problem(np.zeros_like(start), start, material, times)).displacement
     course = modes[:, 0, 2] / slowest[0]
     swing = modes[:, :points, :2] + course[:, None, None] * place
-    left = np.clip((1 - times) / FADE, 0, 1)
-    return rest + (left**2 * (3 - 2 * left))[:, None, None] * swing
+    fade = np.clip((1 - times) / FADE, 0, 1)
+    return rest + (fade**2 * (3 - 2 * fade))[:, None, None] * swing

@@ -86,11 +86,11 @@ def _way(first: Points, second: Points, closed: bool) -> tuple[Points, str]:
     a, b = _plainer(first, closed), _plainer(second, closed)
     best: tuple[float, Points] | None = None
     for start in _starts(a, b) if closed else [0]:
-        turned = np.roll(b, -start, axis=1)
-        shortest = _shortest(a, turned, closed, np.inf if best is None else best[0])
+        rolled = np.roll(b, -start, axis=1)
+        shortest = _shortest(a, rolled, closed, np.inf if best is None else best[0])
         if shortest:
             far, i, j = shortest
-            best = far, np.concatenate([a[: i + 1], turned[j::-1]])
+            best = far, np.concatenate([a[: i + 1], rolled[j::-1]])
     if best:
         return best[1], "plain"
     return np.concatenate([a, joined(a[-1], b[-1], closed)[1:-1], b[::-1]]), "joined"
@@ -108,11 +108,11 @@ def _starts(a: Points, b: Points) -> list[int]:
         least = (far <= np.roll(far, 1)) & (far < np.roll(far, -1))
         starts += [int(s) for s in sorted(np.flatnonzero(least), key=far.__getitem__)[:2]]
     apart = len(far) // 32
-    kept: list[int] = []
+    apart_starts: list[int] = []
     for start in starts:
-        if all(min((start - s) % len(far), (s - start) % len(far)) > apart for s in kept):
-            kept.append(start)
-    return kept
+        if all(min((start - s) % len(far), (s - start) % len(far)) > apart for s in apart_starts):
+            apart_starts.append(start)
+    return apart_starts
 
 
 def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, int, int] | None:
@@ -146,12 +146,12 @@ def _shortest(a: Points, b: Points, closed: bool, below: float) -> tuple[float, 
 
 def _plainer(points: Points, closed: bool) -> Points:
     if not closed:
-        poses, done = retracted(points)
+        poses, plain = retracted(points)
     else:
-        poses, done = shortened(points)
-        if not done:
-            poses, done = ears_off(points)
-    if not done:
+        poses, plain = shortened(points)
+        if not plain:
+            poses, plain = ears_off(points)
+    if not plain:
         raise FinloopError(
             "a curve whose parts are too near each other to be told apart while it moves",
             "a curve with some room between its parts",
@@ -266,8 +266,8 @@ def _smoothed_along(points: Points, closed: bool) -> Points:
     if not closed:
         edges[len(points) - 1 :] *= -1  # the way back mirrors the way there
     turn = np.pi * np.arange(len(edges)) / len(edges)
-    kept = 1 / (1 + 4 * REACH**2 * np.sin(turn) ** 2)
-    mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * kept)[: len(points) - 1]
+    weight = 1 / (1 + 4 * REACH**2 * np.sin(turn) ** 2)
+    mean = np.fft.ifft(np.fft.fft(edges @ [1, 1j]) * weight)[: len(points) - 1]
     z = np.r_[0, np.cumsum(mean)]
     smooth = np.stack([z.real, z.imag], axis=1)
     return smooth - smooth.mean(axis=0) + points.mean(axis=0)

@@ -57,8 +57,8 @@ def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
     colours = mpl.colormaps["tab20"](np.arange(20))
     every = features["track_id"].unique()
     some = spread(np.arange(len(every)), _WAYS)
-    shown = features[features["track_id"].isin(every[some])]
-    for number, (_, track) in enumerate(shown.groupby("track_id")):
+    sample = features[features["track_id"].isin(every[some])]
+    for number, (_, track) in enumerate(sample.groupby("track_id")):
         colour = colours[number % len(colours)]
         axes.plot(track["x_px"], track["y_px"], color=colour, lw=1.2)
         axes.plot(track["x_px"].iloc[0], track["y_px"].iloc[0], "o", color=colour, ms=5)

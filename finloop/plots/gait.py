@@ -54,12 +54,12 @@ def figure8(pictures: Sequence[NDArray[np.uint8]], phases: Points, columns: int 
     return figure
 
 
-def figure8_contours(film: Film, columns: int = 6, shown: int = 18) -> Figure:
+def figure8_contours(film: Film, columns: int = 6, most: int = 18) -> Figure:
     """Fig. 8 without the film's pictures: its contours over the first cycle that it shows."""
     first = np.flatnonzero(film.phase < film.phase[0] + 1)
-    picked = first[np.unique(np.linspace(0, len(first) - 1, min(shown, len(first))).astype(int))]
-    poses = _poses({name: points[picked] for name, points in film.contours.items()})
-    titles = [f"phase {film.phase[k] % 1:.2f}" for k in picked]
+    frames = first[np.unique(np.linspace(0, len(first) - 1, min(most, len(first))).astype(int))]
+    poses = _poses({name: points[frames] for name, points in film.contours.items()})
+    titles = [f"phase {film.phase[k] % 1:.2f}" for k in frames]
     rows = _rows(poses, columns)
     return _sheet(rows, titles, [""] * len(rows), "contours of the film")
 

@@ -53,7 +53,7 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]
 
     for way in gateways.itertuples():
         sprite, row = reel.sprites.iloc[way.sprite], reel.features.iloc[way.row]
-        ahead, shown = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
+        ahead, own = (of[way.sprite] for of in of_sprites(max(1, way.orientation)))
         inward = way.direction == IN
         rows = np.array([way.row, way.row + (not inward)])
         here, after = reel.frames(rows, TILE, facts.pose)
@@ -62,7 +62,7 @@ def pairs(gateways: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Pair]
             f"film {row['track_id']:.0f}:{row['frame']:.0f}",
         ]
         yield Pair(
-            *((shown, ahead, here) if inward else (here, after, shown)),
+            *((own, ahead, here) if inward else (here, after, own)),
             " > ".join(names if inward else names[::-1]),
             f"{way.distance / facts.step_median:.2f} steps",
         )
@@ -79,7 +79,7 @@ def contact_sheet(pairs: Mapping[str, Sequence[Pair]], columns: int = 3) -> Pict
 def _tiles(pair: Pair) -> Picture:
     half = ((pair.natural + pair.instead) / 2).astype(np.float32)
     stacks = (pair.before, pair.natural, pair.instead, half)
-    whole = np.hstack([on_grey(255 * one[..., :-1], one[..., -1:]) for one in stacks])
+    whole = np.hstack([on_grey(255 * stack[..., :-1], stack[..., -1:]) for stack in stacks])
     for text, y in ((pair.above, 12), (pair.below, TILE - 5)):
         write(whole, text, (4, y), _INK, 0.36)
     cv2.rectangle(whole, (0, 0), (whole.shape[1] - 1, TILE - 1), (235,) * 3, 2)

@@ -16,22 +16,22 @@ def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Fig
     """
     span = features.groupby("track_id")["frame"].agg(["min", "max"]).loc[table["track_id"]]
     start, stop = (span[end].to_numpy() / rate_hz for end in ("min", "max"))
-    shown = table["identity"].to_numpy() < _MOST
+    on_page = table["identity"].to_numpy() < _MOST
     rows = table["identity"].to_numpy()
     count = min(int(rows.max()) + 1, _MOST)
     figure = Figure(figsize=(10, 1.6 + 0.22 * count), layout="constrained")
     axes = figure.subplots()
     axes.barh(
-        rows[shown], (stop - start)[shown] + 1 / rate_hz, left=start[shown], height=0.7,
-        color=np.where(rows[shown] % 2, "#5b7f95", "#9db4c0"),
+        rows[on_page], (stop - start)[on_page] + 1 / rate_hz, left=start[on_page], height=0.7,
+        color=np.where(rows[on_page] % 2, "#5b7f95", "#9db4c0"),
     )  # fmt: skip
     at = {track: k for k, track in enumerate(table["track_id"])}
-    joined = [k for k in np.flatnonzero(shown) if table["after_track"].iloc[k] >= 0]
-    before = [at[table["after_track"].iloc[k]] for k in joined]
+    later = [k for k in np.flatnonzero(on_page) if table["after_track"].iloc[k] >= 0]
+    before = [at[table["after_track"].iloc[k]] for k in later]
     # In the middle of the gap, which may be much shorter than a point.
     points = axes.scatter(
-        [(stop[a] + start[b]) / 2 for a, b in zip(before, joined, strict=True)], rows[joined],
-        c=table["probability"].iloc[joined], vmin=0.5, vmax=1, cmap=_SURE, s=22, zorder=3,
+        [(stop[a] + start[b]) / 2 for a, b in zip(before, later, strict=True)], rows[later],
+        c=table["probability"].iloc[later], vmin=0.5, vmax=1, cmap=_SURE, s=22, zorder=3,
         edgecolors="white", linewidths=0.5,
     )  # fmt: skip
     figure.colorbar(points, ax=axes, label="probability of a join")

@@ -43,9 +43,9 @@ def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: fl
     arcs, density, bar = figure.subplots(3, 1, sharex=True, height_ratios=(5, 2, 0.6))
     seconds = len(track_id) / rate_hz
     small = loops[loops["group"] > 0]
-    drawn = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
+    arcs_drawn = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
     for group, colour in ((0, _LARGEST), (1, _OTHER)):
-        some = drawn[drawn["group"].clip(upper=1) == group]
+        some = arcs_drawn[arcs_drawn["group"].clip(upper=1) == group]
         arcs.add_collection(
             LineCollection(
                 list(_arcs(some["a"].to_numpy() / rate_hz, some["b"].to_numpy() / rate_hz)),
@@ -55,17 +55,17 @@ def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: fl
     groups = int(loops["group"].max()) + 1
     arcs.set(xlim=(0, seconds), ylim=(0, 1.05), yticks=[], ylabel="loops")
     arcs.set_title(
-        f"{_some(len(drawn), len(loops))} loops: blue the largest group, orange the other "
+        f"{_some(len(arcs_drawn), len(loops))} loops: blue the largest group, orange the other "
         f"{groups - 1} of {groups} (Fig. 12)"
         if groups > 1
-        else f"{_some(len(drawn), len(loops))} loops, all of one group (Fig. 12)"
+        else f"{_some(len(arcs_drawn), len(loops))} loops, all of one group (Fig. 12)"
     )
     bins = np.arange(0, seconds + 1)
     count, _ = np.histogram(graph.ends / rate_hz, bins)
     density.stairs(count, bins, fill=True, color="0.45")
     density.set(ylabel="ends per s")
-    going, largest = goes_on(graph, track_id), in_component(graph, len(track_id))
-    state = np.where(largest, 0, np.where(going, 1, 2))
+    endless, largest = goes_on(graph, track_id), in_component(graph, len(track_id))
+    state = np.where(largest, 0, np.where(endless, 1, 2))
     bar.imshow(
         state[None], aspect="auto", extent=(0, seconds, 0, 1), interpolation="nearest",
         cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
@@ -86,8 +86,8 @@ def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: fl
     return figure
 
 
-def _some(shown: int, all_of_them: int) -> str:
-    return f"{shown} of {all_of_them}" if shown < all_of_them else f"all {all_of_them}"
+def _some(count: int, all_of_them: int) -> str:
+    return f"{count} of {all_of_them}" if count < all_of_them else f"all {all_of_them}"
 
 
 def _arcs(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -191,37 +191,37 @@ class Example(NamedTuple):
 def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Example]:
     """Pictures of some loops: the frame before a, a itself, and b instead."""
     track, frame = (reel.features[name].to_numpy() for name in ("track_id", "frame"))
-    for one in loops.itertuples():
-        before = one.a - 1 if one.a and track[one.a - 1] == track[one.a] else one.a
-        rows = np.array([before, one.a, one.b])
+    for loop in loops.itertuples():
+        before = loop.a - 1 if loop.a and track[loop.a - 1] == track[loop.a] else loop.a
+        rows = np.array([before, loop.a, loop.b])
         last, natural, instead = reel.frames(rows, SIZE_PX, facts.pose)
-        places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, one.b))
+        places = " → ".join(f"{track[row]}:{frame[row]}" for row in (before, loop.b))
         words = (
-            f"track:frame {places}: seam {one.distance / facts.step_median:.2f} steps, "
-            f"filtered {one.filtered / facts.step_median:.2f}"
+            f"track:frame {places}: seam {loop.distance / facts.step_median:.2f} steps, "
+            f"filtered {loop.filtered / facts.step_median:.2f}"
         )
         yield Example(last, natural, instead, words)
 
 
 def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
     """Places of the first `count` loops no end of which is within `rows` of one before them."""
-    taken: list[int] = []
-    seen = np.empty(0, int)
+    places: list[int] = []
+    near = np.empty(0, int)
     ends = loops[["a", "b"]].to_numpy()
     for place, pair in enumerate(ends):
-        if (np.abs(seen[:, None] - pair) > rows).all():
-            taken.append(place)
-            seen = np.r_[seen, pair]
-            if len(taken) == count:
+        if (np.abs(near[:, None] - pair) > rows).all():
+            places.append(place)
+            near = np.r_[near, pair]
+            if len(places) == count:
                 break
-    return taken
+    return places
 
 
 def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
     """Fig. 8 for some loops: the frame shown last, the film's next, the loop's; what differs."""
     lines = max(len(best), len(worst))
-    filled = _filled([*best, *worst])
-    high = (filled.stop - filled.start) / len(best[0].before)
+    band = _fish_rows([*best, *worst])
+    high = (band.stop - band.start) / len(best[0].before)
     figure = Figure(figsize=(14, (1.7 * high + 0.3) * lines + 0.6), layout="constrained")
     figure.suptitle(
         "shown last | the film's next frame | the loop's next frame | what differs, × 3",
@@ -233,26 +233,26 @@ def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
         panels = half.subplots(lines, 1, squeeze=False)[:, 0]
         for axes in panels:
             axes.axis("off")
-        for axes, one in zip(panels, examples, strict=False):
-            axes.imshow(np.hstack([tile[filled] for tile in _tiles(one)]))
-            axes.set_title(one.words, fontsize=8, loc="left", pad=2)
+        for axes, example in zip(panels, examples, strict=False):
+            axes.imshow(np.hstack([tile[band] for tile in _tiles(example)]))
+            axes.set_title(example.words, fontsize=8, loc="left", pad=2)
     return figure
 
 
-def _tiles(one: Example) -> list[NDArray[np.float32]]:
+def _tiles(example: Example) -> list[NDArray[np.float32]]:
     """Three pictures over light grey, and three times what differs between the last two."""
     ground = 0.8
     over = [
         picture[..., :-1] + (1 - picture[..., -1:]) * ground
-        for picture in (one.before, one.natural, one.instead)
+        for picture in (example.before, example.natural, example.instead)
     ]
     tiles = [*over, 0.5 + 1.5 * (over[2] - over[1])]
     return [np.clip(tile if tile.shape[-1] == 3 else tile.repeat(3, -1), 0, 1) for tile in tiles]
 
 
-def _filled(examples: Sequence[Example]) -> slice:
+def _fish_rows(examples: Sequence[Example]) -> slice:
     """The rows of the pictures in which any of them shows fish."""
-    alpha = [picture[..., -1] for one in examples for picture in one[:3]]
+    alpha = [picture[..., -1] for example in examples for picture in example[:3]]
     rows = np.flatnonzero(np.any(np.stack(alpha) > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)
 

@@ -15,7 +15,7 @@ _BAR = 22  # px above a row, for its name
 
 def sheet(morphs: Mapping[str, Morph], columns: int = 9, size: int = 150) -> Picture:
     """Rows of (name, morph), each at `columns` even times from 0 to 1; `size` px a frame."""
-    return np.vstack([_row(name, one, columns, size) for name, one in morphs.items()])
+    return np.vstack([_row(name, morph, columns, size) for name, morph in morphs.items()])
 
 
 def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
@@ -23,8 +23,10 @@ def _row(name: str, morph: Morph, columns: int, size: int) -> Picture:
     what = shapes(morph.closed, morph.styles, side)
     tiles = []
     for frame in np.linspace(0, len(morph.tau) - 1, columns).round().astype(int):
-        drawn = [(one, [morph.layers[layer][frame] for layer in one.layers]) for one in what]
-        tiles.append(painted(drawn, (size, size), size / side))
+        contours = [
+            (shape, [morph.layers[layer][frame] for layer in shape.layers]) for shape in what
+        ]
+        tiles.append(painted(contours, (size, size), size / side))
     bar = np.full((_BAR, size * columns, 3), 255, np.uint8)
     folded = sum(int(count.sum()) for count in morph.folds.values())
     text = f"{name}: {folded or 'no'} folds in {len(morph.tau)} frames"

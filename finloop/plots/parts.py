@@ -47,9 +47,11 @@ def one_below_another(pictures: Sequence[Picture]) -> Picture:
     width = pictures[0].shape[1]
     scaled = [
         cv2.resize(
-            one, (width, round(one.shape[0] * width / one.shape[1])), interpolation=cv2.INTER_AREA
+            picture,
+            (width, round(picture.shape[0] * width / picture.shape[1])),
+            interpolation=cv2.INTER_AREA,
         )
-        for one in pictures[1:]
+        for picture in pictures[1:]
     ]
     return np.vstack([pictures[0], *scaled])
 

@@ -23,22 +23,22 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     grid = GridSpec(len(modes), 2, figure, width_ratios=[1.1, 1])
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
-    asked = _asked(swum)
-    tank.plot(asked["asked_x_px"], asked["asked_y_px"], color=_ASKED, lw=3.5, alpha=0.5,
+    goal = _goal_path(swum)
+    tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_ASKED, lw=3.5, alpha=0.5,
               label="asked for")  # fmt: skip
     shared = None
-    for row, (colour, (mode, one)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
-        tank.plot(one["x_px"], one["y_px"], color=colour, lw=1, label=f"swum: {mode}")
+    for row, (colour, (mode, way)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
+        tank.plot(way["x_px"], way["y_px"], color=colour, lw=1, label=f"swum: {mode}")
         places = left[left["mode"] == mode]
         tank.plot(places["asked_x_px"], places["asked_y_px"], "o", ms=11, mfc="none", mec=colour)
         axes = shared = figure.add_subplot(grid[row, 1], sharex=shared, sharey=shared)
-        axes.plot(one["time_s"], one["across"], color=colour, lw=1, label="beside the path")
+        axes.plot(way["time_s"], way["across"], color=colour, lw=1, label="beside the path")
         if timed:
-            axes.plot(one["time_s"], one["late"], color=colour, lw=1, ls=":",
+            axes.plot(way["time_s"], way["late"], color=colour, lw=1, ls=":",
                       label="from the place asked for then")  # fmt: skip
         for place in places.itertuples():
             axes.axvspan(place.from_s, place.to_s, color=colour, alpha=0.15)
-        beside = rms(one["across"].to_numpy())
+        beside = rms(way["across"].to_numpy())
         axes.set_title(f"{mode}: {beside:.3f} body lengths RMS beside the path", fontsize=10)
         axes.set(ylabel="body lengths", ylim=(0, None))
         axes.legend(frameon=False, loc="upper right", fontsize=8)
@@ -49,7 +49,7 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     return figure
 
 
-def _asked(swum: pd.DataFrame) -> pd.DataFrame:
+def _goal_path(swum: pd.DataFrame) -> pd.DataFrame:
     """The places asked for, of the mode that has come farthest, in their order."""
     farthest = swum.loc[swum["along_px"].idxmax(), "mode"]
     return swum[swum["mode"] == farthest]

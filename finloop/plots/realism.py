@@ -9,14 +9,14 @@ from matplotlib.figure import Figure
 
 from finloop.base.arrays import Picture
 from finloop.plots.animate import COLOURS
-from finloop.realism.examples import FILM, MADE, SIDES
+from finloop.realism.examples import ANIMATION, FILM, SIDES
 from finloop.realism.windows import AGAIN, CHANNELS, HALVES
 
 WORDS = {HALVES: "one half of the film", AGAIN: "the film drawn again"}
 UNITS = ("forward\n(body lengths/s)", "sideways\n(body lengths/s)", "turning\n(°/s)",
          "relative\nmotion area")  # fmt: skip
 _GREY = {HALVES: "0.35", AGAIN: "0.65"}
-_SIDE = {MADE: COLOURS[1], FILM: "0.35"}
+_SIDE = {ANIMATION: COLOURS[1], FILM: "0.35"}
 
 
 def areas(table: pd.DataFrame, roc: pd.DataFrame) -> Figure:
@@ -80,7 +80,7 @@ def sheet(
             axes = figure.add_subplot(grid[2 * number + place, 0])
             axes.imshow(strip[side], aspect="equal")
             axes.set(xticks=[], yticks=[])
-            words = title if side == MADE else "the film window most like it"
+            words = title if side == ANIMATION else "the film window most like it"
             axes.set_title(words, fontsize=8, loc="left", color=_SIDE[side], pad=2)
         mine = curves[curves["example"] == number]
         for column, channel in enumerate(CHANNELS):

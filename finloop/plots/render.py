@@ -30,22 +30,22 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
     way, fish = edit[["x_px", "y_px"]].to_numpy(float), edit["fish"].to_numpy()
-    goes_on = np.flatnonzero(fish[1:] == fish[:-1]) + 1
-    steps = np.stack([way[goes_on - 1], way[goes_on]], axis=1)
-    aimed = sought(edit)[goes_on]
-    named = names.to_numpy()[goes_on]
+    later = np.flatnonzero(fish[1:] == fish[:-1]) + 1
+    steps = np.stack([way[later - 1], way[later]], axis=1)
+    aimed = sought(edit)[later]
+    state = names.to_numpy()[later]
     axes.add_collection(LineCollection(list(steps[~aimed]), colors=_WANDERING, lw=0.7, alpha=0.7))
     for name, colour in colours.items():
-        chosen = steps[aimed & (named == name)]
-        axes.add_collection(LineCollection(list(chosen), colors=colour, lw=2.4, capstyle="round"))
-    sent = edit.iloc[goes_on[aimed]]
-    now_and_then = sent.iloc[min(12, len(sent)) :: max(1, len(sent) // 12)]
+        part = steps[aimed & (state == name)]
+        axes.add_collection(LineCollection(list(part), colors=colour, lw=2.4, capstyle="round"))
+    to_goals = edit.iloc[later[aimed]]
+    now_and_then = to_goals.iloc[min(12, len(to_goals)) :: max(1, len(to_goals) // 12)]
     arrows(axes, now_and_then, color="black", zorder=3)
     starts = edit.groupby("fish").head(1)
     axes.plot(starts["x_px"], starts["y_px"], "o", mfc="white", mec="black", ms=7, zorder=4)
     reached = {
-        name: one["time_s"].iloc[stop]
-        for one in by_fish(edit) for name, _, stop in aims(one) if stop < len(one)
+        name: own["time_s"].iloc[stop]
+        for own in by_fish(edit) for name, _, stop in aims(own) if stop < len(own)
     }  # fmt: skip
     for goal in goals:
         when = f"{goal.name}  {reached[goal.name]:.1f} s" if goal.name in reached else goal.name
@@ -56,8 +56,8 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
             when, (goal.x_px, goal.y_px), (11, 8), textcoords="offset points", fontsize=12,
             fontweight="bold", path_effects=_HALO, zorder=5,
         )  # fmt: skip
-    shown = [name for name in colours if (aimed & (named == name)).any()]
-    key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in shown]
+    present = [name for name in colours if (aimed & (state == name)).any()]
+    key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in present]
     if not aimed.all():
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
@@ -81,8 +81,8 @@ class Tile(NamedTuple):
 
 def liveliest(edit: pd.DataFrame, count: int) -> int:
     """The first of `count` consecutive ticks in which the heading changes most."""
-    turned = np.radians(edit["heading_deg"].to_numpy(float))
-    change = np.abs(np.diff(np.unwrap(turned), prepend=turned[:1]))
+    heading = np.radians(edit["heading_deg"].to_numpy(float))
+    change = np.abs(np.diff(np.unwrap(heading), prepend=heading[:1]))
     total = np.cumsum(np.r_[0.0, change])
     last = max(len(edit) - count, 0)
     return int(np.argmax(total[count : count + last + 1] - total[: last + 1])) if last else 0
@@ -102,20 +102,22 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     jumped = (np.diff(place, axis=0) != (0, 1)).any(axis=1) & frame[1:] & frame[:-1]
     begins = changed | np.append(False, jumped) | (fades & ~np.append(False, fades[:-1]))
     between, across = np.flatnonzero(changed), np.flatnonzero(begins & ~changed)
-    wanted = min(most, len(between) + len(across))
-    first = min(len(between), max(wanted - len(across), wanted // 2))
-    chosen = [
+    total = min(most, len(between) + len(across))
+    first = min(len(between), max(total - len(across), total // 2))
+    places = [
         where[np.linspace(0, len(where) - 1, count).astype(int)]
-        for where, count in ((between, first), (across, wanted - first))
+        for where, count in ((between, first), (across, total - first))
         if count
     ]
-    return sorted(int(tick) for tick in np.concatenate(chosen)) if chosen else []
+    return sorted(int(tick) for tick in np.concatenate(places)) if places else []
 
 
 def ticks_drawn(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
     """The ticks on each sheet: consecutive ones, and those around each switch."""
     start, ticks = liveliest(edit, TICKS), len(edit)
-    switched = [tick for one in switches(edit, tracks, SWITCHES) for tick in around(one, ticks)]
+    switched = [
+        tick for switch in switches(edit, tracks, SWITCHES) for tick in around(switch, ticks)
+    ]
     return {"contact_sheet": [*range(start, min(start + TICKS, ticks))], "switches": switched}
 
 

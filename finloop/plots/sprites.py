@@ -38,8 +38,8 @@ def contact_sheet(
     for word, rows in sprites.groupby("sequence", sort=False):
         tiles = []
         for row in rows.itertuples():
-            bent = f"a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg"
-            above, below = f"{word} {row.step} {row.phase}", f"{row.track_id}:{row.frame} {bent}"
+            motion = f"a {row.motion_area_rel:.2f} {row.turn_deg:+.0f} deg"
+            above, below = f"{word} {row.step} {row.phase}", f"{row.track_id}:{row.frame} {motion}"
             tiles.append(tile(row, 1, above, below))
         bands += in_rows(tiles, columns)
     row = next(sprites.iloc[[int(sprites["motion_area_rel"].argmax())]].itertuples())
@@ -48,22 +48,24 @@ def contact_sheet(
     return np.vstack([*bands, *in_rows(tiles, columns)])
 
 
-def _reach(one: Cutout, row: Any) -> int:
-    h, w = one.pixels.shape[:2]
-    x, y = row.x_px - one.x0_px, row.y_px - one.y0_px
+def _reach(cutout: Cutout, row: Any) -> int:
+    h, w = cutout.pixels.shape[:2]
+    x, y = row.x_px - cutout.x0_px, row.y_px - cutout.y0_px
     return int(np.ceil(max(x, y, w - x, h - y)))
 
 
-def _tile(one: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
+def _tile(cutout: Cutout, row: Any, reach: int, size: int, above: str, below: str) -> Picture:
     """A picture enlarged on grey, its mass centre in the middle of a tile."""
     scale = size / (2 * reach)
     matrix = np.array(
         [
-            [scale, 0, size / 2 - scale * (row.x_px - one.x0_px)],
-            [0, scale, size / 2 - scale * (row.y_px - one.y0_px)],
+            [scale, 0, size / 2 - scale * (row.x_px - cutout.x0_px)],
+            [0, scale, size / 2 - scale * (row.y_px - cutout.y0_px)],
         ]
     )
-    big = cv2.warpAffine(one.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC)
+    big = cv2.warpAffine(
+        cutout.pixels.astype(np.float32), matrix, (size, size), flags=cv2.INTER_CUBIC
+    )
     big = np.clip(big, 0, 255)
     tile = on_grey(big[..., :-1], big[..., -1:] / 255)
     middle = size // 2

@@ -113,15 +113,20 @@ def restored(features: pd.DataFrame, codes: Reals, facts: dict[str, Any]) -> Fil
     features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): of `POSES`; facts:
     the fields of `ShapeFacts`. ValueError where they do not belong together.
     """
-    given, one = codes.astype(float), ShapeFacts(**facts)
-    mean, shapes = np.array(one.mean), np.array(one.shapes)
-    if len(given) != len(features) or given.shape[1:] != shapes.shape[:1]:
-        raise ValueError(f"{given.shape} codes, {len(features)} rows, {len(shapes)} shapes")
+    values, shape = codes.astype(float), ShapeFacts(**facts)
+    mean, shapes = np.array(shape.mean), np.array(shape.shapes)
+    if len(values) != len(features) or values.shape[1:] != shapes.shape[:1]:
+        raise ValueError(f"{values.shape} codes, {len(features)} rows, {len(shapes)} shapes")
     bare = PoseShapes(
-        mean, shapes, np.array(one.weights), np.array(one.variance), one.total_variance,
-        np.zeros((0, len(shapes))), one.gap,
+        mean, shapes, np.array(shape.weights), np.array(shape.variance), shape.total_variance,
+        np.zeros((0, len(shapes))), shape.gap,
     )  # fmt: skip
-    return _poses(features, given, bare, (one.trunk, one.tail_spread, one.memory_frames))
+    return _poses(
+        features,
+        values,
+        bare,
+        (shape.trunk, shape.tail_spread, shape.memory_frames),
+    )
 
 
 def _poses(

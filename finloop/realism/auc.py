@@ -61,14 +61,14 @@ def auc(scores: Scores) -> Auc:
     """The area with its interval; at least one block must have both kinds."""
     values, pairs, parts = [], [], []
     for part in scores.each():
-        film, made = part.score[~part.animation], part.score[part.animation]
+        film, copy = part.score[~part.animation], part.score[part.animation]
         above = np.empty(len(part.score))  # DeLong's components: the share of pairs in right order
-        above[part.animation] = _share_below(made, film)
-        above[~part.animation] = 1.0 - _share_below(film, made)
+        above[part.animation] = _share_below(copy, film)
+        above[~part.animation] = 1.0 - _share_below(film, copy)
         value = float(above[part.animation].mean())
-        count = np.where(part.animation, len(made), len(film))
+        count = np.where(part.animation, len(copy), len(film))
         values.append(value)
-        pairs.append(len(film) * len(made))
+        pairs.append(len(film) * len(copy))
         parts.append(pd.Series((above - value) / count).groupby(part.cluster).sum())
     weight = np.array(pairs) / sum(pairs)
     value = float(weight @ values)
@@ -103,10 +103,10 @@ def roc(scores: Scores, points: int = 51) -> pd.DataFrame:
     alarms = np.linspace(0, 1, points)
     curves, pairs = [], []
     for part in scores.each():
-        film, made = np.sort(part.score[~part.animation]), part.score[part.animation]
+        film, copy = np.sort(part.score[~part.animation]), part.score[part.animation]
         every = np.unique(part.score)[::-1]
         x = 1 - np.searchsorted(film, every, "left") / len(film)
-        y = 1 - np.searchsorted(np.sort(made), every, "left") / len(made)
+        y = 1 - np.searchsorted(np.sort(copy), every, "left") / len(copy)
         curves.append(np.interp(alarms, np.r_[0, x], np.r_[0, y]))
-        pairs.append(len(film) * len(made))
+        pairs.append(len(film) * len(copy))
     return pd.DataFrame({"false_alarms": alarms, "hits": np.average(curves, 0, weights=pairs)})

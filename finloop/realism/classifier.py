@@ -27,12 +27,12 @@ class Answers(NamedTuple):
 
 
 @threadpool_limits.wrap(limits=1)  # of so little data threads are slower, and in each other's way
-def answers(film: Windows, made: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
+def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
     """The held-out scores of all windows, by classifiers that see these channels alone.
 
     A block whose classifier would have only one kind to learn from gives no scores (NaN).
     """
-    both = joined([film, made])
+    both = joined([film, swum])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
     score = np.full(len(both), np.nan)
@@ -50,7 +50,7 @@ def answers(film: Windows, made: Windows, p: Settings, channels: tuple[int, ...]
             shuffled[CHANNELS[channel]][test] = model.decision_function(_flat(mixed))
     rest = animation, both.block, both.cluster
     return Answers(
-        Scores(score, *rest), {name: Scores(one, *rest) for name, one in shuffled.items()}
+        Scores(score, *rest), {name: Scores(values, *rest) for name, values in shuffled.items()}
     )
 
 

@@ -54,34 +54,37 @@ class Sample:
         p = self.p
         return cutting(p.window, p.stride, p.step, self.delta)
 
-    def windows(self, one: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
+    def windows(self, swimming: Swimming, film: Blocks, part: Mask | None = None) -> Windows:
         """Windows of film or animation, by blocks of the film's time; part (n,): rows to take."""
         p, gap = self.p, self.p.gap * self.delta / self.rate_hz
-        plays = one.row >= 0
-        time_s = self.frame_s[np.where(plays, one.row, 0)]
-        own = equal_blocks(one.time_s, p.blocks)
+        plays = swimming.row >= 0
+        time_s = self.frame_s[np.where(plays, swimming.row, 0)]
+        own = equal_blocks(swimming.time_s, p.blocks)
         chunk = max(1, round(p.cluster * self.delta))
-        tick = np.round(one.time_s * self.rate_hz).astype(np.int64)
+        tick = np.round(swimming.time_s * self.rate_hz).astype(np.int64)
         ticks = Ticks(
-            np.where(plays, film.of(time_s), own.of(one.time_s)),
-            np.where(plays[:, None], film.near(time_s, gap), own.near(one.time_s, gap)),
-            np.where(plays, one.row // chunk, -1 - tick // chunk),
+            np.where(plays, film.of(time_s), own.of(swimming.time_s)),
+            np.where(plays[:, None], film.near(time_s, gap), own.near(swimming.time_s, gap)),
+            np.where(plays, swimming.row // chunk, -1 - tick // chunk),
         )
-        table, every = one.table, part if part is not None else np.ones(len(one.row), bool)
-        chosen = Ticks(ticks.block[every], ticks.near[every], ticks.cluster[every])
-        made = windows(table[every], chosen, self.cut, self.rate_hz, self.largest)
+        table, every = (
+            swimming.table,
+            part if part is not None else np.ones(len(swimming.row), bool),
+        )
+        selection = Ticks(ticks.block[every], ticks.near[every], ticks.cluster[every])
+        result = windows(table[every], selection, self.cut, self.rate_hz, self.largest)
         return Windows(
-            made.x, np.flatnonzero(every)[made.first], made.block, made.near, made.cluster
+            result.x, np.flatnonzero(every)[result.first], result.block, result.near, result.cluster
         )
 
     def blocks(self, times: int = 1) -> Blocks:
         """Blocks of time that hold equally much of the film."""
         return equal_blocks(self.frame_s[self.film.row], self.p.blocks, times)
 
-    def beside(self, made: Swimming) -> tuple[Windows, Windows]:
+    def beside(self, animation: Swimming) -> tuple[Windows, Windows]:
         """Windows of the film and of an animation made from it."""
         blocks = self.blocks()
-        return self.windows(self.film, blocks), self.windows(made, blocks)
+        return self.windows(self.film, blocks), self.windows(animation, blocks)
 
     def halves(self) -> tuple[Windows, Windows]:
         """Windows of the first half of the film's time and of the second, in blocks of each.
@@ -101,7 +104,7 @@ class Sample:
         film, blocks = self.film, self.blocks()
         before = features.iloc[film.row].assign(track_id=film.table["track_id"].to_numpy())
         return {
-            **{mode: self.beside(made) for mode, made in swum.items()},
+            **{mode: self.beside(animation) for mode, animation in swum.items()},
             HALVES: self.halves(),
             AGAIN: (self.windows(replace(film, table=before), blocks), self.windows(film, blocks)),
         }
@@ -125,7 +128,7 @@ class Verdict:
 
     whole: Auc
     alone: dict[str, Auc]
-    lost: dict[str, float]
+    importance: dict[str, float]
     scores: Scores
 
 
@@ -138,20 +141,20 @@ def verdict(sides: tuple[Windows, Windows], p: Settings, alone: bool = True) -> 
     every = tuple(range(len(CHANNELS)))
     answer = answers(*sides, p, every)
     whole = auc(answer.scores)
-    single = {CHANNELS[one]: auc(answers(*sides, p, (one,)).scores) for one in every if alone}
-    lost = {name: whole.value - auc(one).value for name, one in answer.shuffled.items()}
-    return Verdict(whole, single, lost, answer.scores)
+    single = {CHANNELS[part]: auc(answers(*sides, p, (part,)).scores) for part in every if alone}
+    importance = {name: whole.value - auc(part).value for name, part in answer.shuffled.items()}
+    return Verdict(whole, single, importance, answer.scores)
 
 
 def refuse(sides: tuple[Windows, Windows], p: Settings) -> None:
     """FinloopError if the windows are too few: each block tests film and learns from both."""
-    film, other = sides
+    film, beside = sides
     tested, learnt = np.bincount(film.block, minlength=p.blocks), (~film.near).sum(axis=0)
-    learnt_other = (~other.near).sum(axis=0)
-    if min(tested.min(), learnt.min(), learnt_other.min()) < LEAST or len(other.x) < p.blocks:
+    learnt_beside = (~beside.near).sum(axis=0)
+    if min(tested.min(), learnt.min(), learnt_beside.min()) < LEAST or len(beside.x) < p.blocks:
         raise FinloopError(
             f"windows of the film that blocks test {tested.tolist()} and learn from "
-            f"{learnt.tolist()}, of what it is compared with {learnt_other.tolist()}",
+            f"{learnt.tolist()}, of what it is compared with {learnt_beside.tolist()}",
             f"at least {LEAST} of each in each of {p.blocks} blocks",
             "a longer film, fewer realism.blocks, or shorter realism.window and gap",
         )
@@ -161,20 +164,20 @@ def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
     """A row for each comparison and its channels ("all" first): the area, its interval, what is
     lost without the channel."""
     rows = []
-    for name, one in verdicts.items():
-        for channel, area in {"all": one.whole, **one.alone}.items():
-            rows.append((name, channel, *area, one.lost.get(channel, np.nan)))
+    for name, result in verdicts.items():
+        for channel, area in {"all": result.whole, **result.alone}.items():
+            rows.append((name, channel, *area, result.importance.get(channel, np.nan)))
     return pd.DataFrame(rows, columns=["compared", "channel", "auc", "low", "high", "lost"])
 
 
 def numbers(verdicts: dict[str, Verdict]) -> dict[str, float]:
     """The same as flat metrics."""
     flat: dict[str, float] = {}
-    for name, one in verdicts.items():
+    for name, result in verdicts.items():
         flat |= {
-            f"{name}_auc": one.whole.value,
-            f"{name}_auc_low": one.whole.low,
-            f"{name}_auc_high": one.whole.high,
-            **{f"{name}_{channel}_auc": area.value for channel, area in one.alone.items()},
+            f"{name}_auc": result.whole.value,
+            f"{name}_auc_low": result.whole.low,
+            f"{name}_auc_high": result.whole.high,
+            **{f"{name}_{channel}_auc": area.value for channel, area in result.alone.items()},
         }
     return flat

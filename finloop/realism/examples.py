@@ -20,7 +20,7 @@ from finloop.render.gallery import Gallery, placed
 from finloop.render.marks import write
 from finloop.render.painter import Painter
 
-MADE, FILM = SIDES = ("animation", "film")
+ANIMATION, FILM = SIDES = ("animation", "film")
 EXAMPLES = Schema(
     Column("example", "int32", "1"),
     Column("compared", "string", "1"),
@@ -51,12 +51,12 @@ _AROUND = 1.5  # body lengths that a picture shows beyond the way
 class Pair(NamedTuple):
     """Numbers of an animation window and of the film window most like it; the former's score."""
 
-    made: int
+    animation: int
     film: int
     score: float
 
 
-def worst(film: Windows, made: Windows, score: Floats, count: int, length: int) -> list[Pair]:
+def worst(film: Windows, animation: Windows, score: Floats, count: int, length: int) -> list[Pair]:
     """The animation windows of the highest held-out scores, no two of which touch.
 
     score (n,): of the animation windows, NaN where there is none; length: rows of a window. Most
@@ -64,15 +64,15 @@ def worst(film: Windows, made: Windows, score: Floats, count: int, length: int) 
     """
     spread = film.x.std(axis=(0, 1)) + 1e-9
     pairs: list[Pair] = []
-    taken: list[int] = []
+    starts: list[int] = []
     for number in np.argsort(-np.nan_to_num(score, nan=-np.inf), kind="stable"):
         if len(pairs) == count or np.isnan(score[number]):
             break
-        begin = int(made.first[number])
-        if all(abs(begin - other) > length for other in taken):
-            far = (((film.x - made.x[number]) / spread) ** 2).sum(axis=(1, 2))
+        begin = int(animation.first[number])
+        if all(abs(begin - start) > length for start in starts):
+            far = (((film.x - animation.x[number]) / spread) ** 2).sum(axis=(1, 2))
             pairs.append(Pair(int(number), int(far.argmin()), float(score[number])))
-            taken.append(begin)
+            starts.append(begin)
     return pairs
 
 
@@ -96,18 +96,18 @@ class Show:
 
     def _of(self, mode: str, pair: tuple[Windows, Windows], verdict: Verdict) -> Iterator[Tables]:
         """The examples of a mode, but for their numbers."""
-        film, made = pair
+        film, animation = pair
         cut = self.sample.cut
         score = verdict.scores.score[len(film.x) :]
-        for one in worst(film, made, score, self.sample.p.examples, cut.length):
+        for example in worst(film, animation, score, self.sample.p.examples, cut.length):
             edit = [
-                self._window(mode, made, one.made).assign(side=MADE),
-                self._window(FILM, film, one.film).assign(side=FILM),
+                self._window(mode, animation, example.animation).assign(side=ANIMATION),
+                self._window(FILM, film, example.film).assign(side=FILM),
             ]
-            seen = {MADE: made.x[one.made], FILM: film.x[one.film]}
+            x = {ANIMATION: animation.x[example.animation], FILM: film.x[example.film]}
             yield (
-                pd.concat(edit, ignore_index=True).assign(compared=mode, score=one.score),
-                curves(seen, cut.step / self.sample.rate_hz),
+                pd.concat(edit, ignore_index=True).assign(compared=mode, score=example.score),
+                curves(x, cut.step / self.sample.rate_hz),
             )
 
     def tables(self, sides: Sides, verdicts: Mapping[str, Verdict]) -> Tables:
@@ -141,10 +141,10 @@ class View(NamedTuple):
         place = self.x_px, self.y_px
         turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
         turn[:, 2] += (size - 1) / 2 - np.array(place)
-        seen = cv2.warpAffine(
+        picture = cv2.warpAffine(
             frame, turn, (size, size), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
         )
-        return seen if seen.ndim == 3 else cv2.cvtColor(seen, cv2.COLOR_GRAY2RGB)
+        return picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
 
 
 def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
@@ -165,8 +165,8 @@ def pictures(
 ) -> Iterator[Picture]:
     """One side of an example as a camera sees it, tick by tick, (size, size, 3)."""
     numbered = edit.assign(tick=np.arange(len(edit)))
-    for one in placed(numbered, gallery):
-        painter.show(one)
+    for fish in placed(numbered, gallery):
+        painter.show(fish)
         yield view.of(painter.frame, size)
 
 
@@ -175,12 +175,12 @@ def strip(
 ) -> Picture:
     """One side of an example at so many moments, of so many px; the camera goes with the fish."""
     count, size = shape
-    chosen = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
-    numbered = chosen.assign(tick=np.arange(count))
+    moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
+    numbered = moments.assign(tick=np.arange(count))
     tiles: list[Picture] = []
-    for one, start in zip(placed(numbered, gallery), chosen["start_deg"], strict=True):
-        painter.show(one)
-        view = View(one.x_px, one.y_px, start, _AROUND * length_px)
+    for fish, start in zip(placed(numbered, gallery), moments["start_deg"], strict=True):
+        painter.show(fish)
+        view = View(fish.x_px, fish.y_px, start, _AROUND * length_px)
         tiles.append(view.of(painter.frame, size))
     return np.hstack(tiles)
 
@@ -207,9 +207,9 @@ def side_by_side(
 def curves(x: dict[str, NDArray[np.float32]], step_s: float) -> pd.DataFrame:
     """The channels (steps, 4) of both sides of an example."""
     parts = [
-        pd.DataFrame(one.astype(float), columns=list(CHANNELS)).assign(
-            side=side, time_s=(np.arange(len(one)) + 0.5) * step_s
+        pd.DataFrame(channels.astype(float), columns=list(CHANNELS)).assign(
+            side=side, time_s=(np.arange(len(channels)) + 0.5) * step_s
         )
-        for side, one in x.items()
+        for side, channels in x.items()
     ]
     return pd.concat(parts, ignore_index=True)

@@ -53,26 +53,26 @@ class Instrument:
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
         """What extraction detects in each frame: the tank with one fish."""
         painter, facts = Painter(self.tank), self.facts
-        for one in fish:
-            box = _around(painter.show(one), self.tank.shape)
+        for animal in fish:
+            box = _around(painter.show(animal), self.tank.shape)
             scene = Scene(
                 np.ascontiguousarray(self.tank[box.of]), facts.polarity,  # type: ignore[arg-type]
                 facts.noise_grey, facts.threshold_grey,
             )  # fmt: skip
             arena = np.ascontiguousarray(self.arena[box.of])
             detector = Detector(arena, self.typical, self.extract)
-            yield _moved(detector(np.ascontiguousarray(painter.frame[box.of]), scene), box)
+            yield _in_tank(detector(np.ascontiguousarray(painter.frame[box.of]), scene), box)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """The feature table of drawn fish, a tick each; `frame` is the tick.
 
         cuts: ticks at which another fish begins. No rows where extraction could follow none.
         """
-        seen = tracks(self.detections(fish), self.typical, self.extract, cuts)
-        followed = [one for _, ready in seen for one in ready]
-        if not followed:
+        pieces = tracks(self.detections(fish), self.typical, self.extract, cuts)
+        fish_frames = [fish_frame for _, ready in pieces for fish_frame in ready]
+        if not fish_frames:
             return FEATURES.empty()
-        table = rows(followed).sort_values(["track_id", "frame"], ignore_index=True)
+        table = rows(fish_frames).sort_values(["track_id", "frame"], ignore_index=True)
         return features(table, self.rate_hz, self.features)[0]
 
 
@@ -83,7 +83,7 @@ def _around(fish: Box, shape: tuple[int, ...]) -> Box:
     return wide.within(shape)
 
 
-def _moved(seen: Detections, box: Box) -> Detections:
+def _in_tank(part: Detections, box: Box) -> Detections:
     """What was detected in a part of the picture, in coordinates of the whole."""
     x, y = box.left, box.top
     spots = [
@@ -93,9 +93,11 @@ def _moved(seen: Detections, box: Box) -> Detections:
             y_px=spot.y_px + y,
             box=(spot.box[0] + x, spot.box[1] + y, spot.box[2] + x, spot.box[3] + y),
         )
-        for spot in seen.spots
+        for spot in part.spots
     ]
-    return Detections(seen.verdicts, spots, [one and _moved_fish(one, x, y) for one in seen.fish])
+    return Detections(
+        part.verdicts, spots, [fish and _moved_fish(fish, x, y) for fish in part.fish]
+    )
 
 
 def _moved_fish(fish: Fish, x: int, y: int) -> Fish:

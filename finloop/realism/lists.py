@@ -25,10 +25,10 @@ def animations(planner: Planner, mode: str, seconds: float, p: AnimateSettings) 
     """
     waters = planner.waters
     for number in range(int(np.ceil(seconds / p.seconds / p.fish))):
-        left = seconds / p.fish - number * p.seconds
-        one = replace(p, seed=p.seed + 1 + number, seconds=min(p.seconds, left))
-        goals = random_goals(waters, p.trial_goals * p.fish, np.random.default_rng(one.seed))
-        again = replace(planner, waters=replace(waters, settings=one))
+        rest = seconds / p.fish - number * p.seconds
+        settings = replace(p, seed=p.seed + 1 + number, seconds=min(p.seconds, rest))
+        goals = random_goals(waters, p.trial_goals * p.fish, np.random.default_rng(settings.seed))
+        again = replace(planner, waters=replace(waters, settings=settings))
         edit = again.plan(mode, [g._replace(radius_px=waters.touch_px) for g in goals])[1]
         for fish in by_fish(edit):
             yield fish, ()
@@ -39,12 +39,12 @@ def filmed(tracks: pd.DataFrame, longest: int, most: int, seed: int) -> list[Wor
     places = tracks[["x_px", "y_px"]].to_numpy()
     works: list[Work] = []
     rows: list[np.ndarray] = []
-    chosen = stretches(tracks["track_id"].to_numpy(), longest, most, seed)
-    for one in chosen:
-        rows.append(np.arange(one.start, one.stop))
-        if sum(map(len, rows)) >= longest or one is chosen[-1]:
+    parts = stretches(tracks["track_id"].to_numpy(), longest, most, seed)
+    for part in parts:
+        rows.append(np.arange(part.start, part.stop))
+        if sum(map(len, rows)) >= longest or part is parts[-1]:
             every = np.concatenate(rows)
-            cuts = np.cumsum([len(part) for part in rows])[:-1].tolist()
+            cuts = np.cumsum([len(piece) for piece in rows])[:-1].tolist()
             works.append((as_filmed(every, places[every]), cuts))
             rows = []
     return works

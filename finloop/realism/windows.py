@@ -95,11 +95,11 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
-    moved = np.diff(track[["x_px", "y_px"]].to_numpy(float), axis=0) * (rate_hz / length)
+    travel = np.diff(track[["x_px", "y_px"]].to_numpy(float), axis=0) * (rate_hz / length)
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians((heading[1:] + heading[:-1]) / 2)
     return np.column_stack([
-        ahead_left(moved, angle),
+        ahead_left(travel, angle),
         np.diff(heading) * rate_hz,
         track["motion_area"].to_numpy(float)[1:] / largest,
     ])  # fmt: skip

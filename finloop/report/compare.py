@@ -57,10 +57,10 @@ def pareto(costs: NDArray[np.float64]) -> NDArray[np.bool_]:
     A row is dominated by one that is nowhere greater and somewhere less. Equal rows do not dominate
     each other; a row with NaN is never on the front.
     """
-    known = np.logical_not(np.isnan(costs).any(axis=1))
+    complete = np.logical_not(np.isnan(costs).any(axis=1))
     a, b = costs[:, None], costs[None, :]  # (n, 1, k), (1, n, k)
-    beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & known
-    return np.asarray(known & ~beats.any(axis=1))
+    beats = (b <= a).all(axis=2) & (b < a).any(axis=2) & complete
+    return np.asarray(complete & ~beats.any(axis=1))
 
 
 def comparison(
@@ -68,8 +68,8 @@ def comparison(
 ) -> Comparison:
     """The comparison of experiments; both tables have a row for each and columns `a.b`."""
     differ = [name for name in parameters if parameters[name].astype(str).nunique() > 1]
-    known = numbers.columns[numbers.notna().any()]
-    objectives = [objective for objective in OBJECTIVES if objective.key in known]
+    available = numbers.columns[numbers.notna().any()]
+    objectives = [objective for objective in OBJECTIVES if objective.key in available]
     keys = [objective.key for objective in objectives]
     columns = dict.fromkeys([*keys, *(name for name in measures if name in numbers)])
     values = numbers.reindex(columns=list(columns)).astype(float)
@@ -77,9 +77,11 @@ def comparison(
     best = pareto(values[keys].to_numpy() * sign)
     if not objectives:
         best = np.zeros(len(values), bool)
-    chosen = parameters[differ].sort_values(differ, kind="stable", key=lambda one: ranked(one)[0])
-    order = parameters.index.get_indexer(chosen.index)
-    return Comparison(chosen, values.iloc[order], objectives, best[order])
+    rows = parameters[differ].sort_values(
+        differ, kind="stable", key=lambda column: ranked(column)[0]
+    )
+    order = parameters.index.get_indexer(rows.index)
+    return Comparison(rows, values.iloc[order], objectives, best[order])
 
 
 def ranked(column: "pd.Series[Any]") -> "tuple[pd.Series[int], list[str]]":
@@ -99,8 +101,8 @@ def _is_word(value: object) -> bool:
 
 def words(key: str) -> str:
     """A name as people read it."""
-    named = {objective.key: objective.words for objective in OBJECTIVES}
-    return named.get(key, key.partition(".")[2].replace("_", " "))
+    names = {objective.key: objective.words for objective in OBJECTIVES}
+    return names.get(key, key.partition(".")[2].replace("_", " "))
 
 
 def parallel(table: Comparison) -> go.Figure:

@@ -24,15 +24,15 @@ class Glb:
 
     def add(self, kind: str, item: dict[str, Any]) -> int:
         """Add to the document's list of this kind ("nodes", "meshes", "materials" …)."""
-        known = self._document.setdefault(kind, [])
-        known.append(item)
-        return len(known) - 1
+        items = self._document.setdefault(kind, [])
+        items.append(item)
+        return len(items) - 1
 
     def use(self, extension: str) -> None:
         """Declare an extension; a reader may do without."""
-        used = self._document.setdefault("extensionsUsed", [])
-        if extension not in used:
-            used.append(extension)
+        names = self._document.setdefault("extensionsUsed", [])
+        if extension not in names:
+            names.append(extension)
 
     def show(self, nodes: list[int]) -> None:
         """The scene that a reader shows."""

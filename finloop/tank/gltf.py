@@ -45,17 +45,17 @@ def shapes(points: Floats, heading: Floats, modes: int = MODES) -> Shapes:
     points (ticks, v, 3): relative to the mass centre, y up; heading (ticks,): rad.
     """
     cos, sin = np.cos(heading)[:, None], np.sin(heading)[:, None]
-    turned = points.copy()
-    turned[..., 0] = cos * points[..., 0] + sin * points[..., 1]
-    turned[..., 1] = cos * points[..., 1] - sin * points[..., 0]
-    flat = turned.reshape(len(turned), -1)
+    ahead = points.copy()
+    ahead[..., 0] = cos * points[..., 0] + sin * points[..., 1]
+    ahead[..., 1] = cos * points[..., 1] - sin * points[..., 0]
+    flat = ahead.reshape(len(ahead), -1)
     sample = flat[np.unique(np.linspace(0, len(flat) - 1, _SAMPLE).astype(int))]
     mean = sample.mean(0)
     _, size, axes = np.linalg.svd(sample - mean, full_matrices=False)
     count = min(modes, int((size > 1e-9 * max(size[0], 1e-9)).sum()))
     spread = size[:count, None] / np.sqrt(len(sample))
     weights = (flat - mean) @ axes[:count].T / spread.T
-    off = (flat - mean - weights @ (spread * axes[:count])).reshape(turned.shape)
+    off = (flat - mean - weights @ (spread * axes[:count])).reshape(ahead.shape)
     return Shapes(
         mean.reshape(-1, 3),
         (spread * axes[:count]).reshape(count, len(mean) // 3, 3),
@@ -131,10 +131,10 @@ def _fish(glb: Glb, shape: Shapes, material: int, number: int) -> int:
     straight = normals(shape.mean.reshape(grid)).reshape(-1, 3)
     targets = []
     for mode in shape.modes:
-        bent = normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
+        normal = normals((shape.mean + mode).reshape(grid)).reshape(-1, 3)
         targets.append({
             "POSITION": glb.add_array(mode, vertices=True),
-            "NORMAL": glb.add_array(bent - straight, vertices=True),
+            "NORMAL": glb.add_array(normal - straight, vertices=True),
         })  # fmt: skip
     primitive = {
         "attributes": {
@@ -145,14 +145,14 @@ def _fish(glb: Glb, shape: Shapes, material: int, number: int) -> int:
         "indices": glb.add_array(triangles().ravel(), indices=True),
         "material": material,
     }
-    return _moved(glb, _named("fish", number), primitive, targets)
+    return _morph_node(glb, _name_of("fish", number), primitive, targets)
 
 
-def _named(what: str, number: int) -> str:
+def _name_of(what: str, number: int) -> str:
     return f"{what} {number}" if number else what
 
 
-def _moved(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
+def _morph_node(glb: Glb, name: str, primitive: dict, targets: list[dict]) -> int:
     """A node whose mesh mixes shapes."""
     mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
     if targets:
@@ -176,7 +176,7 @@ def _shadow(glb: Glb, shape: Shapes, material: int, number: int) -> int:
         "material": material,
     }
     targets = [{"POSITION": glb.add_array(strip(mode), vertices=True)} for mode in shape.modes]
-    return _moved(glb, _named("shadow", number), primitive, targets)
+    return _morph_node(glb, _name_of("shadow", number), primitive, targets)
 
 
 def _plain(glb: Glb, name: str, colour: tuple[float, ...], texture: int | None = None) -> int:
@@ -229,7 +229,7 @@ def _still(glb: Glb, room: Room, background: NDArray[np.uint8]) -> list[int]:
             "material": material,
             "mode": mode,
         }
-        return _moved(glb, name, primitive, [])
+        return _morph_node(glb, name, primitive, [])
 
     return [
         node("floor", low, square, floor, sewn_on, _FACES),

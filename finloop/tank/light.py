@@ -35,8 +35,8 @@ def slopes(x: Floats, y: Floats, depth: float, time_s: float) -> tuple[Floats, F
     for angle, length, rate, phase in _WAVES:
         number = 2 * math.pi / (length * depth)  # plain floats: single precision stays single
         cos, sin = math.cos(angle), math.sin(angle)
-        turned = math.remainder(2 * math.pi * rate * time_s - phase, 2 * math.pi)
-        wave = number * cos * x + number * sin * y - turned
+        shift = math.remainder(2 * math.pi * rate * time_s - phase, 2 * math.pi)
+        wave = number * cos * x + number * sin * y - shift
         high += _STEEP / number * np.sin(wave)
         slope = _STEEP * np.cos(wave)
         along_x += cos * slope

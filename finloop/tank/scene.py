@@ -118,8 +118,8 @@ class Scene:
             theta_resolution=24, phi_resolution=33,
         )  # fmt: skip
         up = (ball.points[:, 2] - self._room.middle[2]) / (_SKY_PX * self._room.width)
-        known = np.array([pv.Color(colour).int_rgb for colour in _SKY.values()], float)
-        levels = [np.interp(up, list(_SKY), part) for part in known.T]
+        colours = np.array([pv.Color(colour).int_rgb for colour in _SKY.values()], float)
+        levels = [np.interp(up, list(_SKY), part) for part in colours.T]
         ball[_COLOURS] = np.rint(np.stack(levels, -1)).astype(np.uint8)
         self._plotter.add_mesh(ball, scalars=_COLOURS, rgba=True, lighting=False)
 

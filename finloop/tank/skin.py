@@ -67,11 +67,11 @@ class Skins:
             skin += share[..., None] * (level - skin)
         return skin
 
-    def worn(self, row: int, other: int, weight: float, flips: tuple[bool, bool]) -> Picture:
+    def worn(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
         """The skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: whether either is mirrored."""
         skin = self.skin(row)[:: -1 if flips[0] else 1]
         if weight > 0:
-            skin = skin + np.float32(weight) * (self.skin(other)[:: -1 if flips[1] else 1] - skin)
+            skin = skin + np.float32(weight) * (self.skin(partner)[:: -1 if flips[1] else 1] - skin)
         return np.rint(np.clip(skin, 0, 255)).astype(np.uint8)
 
 

@@ -102,16 +102,16 @@ def poses(
     second = Cast(*(np.where(fades, b, a) for a, b in zip(
         first, _cast(edit, "partner_", "partner", film, sprites), strict=True,
     )))  # fmt: skip
-    (line, width), (other, other_width) = (_bodies(film, cast) for cast in (first, second))
+    (line, width), (partner, partner_width) = (_bodies(film, cast) for cast in (first, second))
     share = weight[:, None]
-    line = line + share[..., None] * (other - line)
+    line = line + share[..., None] * (partner - line)
     if bodies is not None:
         for tick in np.flatnonzero(edit["pose"].notna()):
-            line[tick] = _bent(edit.iloc[tick], film, bodies)
+            line[tick] = _posed_backbone(edit.iloc[tick], film, bodies)
     return Poses(
         edit[["x_px", "y_px"]].to_numpy(float) * (1, -1),
         line,
-        width + share * (other_width - width),
+        width + share * (partner_width - width),
         np.unwrap(np.radians(edit["heading_deg"].to_numpy(float))),
         first,
         second,
@@ -119,7 +119,7 @@ def poses(
     )
 
 
-def _bent(row: Any, film: Film, bodies: Bodies) -> Floats:
+def _posed_backbone(row: Any, film: Film, bodies: Bodies) -> Floats:
     """The backbone (p, 2) of a row of an edit list that says a pose.
 
     Where the pose's backbone differs from that of the row's own posture, the film's differs, too,
@@ -134,11 +134,13 @@ def _bent(row: Any, film: Film, bodies: Bodies) -> Floats:
     angle = np.radians(film.heading_deg[number])
     back = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
     line = film.backbone[number] @ back.T * (1, side)  # headed right
-    arcs = [np.append(0, np.cumsum(np.hypot(*np.diff(one, axis=0).T))) for one in (before, line)]
-    moved = [np.interp(arcs[1], arcs[0], change) for change in (after - before).T]
+    arcs = [
+        np.append(0, np.cumsum(np.hypot(*np.diff(points, axis=0).T))) for points in (before, line)
+    ]
+    offsets = [np.interp(arcs[1], arcs[0], change) for change in (after - before).T]
     turn = np.radians(float(body.heading_deg))
     ahead = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]])
-    return row.scale * (line + np.stack(moved, -1)) @ ahead.T
+    return row.scale * (line + np.stack(offsets, -1)) @ ahead.T
 
 
 def _cast(edit: pd.DataFrame, prefix: str, number: str, film: Film, sprites: pd.DataFrame) -> Cast:

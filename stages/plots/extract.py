@@ -35,14 +35,16 @@ def main() -> None:
 
 def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray[np.uint8]:
     """The picture of one film, of this many frames."""
-    clip, found = CLIP / home, EXTRACT / home
+    clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
-    known = load_record(found / "scene.json", SceneFacts, "extract")
-    background = load_picture(found / "background.png")
+    record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")
+    background = load_picture(tracks_folder / "background.png")
     scene = Scene(
-        background, cast(Polarity, known.polarity), known.noise_grey, known.threshold_grey
+        background, cast(Polarity, record.polarity), record.noise_grey, record.threshold_grey
     )
-    typical = Typical(known.typical_area_px, known.typical_length_px, known.typical_contrast_grey)
+    typical = Typical(
+        record.typical_area_px, record.typical_length_px, record.typical_contrast_grey
+    )
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
     numbers = np.linspace(0, facts.frames - 1, min(count, facts.frames)).round().astype(int)
     frames = list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))

@@ -88,8 +88,8 @@ def _body_coordinates(
         i = np.clip(q.astype(np.int32), 0, last - 1)
         part = q - i
         here, by = node[i], slope[i]
-        turned = np.clip(part, 0, 1)
-        tx, ty = here[:, 2] + turned * by[:, 2], here[:, 3] + turned * by[:, 3]
+        inner = np.clip(part, 0, 1)
+        tx, ty = here[:, 2] + inner * by[:, 2], here[:, 3] + inner * by[:, 3]
         dx = px - here[:, 0] - part * by[:, 0]
         dy = py - here[:, 1] - part * by[:, 1]
         q = np.clip(q - (dx * tx + dy * ty) / length, -3, last + 3)
@@ -219,8 +219,8 @@ def _sample(skin: Image, s: Image, v: Image) -> Image:
     x = np.pad(s * columns - 0.5, (0, short)).reshape(-1, wide).astype(np.float32)
     y = (0.5 - v / (2 * SKIN_HALF)) * rows - 0.5
     y = np.pad(y, (0, short)).reshape(-1, wide).astype(np.float32)
-    picked = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(picked.reshape(-1, 4)[: len(s)])
+    colours = cv2.remap(skin, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(colours.reshape(-1, 4)[: len(s)])
 
 
 def _fin(

@@ -139,9 +139,9 @@ def pose(shape: LimbShape, foot: Floats, top: Floats, n: int) -> Floats:
     heads = np.stack([hip, knee, ankle, rest[3] + foot], axis=-2)
     outline, share = skin(shape, n)
     local = (outline[:, None] - rest[:4]) @ [1, 1j]  # (n, 4)
-    moved = heads @ np.array([1, 1j])  # (…, 4)
+    joints = heads @ np.array([1, 1j])  # (…, 4)
     points = np.einsum("nb,...nb->...n", share, local * np.exp(1j * turns)[..., None, :])
-    points = points + moved @ share.T
+    points = points + joints @ share.T
     return np.stack([points.real, points.imag], axis=-1)
 
 

@@ -252,7 +252,7 @@ def film_frames(footage: Footage, loss: Loss) -> Numbered:
     size = size if footage.turn.b else size[::-1]  # width, height as coded
     convert = rgb if footage.colour else partial(grey, levels=footage.levels)
     with opened(footage.path) as (container, stream):
-        stamps = _sought(container, stream, footage)
+        stamps = _seek(container, stream, footage)
         time_s, damaged = -step, 0
         shot = decoded(container, stream, loss)
         if footage.fields:
@@ -282,9 +282,7 @@ def film_frames(footage: Footage, loss: Loss) -> Numbered:
         loss.missing_at_end = max(0, missing)
 
 
-def _sought(
-    container: InputContainer, stream: VideoStream, footage: Footage
-) -> NDArray[np.float64]:
+def _seek(container: InputContainer, stream: VideoStream, footage: Footage) -> NDArray[np.float64]:
     """Go to shortly before the start of the range, if the container can seek.
 
     Returns the time stamps of the film's frames in ticks, ascending, up to the end of the range: by

@@ -30,28 +30,28 @@ def listed(path: str) -> list[Path]:
         return _in_folder(whole) or [whole]
     if whole.exists() or not has_magic(str(whole)):
         return [whole]
-    found = [Path(one) for one in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
-    if not found:
+    films = [Path(name) for name in iglob(str(whole), recursive=True)]  # noqa: PTH207 (absolute ones too)
+    if not films:
         raise FinloopError(
             came=f"the pattern {path} fits no file (looked from {Path.cwd()})",
             wanted=WANTED,
             do="correct the pattern, or give it whole: /some/where/*.mp4",
         )
-    return sorted(found, key=natural)
+    return sorted(films, key=natural)
 
 
 def _in_folder(folder: Path) -> list[Path]:
     """The films and folders of pictures in a folder; none where the pictures lie in it itself."""
-    inside = [one for one in folder.iterdir() if not one.name.startswith(".")]
-    films = [one for one in inside if one.is_file() and one.suffix.lower() in FILMS]
-    if not films and any(one.suffix.lower() in SUFFIXES for one in inside):
+    inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
+    films = [path for path in inside if path.is_file() and path.suffix.lower() in FILMS]
+    if not films and any(path.suffix.lower() in SUFFIXES for path in inside):
         return []
-    films += [one for one in inside if one.is_dir() and _of_pictures(one)]
+    films += [path for path in inside if path.is_dir() and _of_pictures(path)]
     return sorted(films, key=natural)
 
 
 def _of_pictures(folder: Path) -> bool:
-    return any(one.suffix.lower() in SUFFIXES for one in folder.iterdir())
+    return any(path.suffix.lower() in SUFFIXES for path in folder.iterdir())
 
 
 def names(paths: Iterable[Path]) -> list[str]:
@@ -63,7 +63,7 @@ def names(paths: Iterable[Path]) -> list[str]:
     for path in paths:
         stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
         name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
-        known = {one.casefold() for one in taken}  # some file systems know no capitals
+        known = {earlier.casefold() for earlier in taken}  # some file systems know no capitals
         number = 2
         unique = name
         while unique.casefold() in known:
@@ -83,8 +83,8 @@ class Stamp(NamedTuple):
 def stamps(path: Path) -> list[Stamp]:
     """The stamps of a film's file, or of all pictures in its folder."""
     files = sorted(path.iterdir()) if path.is_dir() else [path]
-    seen = ((file.name, file.stat()) for file in files)
-    return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in seen]
+    files_with_stat = ((file.name, file.stat()) for file in files)
+    return [Stamp(name, stat.st_size, stat.st_mtime_ns) for name, stat in files_with_stat]
 
 
 def refuse_grown(path: Path, before: list[Stamp]) -> None:

@@ -127,14 +127,14 @@ def limited(footage: Footage, times: np.ndarray, start_s: float, end_s: float) -
             do="correct clip.start_s and clip.end_s (null = to the end)",
         )
     footage = replace(footage, start_s=start_s, end_s=end_s)
-    kept = times[[in_range(footage, time) for time in times]]
-    if kept.size < 2:
+    inside = times[[in_range(footage, time) for time in times]]
+    if inside.size < 2:
         raise FinloopError(
-            came=f"{footage.path} shows {kept.size} frame(s) from {span}",
+            came=f"{footage.path} shows {inside.size} frame(s) from {span}",
             wanted=WANTED_TWO,
             do="widen clip.start_s … clip.end_s",
         )
-    return replace(footage, frames_expected=round((kept[-1] - kept[0]) / step) + 1)
+    return replace(footage, frames_expected=round((inside[-1] - inside[0]) / step) + 1)
 
 
 def in_range(footage: Footage, time_s: float | Fraction) -> bool:

@@ -65,35 +65,35 @@ def nearest_in_time(
     timing: counts ticks, repeats, drops and cuts as they happen.
     """
     rate = float(frame_rate)
-    held: tuple[float, T] | None = None
+    last: tuple[float, T] | None = None
     start_s = 0.0  # time of tick 0 of this segment
     ticks = 0  # of this segment
 
     def repeats(until: float) -> Iterator[T]:
         """The held item, once for each tick before `until` (in ticks of this segment)."""
         nonlocal ticks
-        assert held is not None
+        assert last is not None
         times = max(0, int(np.ceil(until)) - ticks)
         ticks += times
         timing.frames += times
         timing.repeated += max(0, times - 1)
         timing.dropped += times == 0
         for _ in range(times):
-            yield held[1]
+            yield last[1]
 
     for time_s, item in stamped:
-        if held is not None:
-            if 0 <= time_s - held[0] <= max(CUT_S, CUT_FRAMES / rate):
-                yield from repeats(((held[0] + time_s) / 2 - start_s) * rate)
+        if last is not None:
+            if 0 <= time_s - last[0] <= max(CUT_S, CUT_FRAMES / rate):
+                yield from repeats(((last[0] + time_s) / 2 - start_s) * rate)
             else:
-                yield from repeats((held[0] - start_s) * rate + 0.5)
-                held = None
-        if held is None:
+                yield from repeats((last[0] - start_s) * rate + 0.5)
+                last = None
+        if last is None:
             timing.cuts.append(timing.frames)
             start_s, ticks = time_s, 0
-        held = time_s, item
-    if held is not None:
-        yield from repeats((held[0] - start_s) * rate + 0.5)
+        last = time_s, item
+    if last is not None:
+        yield from repeats((last[0] - start_s) * rate + 0.5)
 
 
 def segments_of(cuts: Sequence[int], frames: int) -> tuple[tuple[int, int], ...]:

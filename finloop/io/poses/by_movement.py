@@ -15,23 +15,23 @@ def read(path: Path, software: Software, rate_hz: float) -> Poses:
     """The poses of a file; of a folder of NWB files, which hold an animal each, those of all."""
     files = sorted(path.glob("*.nwb")) if path.is_dir() else [path]
     sets = [_dataset(file, software) for file in files]
-    if len({tuple(one.keypoints.values) for one in sets}) > 1:
+    if len({tuple(dataset.keypoints.values) for dataset in sets}) > 1:
         raise unreadable(path, software, "its animals have different keypoints")
-    names = [str(name) for one in sets for name in one.individuals.values]
+    names = [str(name) for dataset in sets for name in dataset.individuals.values]
     if len(set(names)) < len(names):
         raise unreadable(path, software, f"animals of one name: {', '.join(names)}")
-    frames = [_frames(one, rate_hz) for one in sets]
+    frames = [_frames(dataset, rate_hz) for dataset in sets]
     times = np.unique(np.concatenate(frames))
     keypoints = tuple(str(name) for name in sets[0].keypoints.values)
     places = np.full((len(times), len(names), len(keypoints), 2), np.nan)
     confidence = np.full(places.shape[:-1], np.nan)
     first = 0
-    for one, frame in zip(sets, frames, strict=True):
-        rows, last = np.searchsorted(times, frame), first + one.sizes["individuals"]
+    for dataset, frame in zip(sets, frames, strict=True):
+        rows, last = np.searchsorted(times, frame), first + dataset.sizes["individuals"]
         order = ("time", "individuals", "keypoints")
-        places[rows, first:last] = one.position.transpose(*order, "space").values
-        if "confidence" in one:
-            confidence[rows, first:last] = one.confidence.transpose(*order).values
+        places[rows, first:last] = dataset.position.transpose(*order, "space").values
+        if "confidence" in dataset:
+            confidence[rows, first:last] = dataset.confidence.transpose(*order).values
         first = last
     return poses_of(tuple(names), keypoints, times, places, confidence)
 

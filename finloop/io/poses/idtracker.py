@@ -73,10 +73,10 @@ def _places(path: Path) -> tuple[np.ndarray, list[str]]:
         ".npy": _npy, ".pickle": _pickle, ".h5": _hdf5, ".hdf5": _hdf5, ".parquet": _parquet,
         ".csv": _csv,
     }  # fmt: skip
-    read = _csv_folder if path.is_dir() else readers.get(path.suffix.lower())
-    if read is None:
+    reader = _csv_folder if path.is_dir() else readers.get(path.suffix.lower())
+    if reader is None:
         raise unreadable(path, SOFTWARE, "its ending is another")
-    places, facts = read(path)
+    places, facts = reader(path)
     names = facts.get("identities_labels")
     return np.asarray(places), [] if names is None else [str(name) for name in names]
 

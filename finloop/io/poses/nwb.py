@@ -34,11 +34,11 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
     series = {} if mm_per_px is None else {"unit": "millimeters", "conversion": mm_per_px}
     for number, name in enumerate(poses.individuals):
         rows = poses.individual == number
-        one = replace(
+        animal = replace(
             poses, individuals=(name,), individual=np.zeros(rows.sum(), np.int64),
             frame=poses.frame[rows], places=poses.places[rows], confidence=poses.confidence[rows],
         )  # fmt: skip
-        cells = np.concatenate([block for _, block in blocks(one)])
+        cells = np.concatenate([block for _, block in blocks(animal)])
         about = {"identifier": name, "session_description": _ABOUT, "session_start_time": _UNKNOWN}
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -46,7 +46,7 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
                 cells[..., :2].transpose(0, 3, 2, 1), cells[..., 2].transpose(0, 2, 1),
                 [name], list(poses.keypoints), float(rate), SOFTWARE,
             )  # fmt: skip
-            made = save.to_nwb_file(dataset, config(
+            document = save.to_nwb_file(dataset, config(
                 nwbfile_kwargs=about, pose_estimation_series_kwargs=series,
             ))  # fmt: skip
             plain = re.sub(r"[^\w.-]", "_", name)
@@ -54,4 +54,4 @@ def save_nwb(folder: Path, poses: Poses, rate: Fraction, mm_per_px: float | None
             if path.exists():
                 path = folder / f"{plain}_{number + 1}.nwb"
             with pynwb.NWBHDF5IO(path, "w") as file:
-                file.write(made)
+                file.write(document)

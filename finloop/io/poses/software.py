@@ -22,20 +22,20 @@ def software_of(path: Path) -> Software:
     """The program that made a file or folder of tracks; FinloopError if that cannot be told."""
     suffix = path.suffix.lower()
     if path.is_dir():
-        found = _of_folder(path)
+        software = _of_folder(path)
     elif suffix == ".csv":
-        found = _of_csv(path)
+        software = _of_csv(path)
     elif suffix in (".h5", ".hdf5"):
-        found = _of_hdf5(path)
+        software = _of_hdf5(path)
     else:
-        found = _BY_SUFFIX.get(suffix)
-    if found is None:
+        software = _BY_SUFFIX.get(suffix)
+    if software is None:
         raise FinloopError(
             f"which program made {path} cannot be told",
             f"tracks of {', '.join(get_args(Software))}",
             "name it: extract.tracks_software; or export tracks in one of these formats",
         )
-    return found
+    return software
 
 
 def _of_folder(path: Path) -> Software | None:

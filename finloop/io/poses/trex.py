@@ -66,8 +66,8 @@ def _fields(path: Path) -> dict[str, np.ndarray]:
             table = pd.read_csv(path)
             return {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
         with np.load(path, allow_pickle=False) as file:
-            wanted = ("frame", "missing", "cm_per_pixel", "X", "Y")
-            names = [name for name in file.files if name.split("#")[0] in wanted]
+            used = ("frame", "missing", "cm_per_pixel", "X", "Y")
+            names = [name for name in file.files if name.split("#")[0] in used]
             return {name: file[name] for name in names}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise unreadable(path, SOFTWARE, error) from error
@@ -77,14 +77,14 @@ def _animal(fields: dict[str, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
     """Frames (n,) and places (n, 2, 2) of head and centre; KeyError names what is missing."""
     frame = fields["frame"].ravel().astype(int)
     cm = float(np.ravel(fields.get("cm_per_pixel", [1.0]))[0])
-    seen = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
-    centre = next((one for one in _CENTRES if f"X{one}" in fields), None)
+    present = ~fields.get("missing", np.zeros(len(frame))).ravel().astype(bool)
+    centre = next((suffix for suffix in _CENTRES if f"X{suffix}" in fields), None)
     nowhere = np.full(len(frame), np.nan)
-    named = [
-        [fields[f"{axis}{source}"].ravel() / cm if known else nowhere for axis in "XY"]
-        for source, known in (("", centre is None or "X" in fields), (centre, centre is not None))
+    pairs = [
+        [fields[f"{axis}{source}"].ravel() / cm if exists else nowhere for axis in "XY"]
+        for source, exists in (("", centre is None or "X" in fields), (centre, centre is not None))
     ]
-    points = np.stack([np.stack(point, axis=-1) for point in named], axis=1).astype(float)
+    points = np.stack([np.stack(point, axis=-1) for point in pairs], axis=1).astype(float)
     if np.array_equal(points[:, 0], points[:, 1], equal_nan=True):  # it has found no posture
         points[:, 0] = np.nan
-    return frame[seen], points[seen]
+    return frame[present], points[present]

@@ -22,7 +22,7 @@ KEY_NAME, NUMBERS_NAME = "made_from.json", "numbers.json"
 Numbers = Mapping[str, float]
 
 
-def kept_or_made(
+def reuse_or_make(
     old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
     """The numbers of a film, whose files are put into `folder`: from `old`, or made.
