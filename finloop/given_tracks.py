@@ -82,7 +82,7 @@ def check_given(
 
 
 def save_given(folder: Path, given: Given, points: int) -> None:
-    """Write what the file says of every row of the table of tracks in `folder`, beside it.
+    """Write another program's animal, head and tail for every row of the table of tracks.
 
     points: of a backbone in that table.
     """
@@ -96,7 +96,7 @@ def save_given(folder: Path, given: Given, points: int) -> None:
 
 
 def given_metrics(tracks: GivenTracks, followed: Followed, agreement: Fit) -> dict[str, float]:
-    """What became of the places of the file, as numbers for metrics.json."""
+    """The outcomes of the places of the file, for metrics.json."""
     total = Counter[Outcome]()
     for (_, outcome), count in followed.outcomes.items():
         total[outcome] += count

@@ -33,16 +33,16 @@ from finloop.io.video import (
 from finloop.normalise import Source, normalise, open_source
 
 Watch = Callable[[str, int], AbstractContextManager[Callable[[], None]]]
-"""Given a word and a number of frames, a block in which each frame is told."""
+"""Reports progress: of a word and a number of frames, a block that gives `advance()`."""
 
 _PICTURES, _TAKING = {"deinterlace", "undouble"}, {"even_light", "steady"}
 
 
 @dataclass(frozen=True)
 class ClipResult:
-    """A clip that was written: facts, tally, arena (h, w); how good the film was and the clip is.
+    """A new clip: its facts, tally and arena (h, w); the quality of the film and of the clip.
 
-    mended: the parameters by which something was mended.
+    mended: the parameters of the repairs that were made.
     """
 
     facts: VideoFacts
@@ -121,7 +121,7 @@ def _again(p: File, fields: Order, twice: Doubled | None, calm: Calm | None) -> 
 
 
 def _simple(rate: float, frames: int) -> Fraction:
-    """The simplest fraction that goes with a rate over so many frames."""
+    """The simplest fraction that stays within half a frame of a rate over `frames` frames."""
     tries = (Fraction(rate).limit_denominator(most) for most in range(1, 1002))
     return next(
         (fraction for fraction in tries if abs(float(fraction) - rate) * frames < 0.5),
@@ -130,7 +130,7 @@ def _simple(rate: float, frames: int) -> Fraction:
 
 
 def _checked(facts: VideoFacts, tally: Tally, folder: Path) -> tuple[Quality, Picture]:
-    """Check the clip in a folder; what is measured of each frame, and the tank, go there, too."""
+    """Check the clip in a folder; the measures of each frame and the tank are written there."""
     reader = partial(read_frames, folder / CLIP_NAME)
     samples = list(tally.samples.values())
     clip = Clip(reader, facts.frame_rate_hz, samples, tally.lights, tally.changes)

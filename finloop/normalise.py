@@ -49,7 +49,7 @@ WriteRows = Callable[[pd.DataFrame], None]
 
 @dataclass(frozen=True)
 class Source:
-    """A clip before it is written: its facts, as far as they are known, and its frames."""
+    """A clip before it is written: its facts and its frames."""
 
     facts: VideoFacts
     takes: list[Numbered]  # frames are counted through all takes

@@ -30,7 +30,7 @@ Rows = NDArray[np.intp]
 
 
 class Contribution(NamedTuple):
-    """What a film brings to the motion base, and how its fish were made like the first one's."""
+    """A film's part of the motion base, and the scaling to the first film's fish and light."""
 
     name: str
     rows: int
@@ -39,7 +39,7 @@ class Contribution(NamedTuple):
 
 
 class Film(NamedTuple):
-    """What was found in one of several films.
+    """The tracks of one of several films.
 
     table: of its rows at the common rate; rows (k,): their numbers in the film's own table and
     cut-outs; home: its folder.
@@ -56,8 +56,8 @@ class Film(NamedTuple):
 def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[Contribution]:
     """Write tracks, cut-outs, scene and background of several films beside their folders.
 
-    Where tracks are from files, what these say of the rows, too. A film whose tracks are all
-    shorter than a frame of the common rate brings none.
+    Tracks of another program are written as well. A film whose tracks are all shorter than a frame
+    of the common rate adds none.
 
     `errors`: of the films, by name, in which nothing could be followed. FinloopError if the first
     is among them: the animation is shown in its tank.
@@ -112,9 +112,9 @@ def _numbered(film: Film, like: Likeness, tracks: int) -> pd.DataFrame:
 
 
 def _given(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
-    """What another program's tracks of a film say of its rows, beside them in the common table.
+    """The rows of another program's tracks of a film, in the order of the common table.
 
-    An animal has the name of its film before its own: of number 1 there is one in every film.
+    An animal's name begins with that of its film, for every film has an animal number 1.
     """
     rows = load_table(film.home / GIVEN_NAME, GIVEN).iloc[film.rows]
     rows = measured_alike(rows.reset_index(drop=True), Likeness(like.scale))
@@ -123,7 +123,7 @@ def _given(film: Film, table: pd.DataFrame, like: Likeness) -> pd.DataFrame:
 
 
 def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
-    """What was found in a film, at the common rate and in the common count of frames."""
+    """A film's tracks at the common rate and in the common count of frames."""
     home = folder / FILMS / part.name
     scene = load_record(home / SCENE_NAME, SceneFacts, "extract")
     facts = load_facts(clip / FILMS / part.name / FACTS_NAME)

@@ -230,7 +230,7 @@ def find_loops(
 
 
 def find_gateways(similar: Similar, reel: Reel, **changes: Any) -> pd.DataFrame:
-    """Where the film can go on as a sprite, and sprites as the film: columns of `GATEWAYS`.
+    """The jumps from the film to a sprite and back: columns of `GATEWAYS`.
 
     `changes`: of `finloop.gateways.settings.Settings`.
     """
@@ -249,7 +249,7 @@ def find_poses(tracks: Tracks, features: pd.DataFrame, **changes: Any) -> FilmPo
 
 
 def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
-    """Where the film can go on as a frame that looks and moves alike, and how its rows look.
+    """The jumps between frames that look and move alike, and the looks of all rows.
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """

@@ -94,8 +94,8 @@ def say(numbers: dict[str, float]) -> None:
 def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     """Write the clips of several films, each in a folder of its own, and what joins them.
 
-    A film that cannot be read is named, and the others go on. A film that has been written by an
-    earlier run, with the same parameters and code, is taken over.
+    A film that cannot be read is named and left out. The clip of an earlier run with the same
+    parameters and code is reused.
     """
     code, parts = code_of("clip"), list[Part]()
     numbers: dict[str, float] = {}

@@ -75,7 +75,7 @@ def stamps_of(path: Path) -> list[Stamp] | None:
 def extract_film(
     clip: Path, settings: Settings, crew: Workers, pieces: Pieces, folder: Path
 ) -> dict[str, float]:
-    """Write what is found in a clip to a folder; its metrics."""
+    """Write the tracks and cut-outs of a clip to a folder; its metrics."""
     facts = load_facts(clip / FACTS_NAME)
     if pieces.size():
         print("finloop: goes on from what an interrupted run has found", file=sys.stderr)
@@ -97,7 +97,7 @@ def extract_film(
 
 
 def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
-    """What a person should know about the use of tracks from a file; nothing without one."""
+    """Notes for the user on tracks from a file; none without one."""
     if numbers:
         animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
         yield f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"
@@ -108,11 +108,10 @@ def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
 def extract_films(
     clip: Path, settings: Settings, crew: Workers, folder: Path
 ) -> tuple[dict[str, float], list[dict[str, Any]]]:
-    """Write what is found in several films, each in a folder of its own, and their motion base.
+    """Write the tracks and cut-outs of several films, a folder each, and their motion base.
 
-    A film in which nothing can be followed is named, and the others go on. What an earlier run
-    found in the same clip, with the same parameters and code, is taken over. Returns metrics, and
-    a row for each film.
+    A film in which nothing can be followed is named and left out. The tracks of an earlier run with
+    the same clip, parameters and code are reused. Returns metrics, and a row for each film.
     """
     numbers, every = dict[str, float](), all_parts(clip)
     errors = {part.name: part.error for part in every if part.error}
@@ -146,7 +145,7 @@ def extract_films(
 
 @contextmanager
 def left_out(part: Part, errors: dict[str, str]) -> Iterator[None]:
-    """A film for which the block cannot do its work is named, and the others go on."""
+    """A block for one film: where it fails, the film is named and left out."""
     try:
         yield
     except FinloopError as error:

@@ -61,7 +61,7 @@ def area_numbers(
 def measured(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
-    """What is known of the forecasts, and of a fish that swims freely; tables into the folder."""
+    """The quality of the forecasts and of a fish that swims freely; tables go to the folder."""
     ensemble = assess.ensembles(film, swim, parts, rng)
     states, rows = free_run(swim, min(film.count, FREE_TICKS), rng)
     save_table(folder / "held_out.parquet", assess.held_out_table(ensemble), assess.HELD_OUT)

@@ -1,4 +1,4 @@
-"""Stage `jumps`: where the film can go on as a frame that looks and moves alike, or its mirror."""
+"""Stage `jumps`: the jumps between frames that look and move alike, mirror images too."""
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 

@@ -49,7 +49,7 @@ def share_of(ticks: Sized, work: list[Work]) -> float:
 def swimming_of(
     works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument, crew: Workers
 ) -> dict[str, Swimming]:
-    """What extraction measures of film and animations, without those that it cannot follow."""
+    """Film and animations as extraction measures them; those that it cannot follow are left out."""
     work = partial(measured, pictures, instrument)
     every = [job for part in works.values() for job in part]
     tables = []
@@ -137,7 +137,7 @@ def main() -> None:
 
 
 def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
-    """Compare film and animations; write what comes of it."""
+    """Compare film and animations; write the report."""
     facts = load_facts(CLIP / FACTS_NAME)
     rate = facts.frame_rate_hz
     mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)

@@ -1,7 +1,6 @@
-"""What an earlier run made of one of several films, taken over where nothing has changed.
+"""Reuse of the results of an earlier run: of several films only the changed ones are made anew.
 
-A film's folder holds its key: the parameters, the film and the code that it was made from. So
-adding a film makes that film alone.
+A film's folder holds its key: the parameters, the film and the code that it was made from.
 """
 
 import hashlib
@@ -25,9 +24,10 @@ Numbers = Mapping[str, float]
 def reuse_or_make(
     old: Path, folder: Path, key: Mapping[str, Any], make: Callable[[Path], Numbers]
 ) -> dict[str, float]:
-    """The numbers of a film, whose files are put into `folder`: from `old`, or made.
+    """The numbers of a film; its files in `folder` come from `old`, or from `make(folder)`.
 
-    `key`: plain values; `make(folder)` writes the files. A folder that could not be made is gone.
+    `key`: plain values; `old` is reused if it has the same key. After an error in `make` there is
+    no folder.
     """
     text = json.loads(json.dumps(key))
     if _read(old / KEY_NAME) == text and isinstance(numbers := _read(old / NUMBERS_NAME), dict):

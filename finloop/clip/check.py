@@ -1,8 +1,8 @@
-"""A check of the film: what about its light, camera and coding is good, and what is not.
+"""A check of the film: the quality of its light, camera and coding.
 
-The normalised clip, as grey, is looked at in runs of successive frames spread over it, so that a
-long film takes no longer than one of five hundred frames; light and doubled pictures are looked for
-in every frame, while the clip is written (`quality.Tally`).
+The normalised clip, as grey, is examined in runs of successive frames spread over it. So a long
+film takes no longer than one of five hundred frames. Light and doubled pictures are measured in
+every frame, while the clip is written (`quality.Tally`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -124,7 +124,7 @@ def _median(frames: Sequence[Picture]) -> Picture:
 
 
 def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
-    """What is measured of a clip, frame by frame (`CHECK`), and its still tank.
+    """The quality of a clip, its measures frame by frame (`CHECK`), and its still tank.
 
     stride: distance of its key frames.
     """
@@ -172,7 +172,7 @@ def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float
 
 
 def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
-    """Of what moves in a grey frame: pixels, median contrast, black ones, white ones."""
+    """The moving pixels of a grey frame: count, median contrast, black ones, white ones."""
     few = here[::_THIN, ::_THIN]
     off = np.abs(few / bright - tank[::_THIN, ::_THIN])
     usual = _SIGMAS * 1.4826 * float(np.median(off))
@@ -185,7 +185,7 @@ def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, 
 
 
 def _quality(table: pd.DataFrame, clip: Clip, looked: int, movers: Floats) -> Quality:
-    """The numbers of a film from those of its frames; `looked`: at so many of them."""
+    """The numbers of a film from those of its frames; `looked`: the number of frames."""
     lamp = light(np.array(clip.lights), clip.rate_hz)
     place = table[["shift_x", "shift_y"]].to_numpy(np.float64)
     places = place[np.isfinite(place[:, 0])]

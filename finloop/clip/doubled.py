@@ -17,8 +17,8 @@ _MOST = 0.01  # share of the blocks, those that change most
 _AROUND = 6  # frames to each side with which a change is compared
 _GAP = 2.5  # between the changes of doubled pictures and those of new ones, as a ratio
 _THIRD = 3  # largest change around; so that two flashes do not decide
-_LEAST = 1.0  # grey levels; where less changes, nothing can be told
-_AGREE = 0.95  # of the frames in which it can be told, that a cadence must foretell
+_LEAST = 1.0  # grey levels; where less changes, a frame is undecidable
+_AGREE = 0.95  # of the decidable frames: the share that a cadence must foretell
 _PHASES = 33  # that are tried
 _FEW = 8  # doubled pictures from which a cadence is looked for
 
@@ -40,10 +40,10 @@ def change(before: Picture, after: Picture) -> float:
 class Doubled(NamedTuple):
     """Frames that repeat the picture before them.
 
-    share: of the frames in which it can be told, that are doubled. rate: pictures a frame, 1 where
-    nothing is doubled, NaN where no cadence foretells what is. By the cadence, (frames,): pictures,
-    the number of the picture that a frame shows; repeats, whether it is the one before. Without
-    one, every frame is a picture.
+    share: doubled frames among the decidable ones. rate: pictures a frame, 1 where nothing is
+    doubled, NaN without a cadence. pictures (frames,): the number of each frame's picture by the
+    cadence; repeats (frames,): whether it is that of the frame before. Without a cadence every
+    frame is a picture.
     """
 
     share: float
@@ -69,7 +69,7 @@ def doubled(changes: Floats) -> Doubled:
 
 
 def _decidable(changes: Floats) -> tuple[Mask, Mask]:
-    """In which frames it can be told whether they are doubled, and which of them are."""
+    """Masks (frames,): where enough moves to decide, and which of these frames are doubled."""
     padded = np.pad(np.nan_to_num(changes), _AROUND)
     windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _AROUND + 1)
     around = np.sort(windows, axis=1)[:, : -_THIRD + 1]
@@ -86,9 +86,9 @@ def _decidable(changes: Floats) -> tuple[Mask, Mask]:
 
 
 def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:
-    """If a film of one rate is shown at another: pictures a frame, their numbers, what is doubled.
+    """The cadence of a rate conversion: pictures a frame, their numbers, the doubled frames.
 
-    Frame k then shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the
+    Frame k shows picture floor(k · rate + phase). The rate is the peak of the spectrum of the
     frames that are new (or doubled: whichever is rarer), refined between its bins.
     """
     frames = len(decidable)

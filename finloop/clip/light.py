@@ -1,7 +1,7 @@
-"""The light of a film: how bright each frame is beside the still tank, flicker and drift.
+"""The light of a film: the brightness of each frame against the still tank, flicker and drift.
 
 A lamp that becomes g times as bright makes every pixel g times as bright (in film coded with a
-gamma, too: then by another g), so one gain a channel says all.
+gamma, too: then by another g). So one gain a channel is enough.
 """
 
 from typing import NamedTuple

@@ -1,6 +1,6 @@
-"""What is wrong with a film and can be mended: woven fields, doubled pictures, light, shake.
+"""Faults of a film that can be mended: woven fields, doubled pictures, light, shake.
 
-A film in which nothing is wrong is not touched: its clip has the bytes that it would have anyhow.
+A film without faults is not touched: its clip keeps every byte.
 """
 
 from collections.abc import Iterator
@@ -29,7 +29,7 @@ Frames = Iterator[tuple[float, tuple[int, Picture]]]
 
 
 def wanted(p: File, q: Quality, smaller_px: int) -> set[str]:
-    """The names of the parameters by which something is to be mended, of a film so good."""
+    """The names of the parameters whose repairs a film of quality `q` needs."""
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1
     faults = {
@@ -97,7 +97,7 @@ class Calm:
         return steadied(frame, by)
 
     def filmed(self) -> Mask:
-        """Mask (h, w) of the pixels that every frame shows, whatever its shift was."""
+        """Mask (h, w) of the pixels that every frame shows at its shift."""
         mask = np.zeros((self.tank.shape[0], self.tank.shape[1]), bool)
         height, width = self.tank.shape[:2]
         sides = (self.up_px, self.down_px, self.left_px, self.right_px)

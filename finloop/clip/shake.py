@@ -26,7 +26,7 @@ _BEST = 0.33  # share of the tiles, those with most edges, that alone may not ma
 
 
 class Marks(NamedTuple):
-    """Places of the still tank by which a shift is seen: all are arrays of one length.
+    """Places of the still tank that show a shift: all are arrays of one length.
 
     x, y: px. level: grey. right, down: its slope, grey levels a px. tile: number of the tile.
     trust: the weight of a mark, such that no tile counts for more than the median one: the edges

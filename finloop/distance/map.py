@@ -46,7 +46,7 @@ STEPS = Schema(
 
 step: to the frame a natural step later (`features.table.step_of`), in the pose of the map; its
 median over the film is the unit of every seam. as_filmed: to the next frame, without turning the
-fish, as the eye sees it go on.
+fish.
 """
 
 

@@ -30,13 +30,16 @@ _MM = ("x_mm", "y_mm", "aim_x_mm", "aim_y_mm")
 READABLE = Schema(
     *EDIT.columns,
     *_SHOWN,
-    *(Column(f"partner_{one.name}", one.dtype, one.unit, nullable=True) for one in _SHOWN),
+    *(
+        Column(f"partner_{column.name}", column.dtype, column.unit, nullable=True)
+        for column in _SHOWN
+    ),
     *columns("float64", "mm", *_MM, nullable=True),
     Column("speed_mm_s", "float64", "mm/s", nullable=True),
 )
-"""An edit list that says what it shows: the film's track and frame (a sprite's, too, is one), and
-the name that a sprite has in the atlas; places and speed in mm, too, empty where no scale is
-known."""
+"""An edit list that other programs can read: with the track and frame of the film that each row
+shows (a sprite is a frame, too), the sprite's name in the atlas, and places and speed in mm, empty
+without a scale."""
 
 
 class Alone:
@@ -51,12 +54,12 @@ class Alone:
         self.black, self.white = Painter(black), Painter(black + np.uint8(_WHITE))
 
     def show(self, *fish: Placed) -> Box:
-        """Paint these fish, and no others, the lowest first; where they are."""
+        """Paint these fish alone, the lowest first; their box."""
         self.white.show(*fish)
         return self.black.show(*fish)
 
     def cut(self, box: Box) -> Image:
-        """What was painted there, (h, w, 4) RGBA uint8 premultiplied by alpha.
+        """The fish in the box, (h, w, 4) RGBA uint8 premultiplied by alpha.
 
         Both canvases are rounded: a colour may exceed its alpha by 1.
         """
@@ -132,10 +135,10 @@ def readable(
     edit: pd.DataFrame, tracks: pd.DataFrame, sprites: pd.DataFrame,
     mm_per_px: float | None = None, length_px: float = np.nan,
 ) -> pd.DataFrame:  # fmt: skip
-    """An edit list (schema EDIT) with what every row shows (schema READABLE).
+    """An edit list (schema EDIT) with the source of every row (schema READABLE).
 
-    tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None: not
-    known; length_px: at which the animal is drawn.
+    tracks: track_id and frame of every cut-out; sprites: schema SPRITES; mm_per_px: None where
+    unknown; length_px: of the animal as drawn.
     """
     source = _source_columns(edit, "", "source", tracks, sprites)
     partner = _source_columns(edit, "partner_", "partner", tracks, sprites)

@@ -1,7 +1,7 @@
-"""How good the forecasts are, on rows that were not learnt from, and on fish that swim by them.
+"""The quality of forecasts, on held-out rows and on fish that swim by them.
 
-Against persistence (nothing changes), and, for motion area Δ later, against the paper's network
-(`finloop.bpn`), which is told the same control.
+They are compared with persistence (nothing changes) and, for motion area Δ later, with the paper's
+network (`finloop.bpn`) under the same control.
 """
 
 from typing import NamedTuple
@@ -54,10 +54,10 @@ class Ensemble(NamedTuple):
 def ensembles(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator
 ) -> Ensemble:
-    """The next states of held-out rows, foretold from what was learnt from alone.
+    """Forecasts of the next states of held-out rows, from the training rows alone.
 
-    A member is the mean and the departure of a similar row that was learnt from. rng: where the
-    truth lies between two members.
+    A member is the mean plus the departure of a similar training row. rng: the rank of the truth
+    between two members.
     """
     in_train = np.zeros(len(film.states), bool)
     in_train[parts.train] = True
@@ -131,9 +131,9 @@ def ahead(film: FilmStates, model: Forecast, rows: Ints) -> Floats:
 
 
 def obedience(swim: Sampler, film: FilmStates, rng: np.random.Generator) -> dict[str, float]:
-    """How far a fish does over Δ what it is told: slopes of what it does against what is wanted.
+    """How well a fish follows a control over Δ: slopes of its motion against the control.
 
-    From random rows of the film; wanted is what the film does in a state like theirs.
+    It starts at random rows of the film; the controls are those of similar rows.
     """
     controls, motions = [], []
     delta, step_s = film.delta, 1 / film.rate_hz

@@ -1,8 +1,8 @@
-"""What the film teaches: the states of all rows and of their mirror images, and their controls.
+"""The states of all rows of a film and of their mirror images, and their controls.
 
 Glossary: a *state* is the posture's codes, and forward, sideways [body lengths/s] and turning speed
 [rad/s, + = left] from the frame before; the *past* of a row are its states at the lags, the present
-one first; the *control* of a row is what its fish then did (Eqs. 1, 3): displacement [body lengths]
+one first; the *control* of a row is the fish's next motion (Eqs. 1, 3): displacement [body lengths]
 and included angle [rad] over the next Δ.
 
 Rows n … 2 n − 1 are the mirror images of rows 0 … n − 1. An animal whose sides differ has none.

@@ -18,7 +18,7 @@ def table(graph: tuple[Ints, Ints]) -> pd.DataFrame:
 
 
 def from_table(edges: pd.DataFrame, rows: int) -> tuple[Ints, Ints]:
-    """The graph that `table` gave, of so many rows; ValueError if it is of others."""
+    """The graph of a table that `table` made; ValueError if it names more rows than `rows`."""
     row, neighbour = (edges[name].to_numpy(np.int64) for name in NEIGHBOURS.names)
     if len(edges) and max(row.max(), neighbour.max()) >= rows:
         raise ValueError(f"row {max(row.max(), neighbour.max())} of {rows}")

@@ -1,13 +1,13 @@
-"""Swimming on: the next state is the network's mean and a departure from it that the film shows.
+"""Sampling: the next state is the network's mean plus a departure from it that the film shows.
 
 A fish follows a row: from tick to tick it takes the departures of successive rows, whose states are
-like its own. Now and then it goes over to a similar row of another passage of the film. With F the
+like its own. Now and then it jumps to a similar row of another passage of the film. With F the
 film's states, r the row, f the network, x the fish's state and u the control:
 
     x(t + 1) = F(r + 1) + s · (f(past, u) − f(past of r, u of r))
 
-So a fish in a row's own state and under its own control swims as filmed; elsewhere the network says
-how the difference goes on, and it settles (s < 1). Another control than the row's turns the fish as
+A fish in a row's own state and under its own control swims as filmed. Elsewhere the network
+foretells the difference, and s < 1 lets it settle. Another control than the row's turns the fish as
 the network has learnt.
 """
 
@@ -22,17 +22,17 @@ from finloop.forecast.model import Forecast, Net, next_mean
 from finloop.forecast.settings import Settings
 
 _LOT = 50_000  # rows at a time
-_EDGES = 1_000_000  # of the graph, by which it is known how much controls of similar rows differ
+_EDGES = 1_000_000  # of the graph, a sample: how much controls of similar rows differ
 
 
 class Sampler(NamedTuple):
-    """All that is needed to swim on; kernels take it whole. Rows are as in `FilmStates`.
+    """The data of a sampler; kernels take it whole. Rows are as in `FilmStates`.
 
     states, mean: (m, d) of rows, and the means foretold from them; control: (m, 2); usable: (m,);
-    low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) what is left of a
-    difference after a tick; start, to: the graph of similar rows; follow: ticks, on average, for
-    which a row is followed; obey: (2,) a row whose control differs by so much from the one that is
-    wanted is taken with a likelihood of exp(−1/2).
+    low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a
+    difference that remains after a tick; start, to: the graph of similar rows; follow: ticks, on
+    average, for which a row is followed; obey: (2,) the difference of a row's control from the
+    given one at which the row's likelihood is exp(−1/2).
     """
 
     net: Net
@@ -58,7 +58,7 @@ class State(NamedTuple):
 
 
 def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings) -> Sampler:
-    """Bring together what a fish swims by. graph: of `neighbours.similar_rows`."""
+    """The sampler of a film and its model. graph: of `neighbours.similar_rows`."""
     rows, d = film.rows, len(film.scale)
     mean = np.zeros_like(film.states)
     for start in range(0, len(rows), _LOT):
@@ -101,7 +101,7 @@ def step(swim: Sampler, state: State, control: Floats | None, rng: np.random.Gen
 
 
 def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Generator) -> int:
-    """A row like this one, or this one; under a control rather one whose own control is like it."""
+    """A similar row, or the row itself; more likely one whose own control is like `control`."""
     rows, chance = ways(swim, row)
     if control is not None:
         chance = chance * likeness(swim, rows, control)
@@ -109,16 +109,16 @@ def go_over(swim: Sampler, row: int, control: Floats | None, rng: np.random.Gene
 
 
 def likeness(swim: Sampler, rows: Ints, control: Floats) -> Floats:
-    """How like a control those of rows (k,) are, 1 for the most similar one."""
+    """The likeness (k,) of the controls of rows to a control, 1 for the most similar one."""
     square = (((swim.control[rows] - control) / swim.obey) ** 2).sum(1)
     return np.exp(-0.5 * (square - square.min(initial=np.inf)))
 
 
 def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
-    """Rows (k,) that a fish at a row may follow next, itself the last, and how likely (Metropolis).
+    """Rows (k,) that a fish at a row may follow next, itself last; their probability (Metropolis).
 
-    Of a row that cannot be followed they are its neighbours alone; where it has none, those of the
-    last row before that has, as many rows later.
+    A row that cannot be followed has its neighbours alone. Where it has none, they are those of the
+    last row before it that has some, shifted by the rows between.
     """
     last = row
     while not swim.usable[last] and swim.start[last] == swim.start[last + 1]:
@@ -134,7 +134,7 @@ def ways(swim: Sampler, row: int) -> tuple[Ints, Floats]:
 
 
 def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Floats, Ints]:
-    """Swim freely: states (ticks, d) and the rows (ticks,) whose they would be in the film."""
+    """Swim freely: the states (ticks, d) and the film's rows (ticks,) that were followed."""
     (past, row), states, rows, n = begin(swim, rng), [], [], 0
     while n < ticks:
         row = go_over(swim, row, None, rng)
@@ -149,9 +149,10 @@ def free_run(swim: Sampler, ticks: int, rng: np.random.Generator) -> tuple[Float
 
 @finite_kernel
 def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -> Floats:
-    """The states (ticks, d), the last one first, of following a row; fewer where its film ends.
+    """The states (ticks, d), the last one first, of a fish that follows a row.
 
-    control: (2,) of the first tick; afterwards it is as far from the rows' own as at first.
+    There are fewer where the film of the row ends. control: (2,) of the first tick; its difference
+    from the row's own stays.
     """
     d, lags, deep = swim.states.shape[1], swim.lags, len(past)
     while ticks > 1 and not swim.usable[row : row + ticks].all():

@@ -1,4 +1,4 @@
-"""What an animal looks like, and whether two tracks look like one animal.
+"""Appearance: the descriptor of an animal, and whether two tracks look like one animal.
 
 The descriptor of a picture holds the animal's length, area, contrast and widths along the body, and
 principal components of the picture itself, headed right. The directions that distinguish animals
@@ -16,19 +16,18 @@ from finloop.base.arrays import Floats
 from finloop.base.stretches import spread
 from finloop.identity.joins import Pairs, Tracks
 
-# scikit-learn is imported where it is used: that takes a second, and tables and pictures of what
-# was found need none of it.
+# scikit-learn is imported where it is used: that takes a second, and plots do not need it.
 if TYPE_CHECKING:
     from sklearn.discriminant_analysis import LinearDiscriminantAnalysis
 
-_FOLDS = 2  # what tells animals apart is tried on tracks that it was not learnt from
+_FOLDS = 2  # discriminant directions are tested on tracks that they were not learnt from
 _PARTS = 3  # of a track: the first and the last are compared, the middle lies between them
-_LEAST = 8  # pairs of one animal, and of two, by which alike and unlike are told
-# Of the spread within tracks so much is taken to be the same in all directions; 0.01 makes the same
-# animals of the zebrafish, 0.2 two more.
+_LEAST = 8  # pairs of one animal, and of two: the fewest to learn from
+# Shrinkage: the share of the spread within tracks that is alike in all directions. 0.01 makes the
+# same animals of the zebrafish, 0.2 two more.
 _SHRUNK = 0.05
-# Of a longer film the components are those of so many pictures, and what tells animals apart is
-# learnt from so many tracks, spread over it.
+# Of a longer film, the pictures that give the components, and the tracks that give the discriminant
+# directions; both are spread over it.
 _PICTURES, _TRACKS = 10_000, 1_000
 _BLOCK = 2_000  # pictures held at once
 

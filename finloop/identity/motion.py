@@ -13,8 +13,8 @@ from finloop.base.arrays import Floats, Reals
 from finloop.identity.joins import Pairs
 
 _BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
-_LEAST = 30  # made gaps, by which an error is known
-# Of all joins so many are to any place of the tank: an animal that darts. From 0.005 to 0.02 the
+_LEAST = 30  # trial gaps from which an error is measured
+# The share of joins to any place of the tank: an animal that darts. From 0.005 to 0.02 the
 # zebrafish's joins are the same.
 _TAIL = 0.02
 _SUREST = 1e6  # no place is more often that of the same animal than of any: distances end somewhere
@@ -142,7 +142,7 @@ def _together(tracks: pd.DataFrame, ahead: int) -> np.ndarray:
 def log_ratios(ends: Ends, drift: Drift, pairs: Pairs) -> Floats:
     """The log ratio (e,) of a join from the end of a to the start of b, which is later.
 
-    What is foretold is the place half way: a goes on and b came from.
+    The place half way is foretold from both sides: from the end of a and from the start of b.
     """
     a, b = pairs
     gap = (ends.start[b] - ends.stop[a]).astype(float)

@@ -1,8 +1,8 @@
-"""Results of the pieces of a long run, kept until it has ended, so that it goes on from them.
+"""Results of the pieces of a long run: an interrupted run continues from them.
 
-A piece is a file that appears whole or not at all, in a folder named after all that it is made of:
-another film, other parameters or other code have another folder. Nothing but this program reads
-them, and they are gone when the run has ended well; one that cannot be read is made again.
+A piece is a file that appears whole or not at all. The name of its folder is a digest of the film,
+the parameters and the code. Only this program reads pieces. They are removed when the run has ended
+well; a damaged one is made again.
 """
 
 import pickle
@@ -29,7 +29,7 @@ class Pieces:
     folder: Path
 
     def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
-        """What an earlier run kept under a name; else what `make()` returns, which is then kept.
+        """The piece of that name from an earlier run; else the result of `make()`, which is stored.
 
         FinloopError if the disk is full.
         """

@@ -2,8 +2,8 @@
 
 Masks: a folder for each id, in it a black and white PNG for each frame, `fore_left/0007.png`;
 regions may overlap. Traces: an SVG for each frame, `0007.svg`, in it a closed path for each id. The
-number in the name is the frame's; the first one there is frame 0 of what is read. Where a limb is
-not to be seen, its mask is black or not there, its path not there.
+number in the name is the frame's; the lowest number is frame 0. A hidden limb has a black mask or
+none, or no path.
 """
 
 import re

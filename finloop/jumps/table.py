@@ -7,11 +7,10 @@ JUMPS = Schema(
     Column("mirrored", "bool", "1"),
     Column("seam", "float32", "natural step"),
 )
-"""In place of `row` the film can show the row `to`, mirrored or not, and go on from there. `seam`
-says how far the two are from each other, in median steps from row to row: the larger of how far
-they are in what they are compared by, and of the square of how far to the eye, drawn in one pose. A
-mirrored `row` can be replaced in the same way: then what is mirrored is not, and the other way
-round."""
+"""In place of `row` the film can show the row `to`, mirrored or not, and play on from there.
+`seam` is the cost of the jump in natural steps: the larger of the distance of the two signatures
+and the square of the visible distance in one pose. A mirrored `row` has the same jumps, with
+`mirrored` inverted."""
 
 LOOK = Schema(Column("look", "float32", "1", length=ANY))
 """Light and skin of the n rows of a film, and then of their n mirror images; without these where

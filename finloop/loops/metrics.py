@@ -14,9 +14,8 @@ def numbers(
 ) -> dict[str, float]:  # fmt: skip
     """Flat numbers. A seam is D(a, b) of a jump in median natural steps: 1 = as smooth as the film.
 
-    Shares of the film are of its `mapped` rows. A component counts if one can play on in it for
-    ever. A dead end is an end from which playing on comes to the end of a track with no loop that
-    goes on.
+    Shares of the film are of its `mapped` rows. A component counts if the film can play in it for
+    ever. From a dead end every way leads to the end of a track.
     """
     track = features["track_id"].to_numpy()
     seam = loops["distance"].to_numpy(float) / facts.step_median

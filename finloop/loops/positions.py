@@ -92,7 +92,7 @@ def routes_table(
 
 
 def merged(way: Sequence[Leg]) -> list[Leg]:
-    """A way in which what is played without a jump is one stretch."""
+    """The way with successive legs of play merged into one."""
     legs: list[Leg] = []
     for a, b, how in way:
         if legs and how != JUMP and legs[-1][2] == how:
@@ -109,6 +109,6 @@ def _jump_distance(graph: LoopGraph, a: int, b: int) -> float:
 
 
 def far_ends(graph: LoopGraph) -> tuple[int, int]:
-    """The last and the first end of the largest component: the way back, by index."""
+    """The last and the first end of the largest component, by index: source and target of a way."""
     mine = np.flatnonzero(graph.component == 0)
     return int(mine[-1]), int(mine[0])

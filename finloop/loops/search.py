@@ -1,11 +1,11 @@
-"""Video loops: pairs of similar frames at which the film can go on as the other (fish paper §4.1).
+"""Video loops: pairs of similar frames between which the film can jump (fish paper §4.1).
 
-A loop (a, b) is two rows of the feature table, a < b. At it two jumps are possible: after row
-a − 1 show b instead of a, and after row b − 1 show a instead of b. What the jump costs is D(a, b),
-the distance between the frame that the film would go on with and the frame in its place.
+A loop (a, b) is two rows of the feature table, a < b. It allows two jumps: from row a − 1 to b
+instead of a, and from row b − 1 to a instead of b. The cost of a jump is D(a, b), the distance of
+the film's next frame from the frame in its place.
 
-Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal, so that two fish
-must not only look alike but move alike; *step* the median of D between consecutive frames.
+Glossary: D the distance of Eq. 5; *filtered* D the mean of D along the diagonal, which is small
+only if two fish also move alike; *step* the median of D between consecutive frames.
 """
 
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ from finloop.loops.settings import Settings
 
 
 class NoLoops(FinloopError):
-    """The film has no loops; the message says what would have given some."""
+    """The film has no loops; the message says which parameter would give some."""
 
 
 LOOPS = Schema(
@@ -55,7 +55,7 @@ class SparseMap(NamedTuple):
 
 @dataclass(frozen=True)
 class Counts:
-    """How many pairs were left after each test."""
+    """The number of pairs after each test."""
 
     pairs: int
     below_threshold: int
@@ -64,7 +64,7 @@ class Counts:
 
 
 def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
-    """The table of pairs (i, j, distance; sorted by i, then j) of a film of so many rows."""
+    """The map of a table of pairs (i, j, distance; sorted by i, then j); rows: of the film."""
     start = np.searchsorted(table["i"].to_numpy(), np.arange(rows + 1))
     return SparseMap(start, table["j"].to_numpy(np.int32), table["distance"].to_numpy(np.float32))
 
@@ -72,11 +72,11 @@ def as_map(table: pd.DataFrame, rows: int) -> SparseMap:
 def find(
     pairs: SparseMap, features: pd.DataFrame, rate_hz: float, step: float, settings: Settings
 ) -> tuple[pd.DataFrame, Counts]:
-    """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and what the tests left.
+    """The loops of a film (§4.1, Figs. 8, 12, 13), best first, and the counts of each test.
 
     `pairs` : D of the rows that may be compared (Eq. 6), rows of the feature table. `step` : the
-    median natural step, in the unit of D. NoLoops if there is none; it says what would have given
-    some.
+    median natural step, in the unit of D. NoLoops if there is none; its message says which
+    parameter would give some.
 
     Returns
     -------
@@ -96,7 +96,7 @@ def find(
 
 
 def least_frames(delta: int, settings: Settings) -> int:
-    """Frames between the ends of a loop within one track, at least; delta: Δ in frames."""
+    """The least number of frames between two ends of a loop in one track; delta: Δ in frames."""
     return max(1, round(settings.least * delta))
 
 
@@ -285,7 +285,7 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
 
 
 def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Settings) -> NoLoops:
-    """Say why there are no loops, and what would have given some."""
+    """The reason why there are no loops, and the parameter that would give some."""
     goal = "at least one pair of similar frames at which the film can go on as the other"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())

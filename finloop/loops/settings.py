@@ -13,10 +13,10 @@ class Settings:
     """Which pairs of frames become loops."""
 
     threshold: NotNegative  # median natural steps: the largest distance along a loop
-    least: Positive  # Δ between the ends of a loop within one track, at least
-    apart: Positive  # Δ; of loops whose ends are nearer to each other than this, the best is kept
-    # frames before and after that are compared, too; 0 = none
+    least: Positive  # Δ; the least between the ends of a loop within one track
+    apart: Positive  # Δ; of loops whose ends are nearer than this to each other, the best stays
+    # frames before and after a pair that are compared as well; 0 = none
     dynamics: Annotated[int, Field(ge=0, le=50)]
     # degrees; a loop that travels farther from the fish's heading is dropped (Fig. 13)
     improper_deg: Annotated[float, Field(gt=0, le=180)]
-    most_per_end: Count  # so many loops of a frame are kept, the best
+    most_per_end: Count  # the most loops of one frame, the best

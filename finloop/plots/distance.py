@@ -10,7 +10,7 @@ SKIPPED = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
-    """At most so many rows of the feature table: the longest tracks, in the table's order."""
+    """At most `most` rows of the feature table: the longest tracks, in the table's order."""
     track = features["track_id"]
     longest = track.groupby(track).transform("size").to_numpy()
     return np.sort(np.lexsort((np.arange(len(track)), track, -longest))[:most])

@@ -51,7 +51,7 @@ def figure7(features: pd.DataFrame) -> Figure:
 def trajectories(features: pd.DataFrame, background: Picture) -> Figure:
     """Ways of tracks over the empty tank, with their beginnings and a heading now and then.
 
-    Of more than `_WAYS` tracks so many, spread over the film.
+    At most `_WAYS` tracks are drawn, spread over the film.
     """
     figure, axes = over_tank(background, 0.6)
     colours = mpl.colormaps["tab20"](np.arange(20))

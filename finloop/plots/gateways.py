@@ -1,4 +1,4 @@
-"""Fig. 14 of the fish paper for every eye: pairs that meet at a gateway, side by side."""
+"""Fig. 14 of the fish paper: the pictures of gateways, side by side."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache

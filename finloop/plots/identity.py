@@ -10,7 +10,7 @@ _SURE = "viridis"
 
 
 def timeline(table: pd.DataFrame, features: pd.DataFrame, rate_hz: float) -> Figure:
-    """A row an animal, a bar a track; what leads from bar to bar has the colour of how sure it is.
+    """A row for each animal, a bar for each track; the colour of a join is its probability.
 
     table: schema IDENTITIES; features: track_id and frame of every row.
     """

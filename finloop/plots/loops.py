@@ -29,15 +29,15 @@ Rows = NDArray[np.integer]
 
 
 def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
-    """At most so many rows of a table, evenly from the first, the best loop, to the last."""
+    """At most `most` rows of a table, evenly from the first, the best loop, to the last."""
     count = min(len(loops), most)
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
 
 def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: float) -> Figure:
-    """Figs. 10a, 12: loops as arcs over the film, tracks one after another; and where film goes on.
+    """Figs. 10a, 12: loops as arcs over the film, tracks one after another.
 
-    Below: loop ends per second; and a bar of the film by whether it can be played on for ever.
+    Below: loop ends per second; and a bar that shows from where the film can be played for ever.
     """
     figure = Figure(figsize=(12, 6), layout="constrained")
     arcs, density, bar = figure.subplots(3, 1, sharex=True, height_ratios=(5, 2, 0.6))
@@ -204,7 +204,7 @@ def examples(loops: pd.DataFrame, reel: Reel, facts: MapFacts) -> Iterator[Examp
 
 
 def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
-    """Places of the first `count` loops no end of which is within `rows` of one before them."""
+    """Indices of the first `count` loops whose ends are farther than `rows` from earlier ones."""
     places: list[int] = []
     near = np.empty(0, int)
     ends = loops[["a", "b"]].to_numpy()
@@ -251,7 +251,7 @@ def _tiles(example: Example) -> list[NDArray[np.float32]]:
 
 
 def _fish_rows(examples: Sequence[Example]) -> slice:
-    """The rows of the pictures in which any of them shows fish."""
+    """The rows of pixels in which any of the pictures shows fish."""
     alpha = [picture[..., -1] for example in examples for picture in example[:3]]
     rows = np.flatnonzero(np.any(np.stack(alpha) > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)

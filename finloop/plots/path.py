@@ -1,4 +1,4 @@
-"""A figure of a path: as it was asked for, as each mode swam it, and the error along it."""
+"""A figure of a path: the goal, the way of each mode, and the error along it."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -50,6 +50,6 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
 
 
 def _goal_path(swum: pd.DataFrame) -> pd.DataFrame:
-    """The places asked for, of the mode that has come farthest, in their order."""
+    """The places of the goal path, of the mode that has come farthest, in their order."""
     farthest = swum.loc[swum["along_px"].idxmax(), "mode"]
     return swum[swum["mode"] == farthest]

@@ -12,7 +12,7 @@ SHAPES, TIMES = 4, (-2, -1, 0, 1, 2)
 
 
 def sheet(poses: FilmPoses, film: Cutouts, size: int = 150) -> Picture:
-    """A row a shape: the mean posture and so many standard deviations of the shape to both sides.
+    """A row for each shape: the mean posture and `TIMES` standard deviations to both sides.
 
     The animal is that of the row whose posture is nearest to the mean.
     """

@@ -1,4 +1,4 @@
-"""A classifier asked, block by block, which windows are animation; and what it goes by.
+"""A classifier of film and animation, trained and tested block by block; its important channels.
 
 Gradient-boosted trees over histograms (scikit-learn; Ke et al. 2017, LightGBM). Both kinds weigh
 the same, however many windows they have.
@@ -56,7 +56,7 @@ def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]
 
 def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> "HistGradientBoostingClassifier":
     """A classifier of windows x (n, steps, channels)."""
-    # Not at the top: the import takes a second, and pictures of what was found need none.
+    # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 
     return HistGradientBoostingClassifier(

@@ -1,4 +1,4 @@
-"""Who is compared with whom: an animation with its film, one half of the film with the other."""
+"""The comparisons: an animation with its film, one half of the film with the other."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ LEAST = 2
 
 @dataclass(frozen=True)
 class Sample:
-    """The film that an animation is held against, and how both are cut into windows.
+    """The film that an animation is compared with, and how both are cut into windows.
 
     film: measured again; frame_s (rows of the film,): when each was filmed; largest: motion area of
     the film's most bent fish.
@@ -97,7 +97,7 @@ class Sample:
         return self.windows(self.film, blocks, early), self.windows(self.film, blocks, ~early)
 
     def sides(self, swum: Mapping[str, Swimming], features: pd.DataFrame) -> Sides:
-        """All that is told apart: each mode and the film, the film's halves, and the film again.
+        """All comparisons: each mode with the film, the film's halves, and the film again.
 
         swum: of modes; features: of the film as it was filmed.
         """
@@ -111,7 +111,7 @@ class Sample:
 
 
 def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) -> Sample:
-    """What an animation is held against. features: columns of `FEATURES`, all of the film."""
+    """The film to compare animations with. features: columns of `FEATURES`, all of the film."""
     frame_s = features["frame"].to_numpy(float) / rate_hz
     return Sample(
         film, frame_s, float(film.table["motion_area"].max()), rate_hz, delta_of(features), p
@@ -120,10 +120,10 @@ def sample(film: Swimming, features: pd.DataFrame, rate_hz: float, p: Settings) 
 
 @dataclass(frozen=True)
 class Verdict:
-    """How well two sets of windows are told apart.
+    """How well a classifier distinguishes two sets of windows.
 
-    whole: by all channels; alone: by each; lost: of the area, where the channel is shuffled among
-    the windows. scores: those of all channels, windows of the first set first.
+    whole: by all channels; alone: by each; importance: the loss of area where the channel is
+    shuffled among the windows. scores: those of all channels, windows of the first set first.
     """
 
     whole: Auc
@@ -133,7 +133,7 @@ class Verdict:
 
 
 def verdict(sides: tuple[Windows, Windows], p: Settings, alone: bool = True) -> Verdict:
-    """Have a classifier tell two sets of windows apart, by all channels and by each `alone`.
+    """The verdict of classifiers on two sets of windows, by all channels and by each `alone`.
 
     FinloopError if a block has too few windows of either set to test and to learn from.
     """
@@ -161,8 +161,8 @@ def refuse(sides: tuple[Windows, Windows], p: Settings) -> None:
 
 
 def table(verdicts: dict[str, Verdict]) -> pd.DataFrame:
-    """A row for each comparison and its channels ("all" first): the area, its interval, what is
-    lost without the channel."""
+    """A row for each comparison and channel ("all" first): area, interval, loss of area without
+    the channel."""
     rows = []
     for name, result in verdicts.items():
         for channel, area in {"all": result.whole, **result.alone}.items():

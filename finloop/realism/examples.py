@@ -38,10 +38,10 @@ CURVES = Schema(
     Column("time_s", "float64", "s"),
     *(Column(name, "float64", "see CHANNELS") for name in CHANNELS),
 )
-"""What the classifier saw of them."""
+"""The channels of the examples, the classifier's input."""
 
 Tables = tuple[pd.DataFrame, pd.DataFrame]
-"""Examples and what was seen of them: columns of `EXAMPLES`, and of `CURVES`."""
+"""Examples and their channels: columns of `EXAMPLES`, and of `CURVES`."""
 
 WORDS_PX = 28
 """Height of the line of words above a film of an example."""
@@ -137,7 +137,7 @@ class View(NamedTuple):
     width_px: float
 
     def of(self, frame: Picture, size: int) -> Picture:
-        """What it sees of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
+        """Its view of a frame (h, w) or (h, w, 3), as (size, size, 3)."""
         place = self.x_px, self.y_px
         turn = cv2.getRotationMatrix2D(place, -self.heading_deg, size / self.width_px)
         turn[:, 2] += (size - 1) / 2 - np.array(place)
@@ -173,7 +173,7 @@ def pictures(
 def strip(
     edit: pd.DataFrame, gallery: Gallery, painter: Painter, length_px: float, shape: tuple[int, int]
 ) -> Picture:
-    """One side of an example at so many moments, of so many px; the camera goes with the fish."""
+    """One side of an example; the camera follows the fish. shape: number of moments, px of each."""
     count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))

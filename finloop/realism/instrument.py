@@ -51,7 +51,7 @@ class Instrument:
         return Typical(facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey)
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
-        """What extraction detects in each frame: the tank with one fish."""
+        """The detections of extraction in each frame: the tank with one fish."""
         painter, facts = Painter(self.tank), self.facts
         for animal in fish:
             box = _around(painter.show(animal), self.tank.shape)
@@ -84,7 +84,7 @@ def _around(fish: Box, shape: tuple[int, ...]) -> Box:
 
 
 def _in_tank(part: Detections, box: Box) -> Detections:
-    """What was detected in a part of the picture, in coordinates of the whole."""
+    """The detections in a part of the picture, in coordinates of the whole."""
     x, y = box.left, box.top
     spots = [
         replace(

@@ -1,15 +1,14 @@
-"""Windows of swimming, of film and of animation alike: what a classifier sees, and may learn from.
+"""Windows of swimming, cut from film and animation alike: the input of the classifier.
 
 A window is a stretch of one fish. Its channels are forward and sideways speed, turning speed and
-relative motion area (fish paper §2.2-2.3), in the fish's own frame: where it swims and in which
-direction does not show.
+relative motion area (fish paper §2.2-2.3), in the fish's own frame: they do not show place and
+direction.
 
 A tick that shows a frame of the film is of the film's time, whatever moves it; a tick with a sprite
 is of the animation's own. Both times are divided into blocks. A window is tested in the block that
 most of its ticks are of. The classifier of a block learns from no window with a tick in the block,
-or within a gap of it. So the same frames of film, played by an animation, are never learnt from as
-one kind and tested as the other: else a perfect copy of the film would be told from it the wrong
-way round, with an AUC near 0.
+or within a gap of it. So frames that an animation plays are never learnt from as one kind and
+tested as the other. Otherwise a perfect copy of the film would get an AUC near 0.
 """
 
 from collections.abc import Sequence

@@ -16,7 +16,7 @@ _LINEAR, _CLAMP = 9729, 33071
 
 
 class Glb:
-    """A document that grows: every `add_…` gives the number by which others name the thing."""
+    """A document that grows: every `add_…` returns the index of the new item."""
 
     def __init__(self, generator: str) -> None:
         self._data = bytearray()
@@ -29,7 +29,7 @@ class Glb:
         return len(items) - 1
 
     def use(self, extension: str) -> None:
-        """Declare an extension; a reader may do without."""
+        """Declare an optional extension."""
         names = self._document.setdefault("extensionsUsed", [])
         if extension not in names:
             names.append(extension)

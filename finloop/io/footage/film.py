@@ -160,7 +160,7 @@ def _good(frames: Iterator[VideoFrame | None], count: int) -> Iterator[VideoFram
 
 
 def open_film(path: Path, rate: Fraction | None, colour: bool | None) -> tuple[Footage, np.ndarray]:
-    """What is known of a film before it is read, and the times [s] of its frames, from 0."""
+    """The facts of a film before it is read, and the times [s] of its frames, from 0."""
     with opened(path) as (container, stream):
         stamps, promised = time_stamps(container, stream)
         stated = [r for r in (stream.average_rate, stream.guessed_rate, stream.base_rate) if r]

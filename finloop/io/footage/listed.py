@@ -14,16 +14,15 @@ FILMS = {
     ".avi", ".gif", ".m2ts", ".m4v", ".mkv", ".mov", ".mp4", ".mpeg", ".mpg", ".mts", ".ogv",
     ".ts", ".webm", ".wmv",
 }  # fmt: skip
-"""What films in a folder are known by; a file that is named itself may be called anything."""
+"""Endings of films in a folder; a file that is named itself may have any ending."""
 
 
 def listed(path: str) -> list[Path]:
     """The films at a path, in natural order: 2 before 10.
 
     A file is itself a film, and so is a folder of pictures. A folder of films, or of folders of
-    pictures, gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it fits. What does not
-    exist is given back as it is, for whoever opens it to say so. FinloopError if a pattern fits
-    nothing.
+    pictures, gives each; a pattern with `*`, `?`, `[…]` or `**` gives what it fits. A path that
+    does not exist is returned as it is: opening it fails. FinloopError if a pattern fits nothing.
     """
     whole = Path(path).expanduser()
     if whole.is_dir():
@@ -73,7 +72,7 @@ def names(paths: Iterable[Path]) -> list[str]:
 
 
 class Stamp(NamedTuple):
-    """By what a file on the disk is known, without reading it."""
+    """The stamp of a file: it changes with the file, and the file need not be read."""
 
     name: str
     size: int
@@ -88,7 +87,7 @@ def stamps(path: Path) -> list[Stamp]:
 
 
 def refuse_grown(path: Path, before: list[Stamp]) -> None:
-    """FinloopError where a film is no longer the one that it was before it was read."""
+    """FinloopError where a film has changed since `before`, while it was read."""
     if stamps(path) != before:
         raise FinloopError(
             came=f"{path} has changed while it was read",

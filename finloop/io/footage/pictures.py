@@ -67,7 +67,7 @@ def _album(path: Path) -> Iterator[Album]:
 def open_pictures(
     path: Path, rate: Fraction | None, colour: bool | None
 ) -> tuple[Footage, np.ndarray]:
-    """What is known of a folder or stack before it is read, and the times [s] of its frames."""
+    """The facts of a folder or stack before it is read, and the times [s] of its frames."""
     with _album(path) as album:
         if album.length < 2:
             raise too_few(path, album.length)

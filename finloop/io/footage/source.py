@@ -1,4 +1,4 @@
-"""What is known of a source of frames before they are read, and what is wrong with it."""
+"""A source of frames: its facts before they are read, and its faults."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -50,7 +50,7 @@ class Loss:
 
 @dataclass(frozen=True)
 class Footage:
-    """A source of frames and what is known of it before they are read."""
+    """A source of frames and its facts before they are read."""
 
     path: Path  # the film, the folder or the stack
     # width_px, height_px: of the upright picture
@@ -92,7 +92,7 @@ class Footage:
         return self.reader(self, loss)
 
     def facts(self, source: str, crf: int) -> VideoFacts:
-        """The facts of the clip as far as they are known before the frames are read."""
+        """The facts of the clip before the frames are read."""
         return VideoFacts(
             source=source,
             width_px=self.width_px,
