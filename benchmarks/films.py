@@ -2,7 +2,8 @@
 
 `python -m benchmarks.films [FILM …]` draws carp as a quick, a slow, a flickering, a shaking, a
 short, a large and a small film, and runs the pipeline on each of them and on the films that are
-given. How well each ends is written into films.csv. `--realism` asks for that stage, too.
+given. How well each ends is written into films.csv, in place of what that said of the same film.
+`--realism` asks for that stage, too.
 """
 
 import argparse
@@ -74,7 +75,7 @@ def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any
         "delta_s": features["delta_s"],
         "heading_error_median_deg": features.get("truth_heading_error_median_deg"),
         "head_tail_swaps": features.get("truth_head_tail_swaps"),
-        "heading_off_travel_median_deg": features["heading_off_travel_median_deg"],
+        "heading_off_travel_median_deg": features.get("heading_off_travel_median_deg"),
         "film_share_pct": swum["hybrid_film_pct"],
         "video": (folder / "data/render/hybrid.mp4").is_file(),
     }
@@ -85,6 +86,14 @@ def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any
         if "realism" in numbers:
             row[f"{mode}_auc"] = numbers["realism"].get(f"{mode}_auc")
     return row
+
+
+def keep(row: pd.DataFrame) -> None:
+    """Write the row of a film into the table, in place of the one that it has."""
+    if _TABLE.is_file():
+        table = pd.read_csv(_TABLE)
+        row = pd.concat([table[table["film"] != row["film"].iloc[0]], row], ignore_index=True)
+    save_csv(_TABLE, row, decimals=3)
 
 
 def main() -> None:
@@ -106,7 +115,7 @@ def main() -> None:
             overridden = overrides(name, folder) if drawn else given(Path(name))
             rows.append({"film": told, **ended(folder, overridden, last)})
             print(pd.Series(rows[-1]).to_string(), end="\n\n", flush=True)
-    save_csv(_TABLE, pd.DataFrame(rows), decimals=3)
+            keep(pd.DataFrame(rows[-1:]))
 
 
 if __name__ == "__main__":
