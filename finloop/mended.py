@@ -16,7 +16,7 @@ import numpy as np
 from finloop.base.arrays import Mask, Picture
 from finloop.clip.check import CHECK, CHECK_NAME, TANK_NAME, Clip, Quality, check
 from finloop.clip.doubled import Doubled, doubled
-from finloop.clip.mend import Calm, field_of, new_pictures, wanted
+from finloop.clip.mend import Calm, field_of, new_pictures, repairs
 from finloop.clip.quality import Tally
 from finloop.clip.settings import File, Settings
 from finloop.io.footage.fields import Order
@@ -79,7 +79,7 @@ def make_clip(
     twice: Doubled | None = None
     calm: Calm | None = None
     for kind in (_PICTURES, _TAKING):
-        todo = wanted(p, result.quality, min(arena.shape)) & kind
+        todo = repairs(p, result.quality, min(arena.shape)) & kind
         if "undouble" in todo and not _frame_by_frame(result.facts):
             todo.remove("undouble")
         if not todo:

@@ -77,8 +77,8 @@ class Nearest:
         while len(pending) and count < last:
             count = min(_MORE * count, last)
             more, enough = choice(pending, self.search(queries[pending], count))
-            for value, new in zip(values, more, strict=True):
-                value[pending] = new
+            for array, update in zip(values, more, strict=True):
+                array[pending] = update
             pending = pending[~enough]
         return values
 

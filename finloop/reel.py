@@ -1,4 +1,4 @@
-"""The film's pictures by row: cut-outs, centred pictures in any pose, sprites, what follows what.
+"""The film's pictures by row: cut-outs, centred pictures in any pose, sprites, successors.
 
 A row is a fish in a frame: one number for the row of the table of tracks, of the feature table and
 of the store of cut-outs, in the order (track_id, frame). A sprite is a number and an orientation,
@@ -78,7 +78,7 @@ class Reel:
 
     @property
     def orientations(self) -> int:
-        """In how many orientations every sprite is stored."""
+        """The number of orientations of every sprite in the store."""
         return orientations_of(self.sprites)
 
     # --- rows

@@ -90,10 +90,10 @@ def join_extractions(clip: Path, folder: Path, errors: dict[str, str]) -> list[C
                 continue
             grey = film.facts.colour and not whole.colour
             with open_cutouts(film.home / CUTOUTS_NAME) as store:
-                its = levels(_some(store, film.rows), grey)
-                light = its if light is None else light
+                film_levels = levels(_some(store, film.rows), grey)
+                light = film_levels if light is None else light
                 length = film.scene.typical_length_px
-                like = likeness(length, scene.typical_length_px, its, light, grey)
+                like = likeness(length, scene.typical_length_px, film_levels, light, grey)
                 table = _numbered(film, like, sum(earlier.tracks for earlier in contributions))
                 write(table)
                 if write_given:

@@ -40,10 +40,10 @@ def main() -> None:
     with progress("bpn", p.epochs * len(sides), "epochs") as advance:
         learnt = [learn(rows, side, p, rate_hz, advance) for side in sides]
 
-    metrics, *others = (
+    metrics, *other_scores = (
         assessment(model, rows, *side) for (model, _), side in zip(learnt, sides, strict=True)
     )
-    for scores in others:
+    for scores in other_scores:
         names = [name for name in scores if "held_out" in name or "skill" in name]
         metrics |= {f"other_split_{name}": scores[name] for name in names}
     (model, curve), (_, held_out) = learnt[0], sides[0]

@@ -25,7 +25,7 @@ START = "python -m stages.cluster {}"
 
 @contextmanager
 def workers(need: Sequence[str]) -> Iterator[Workers]:
-    """Who works for a stage. need: modules that they load first.
+    """The workers of a stage. need: modules that they load first.
 
     FinloopError if a cluster is wanted that is not there, or does not fit.
     """

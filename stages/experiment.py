@@ -1,4 +1,4 @@
-"""What a sweep of conf/experiment/ declares, and the runs that it asks for."""
+"""A sweep as conf/experiment/ declares it, and its runs."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

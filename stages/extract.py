@@ -130,8 +130,8 @@ def extract_films(
         print(f"finloop: {part.name}", file=sys.stderr)
         with left_out(part, errors):
             make = partial(extract_film, clip / home, own, crew, Pieces(PIECES / name_of(key)))
-            its = reuse_or_make(EXTRACT / home, folder / home, key, make)
-            numbers |= {f"{part.name}_{name}": value for name, value in its.items()}
+            metrics_of_film = reuse_or_make(EXTRACT / home, folder / home, key, make)
+            numbers |= {f"{part.name}_{name}": value for name, value in metrics_of_film.items()}
     contributions = join_extractions(clip, folder, errors)
     numbers["frames"] = load_facts(clip / FACTS_NAME).frames
     numbers["fish_frames"] = sum(item.rows for item in contributions)

@@ -58,7 +58,7 @@ def area_numbers(
     }
 
 
-def measured(
+def quality(
     film: FilmStates, swim: Sampler, parts: Partition, rng: np.random.Generator, folder: Path
 ) -> dict[str, float]:
     """The quality of the forecasts and of a fish that swims freely; tables go to the folder."""
@@ -97,7 +97,7 @@ def main() -> None:
         save_json(folder / "model.json", model.record())
         save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
-        numbers = measured(film, swim, parts, rng, folder)
+        numbers = quality(film, swim, parts, rng, folder)
         numbers |= area_numbers(features, poses, film, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {

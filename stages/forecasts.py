@@ -1,4 +1,4 @@
-"""What a film teaches of the next pose and motion, and what the stage `forecast` learnt of it."""
+"""The states of a film, and the model that the stage `forecast` learnt from them."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ FOLDER = Path("data/forecast")
 
 
 def load_look() -> Floats:
-    """How rows look, (n, k), or (2 n, k) with their mirror images, as the stage `jumps` left it."""
+    """Looks of rows, (n, k), or (2 n, k) with mirror images, from the stage `jumps`."""
     return load_lists(Path("data/jumps/look.parquet"), LOOK, "look")[0]
 
 
@@ -33,7 +33,7 @@ def states_of(features: pd.DataFrame, poses: FilmPoses, look: Floats, rate_hz: f
 
 
 def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> Sampler | None:
-    """What a fish swims by as is foretold; None where the film showed too little.
+    """The sampler of the stage `forecast`; None where the film showed too little.
 
     features, poses: of the same rows. FinloopError if a file is missing, damaged, or of another
     film.

@@ -80,7 +80,7 @@ class Fit(NamedTuple):
         return {f"{film}_{key}": value for key, value in (facts | self.rms()).items()}
 
 
-def fitted(film: Film, name: str, beat: Period, p: Settings, source: str) -> Fit:
+def fit_film(film: Film, name: str, beat: Period, p: Settings, source: str) -> Fit:
     """A gait fitted to a film, and to parts of it for the errors on held-out frames."""
     basis: dict[str, Any] = {"split": p.split, "wavelet": p.wavelet, "coarse": p.coarse}
     errors = compare(film, **basis)
@@ -106,7 +106,7 @@ def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
             }  # fmt: skip
             if not beat.why:
                 try:
-                    fits.append(fitted(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
+                    fits.append(fit_film(film_of_swim(fish), name, beat, p, f"{name} of the clip"))
                     row |= fits[-1].rms()
                 except FinloopError as error:
                     row["why_not"] = error.came
@@ -191,7 +191,7 @@ def limbs(p: Settings, folder: Path) -> tuple[Fit, Pictures | None]:
     walk, beat, contours = film_of_regions(traces.frames, rate, p.points, p.split, traces.first)
     for note in contours.notes:
         print(f"gait: {note}")
-    return fitted(walk, name, beat, p, source), pictures
+    return fit_film(walk, name, beat, p, source), pictures
 
 
 def driven(name: str, keys: tuple[str, str], gait: Gait, p: Settings, folder: Path) -> dict:

@@ -44,12 +44,12 @@ class Pictures:
         return open_gallery(self.drawn)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _sent, (self.mode, self.stage, self.run)
+        return _unpickled, (self.mode, self.stage, self.run)
 
 
 @lru_cache(1)
-def _sent(mode: str, stage: str, run: str) -> Pictures:
-    """What a process makes of that, once in a run."""
+def _unpickled(mode: str, stage: str, run: str) -> Pictures:
+    """The unpickled pictures in another process, made once a run."""
     return pictures_of(mode, stage)
 
 

@@ -1,4 +1,4 @@
-"""Stage `identity`: whose tracks are whose, through touches, by motion and appearance."""
+"""Stage `identity`: tracks are joined to animals, by motion and appearance."""
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
@@ -50,7 +50,7 @@ def main() -> None:
 
 
 def numbers(features: pd.DataFrame, table: pd.DataFrame) -> dict[str, float]:
-    """How far animals are followed, and over which gaps."""
+    """Numbers of animals and joins, and the lengths of gaps."""
     joins = table[table["after_track"] >= 0]
     sizes = features.merge(table, on="track_id").groupby("identity").size()
     at_once = features.groupby("frame").size()

@@ -25,7 +25,7 @@ from finloop.realism import compare, examples
 from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Instrument, Swimming, measured, swimming
+from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
 from finloop.realism.lists import Work, animations, filmed
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
@@ -50,7 +50,7 @@ def swimming_of(
     works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument, crew: Workers
 ) -> dict[str, Swimming]:
     """Film and animations as extraction measures them; those that it cannot follow are left out."""
-    work = partial(measured, pictures, instrument)
+    work = partial(measure_list, pictures, instrument)
     every = [job for part in works.values() for job in part]
     tables = []
     with progress("realism", sum(len(edit) for edit, _ in every), "ticks") as advance:
@@ -71,7 +71,7 @@ def swimming_of(
     return swum
 
 
-def _judged(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict | FinloopError:
+def _verdict(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict | FinloopError:
     """A comparison, or why there is none."""
     try:
         return compare.verdict(item[1], p, alone=item[0] != AGAIN)
@@ -79,10 +79,10 @@ def _judged(p: Settings, item: tuple[str, tuple[Windows, Windows]]) -> Verdict |
         return error
 
 
-def judged(sides: Sides, p: Settings, crew: Workers) -> dict[str, Verdict]:
-    """All comparisons that there are enough windows for."""
+def verdicts_of(sides: Sides, p: Settings, crew: Workers) -> dict[str, Verdict]:
+    """All comparisons with enough windows."""
     verdicts: dict[str, Verdict] = {}
-    results = ordered_map(partial(_judged, p), sides.items(), crew)
+    results = ordered_map(partial(_verdict, p), sides.items(), crew)
     for name, result in zip(sides, results, strict=True):
         if isinstance(result, Verdict):
             verdicts[name] = result
@@ -133,10 +133,10 @@ def save_report(
 def main() -> None:
     """Make data/realism/, reports/realism/."""
     with workers(WORKERS_NEED) as crew:
-        compared(load("realism"), load("animate"), crew)
+        compare_swimming(load("realism"), load("animate"), crew)
 
 
-def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
+def compare_swimming(p: Settings, q: AnimateSettings, crew: Workers) -> None:
     """Compare film and animations; write the report."""
     facts = load_facts(CLIP / FACTS_NAME)
     rate = facts.frame_rate_hz
@@ -162,7 +162,7 @@ def compared(p: Settings, q: AnimateSettings, crew: Workers) -> None:
         )
     sample = compare.sample(swum[FILM], features, rate, p)
     sides = sample.sides({mode: swum[mode] for mode in swum if mode != FILM}, features)
-    verdicts = judged(sides, p, crew)
+    verdicts = verdicts_of(sides, p, crew)
     with whole_folder(OUT) as folder:
         windows, curves = examples.Show(sample, works, swum).tables(sides, verdicts)
         save_table(folder / "examples.parquet", windows, examples.EXAMPLES)

@@ -163,19 +163,19 @@ def progress(word: str, total: int | None, unit: str = "frames") -> Iterator[Cal
 @contextmanager
 def _bar(word: str, total: int | None, unit: str) -> Iterator[Callable[..., None]]:
     """A bar with the time that went and the time that is left."""
-    from rich import progress as shown
+    from rich import progress as bars
     from rich.console import Console
 
     columns = (
-        shown.TextColumn("{task.description}"),
-        shown.BarColumn(),
-        shown.MofNCompleteColumn(),
-        shown.TextColumn(unit),
-        shown.TimeElapsedColumn(),
-        shown.TextColumn("left"),
-        shown.TimeRemainingColumn(),
+        bars.TextColumn("{task.description}"),
+        bars.BarColumn(),
+        bars.MofNCompleteColumn(),
+        bars.TextColumn(unit),
+        bars.TimeElapsedColumn(),
+        bars.TextColumn("left"),
+        bars.TimeRemainingColumn(),
     )
-    with shown.Progress(*columns, console=Console(stderr=True)) as bar:
+    with bars.Progress(*columns, console=Console(stderr=True)) as bar:
         task = bar.add_task(f"{word:<8}", total=total)
         yield lambda n=1: bar.advance(task, n)
 

@@ -21,7 +21,7 @@ from stages.settings import FILES, PARAMS, read
 
 
 def film_stamp(clip: Mapping[str, Any]) -> str | None:
-    """Of the films of the parameters `clip`; None where they are no files, or are not there."""
+    """The stamp of the films of `clip`; None where they are no files, or are missing."""
     try:
         return digest(_films(clip))
     except (FinloopError, OSError):
@@ -29,7 +29,7 @@ def film_stamp(clip: Mapping[str, Any]) -> str | None:
 
 
 def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | None:
-    """Of the tracks, by `extract`, of those films; None where there are none, or not there."""
+    """The stamp of the tracks, by `extract`, of those films; None where they are missing."""
     path = extract.get("tracks_path")
     if extract.get("tracks") != "file" or not path:
         return None
@@ -44,7 +44,7 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 
 
 def path_stamp(animate: Mapping[str, Any]) -> str | None:
-    """Of the file with the path to swim, by `animate`; None where it is none, or not there."""
+    """The stamp of the file with the path, by `animate`; None where it is missing."""
     path = animate.get("path")
     if not path:
         return None
@@ -67,7 +67,7 @@ def _films(clip: Mapping[str, Any]) -> list[Path]:
 
 
 def digest(paths: Iterable[Path]) -> str | None:
-    """Of the names, sizes and times of files, or of what is in folders; None if there are none."""
+    """A digest of the names, sizes and times of files, or of folders' files; None without files."""
     files = list(paths)
     if not files:
         return None

@@ -10,7 +10,7 @@ import pytest
 
 from finloop.base.settings import settings
 from finloop.clip.check import Quality
-from finloop.clip.mend import wanted
+from finloop.clip.mend import repairs
 from finloop.clip.shake import Shift, steadied
 from finloop.clip.verdict import findings
 from finloop.drawn.carp.film import film
@@ -152,15 +152,15 @@ def quality(**values) -> Quality:
 
 def test_what_cannot_be_mended_is_left():
     far = quality(shake_px=9.0, shake_most_px=30.0)
-    assert wanted(parameters(), far, 480) == set()
-    assert wanted(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
+    assert repairs(parameters(), far, 480) == set()
+    assert repairs(parameters(), quality(shake_px=2.0, shake_most_px=4.0), 480) == {"steady"}
     turned = quality(shake_px=2.0, shake_most_px=4.0, shake_apart_px=1.5)
-    assert wanted(parameters(), turned, 480) == set()
-    assert wanted(parameters(steady="always"), far, 480) == {"steady"}
+    assert repairs(parameters(), turned, 480) == set()
+    assert repairs(parameters(steady="always"), far, 480) == {"steady"}
     unknown = quality(shake_px=np.nan, shake_most_px=np.nan, shake_apart_px=np.nan)
-    assert wanted(parameters(steady="always"), unknown, 480) == set()
+    assert repairs(parameters(steady="always"), unknown, 480) == set()
     stutter = quality(doubled_pct=40.0, doubled_rate=np.nan)
-    assert wanted(parameters(undouble="always"), stutter, 480) == set()
+    assert repairs(parameters(undouble="always"), stutter, 480) == set()
 
 
 def test_findings_say_what_was_and_what_is():

@@ -1,1 +1,1 @@
-"""What every room may use and no method is in: arrays, schemas, errors, settings, processes."""
+"""Parts for every room, no method of the papers: arrays, schemas, errors, settings, processes."""

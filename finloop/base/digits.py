@@ -1,4 +1,4 @@
-"""How many digits of a result are kept: as many as another processor computes alike.
+"""Significant digits of results: those that every processor computes alike.
 
 Kernels of BLAS and numbers of threads differ in the last bits; results of the zebrafish film then
 agree to five digits or more.

@@ -1,4 +1,4 @@
-"""A line that somebody gives, as it was given: places, and maybe times and headings."""
+"""A line from a file or a track: places, and maybe times and headings."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Painting layers of contours: what a style asks for, and pictures with smooth edges.
+"""Painting layers of contours: styles, and pictures with smooth edges.
 
 Contours are painted alike in every format: strokes with round joins and caps, fills by the
 even-odd rule, so that holes stay holes and folds are seen.
@@ -49,7 +49,7 @@ class Shape:
 
 
 def paint(style: str, side: float) -> Paint:
-    """What "fill:…;stroke:…" asks for; without either a black line of 1/200 of `side`.
+    """The paint of "fill:…;stroke:…"; without either a black line of 1/200 of `side`.
 
     FinloopError if a colour or number cannot be read.
     """

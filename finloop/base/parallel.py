@@ -40,19 +40,19 @@ class Handed(Protocol[B_co]):
     """A piece of work in a worker's hands."""
 
     def result(self) -> B_co:
-        """Wait for what comes of it; raise what `work` raised."""
+        """Wait for the result; raise the exception of `work`."""
         ...
 
 
 class Workers(Protocol):
-    """Who works: processes of this machine, `Processes`, or a cluster's (room `cluster`).
+    """Workers: processes of this machine, `Processes`, or of a cluster (room `cluster`).
 
     Either gives the same bytes.
     """
 
     @property
     def count(self) -> int:
-        """How many work at a time; a cluster's may become more or fewer."""
+        """The number of workers; a cluster's may change."""
         ...
 
     @property
@@ -107,7 +107,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     At most `workers.count` + 1 results are kept at a time. One item is worked in this process.
     Exceptions of `work` are raised here; an OSError, as where a network's folder is away for a
     moment, only when it comes `TRIES` times at the same item. `work`, items and results are
-    pickled. What was in the hands of the processes when one is killed is done again by new ones.
+    pickled. Where a process is killed, new ones do the unfinished items again.
 
     Raises FinloopError where a worker is killed `TRIES` times at the same item.
     """

@@ -1,4 +1,4 @@
-"""Rows and stretches that stand for all of a long film."""
+"""Samples of a long film: rows and stretches spread over it."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 
 def spread(rows: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-    """At most so many of some rows (n,), spread evenly over them."""
+    """At most `most` of some rows (n,), spread evenly over them."""
     return rows[np.unique(np.linspace(0, len(rows) - 1, most).astype(int))]
 
 
 def stretches(track_ids: Sequence[int], longest: int, most: int, seed: int) -> list[slice]:
-    """Rows of the film to take for all of it: whole tracks, at random, until there are `most` rows.
+    """A sample of a film: whole tracks, at random, until there are `most` rows.
 
     track_ids (rows,): of every row, in order. A track longer than `longest` is cut into stretches
     of equal length first, so that all of a long film has a part.

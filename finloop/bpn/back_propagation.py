@@ -6,7 +6,7 @@ finite differences.
 
 Glossary: x a batch of scaled inputs and a 1; h the hidden layer; o the outputs; t the targets;
 E = ½ Σ (o - t)² over the batch and both outputs. Sums, not means: a batch of one is the paper's
-rule, a larger one the same steps gathered.
+rule, a larger one takes the sum of its steps.
 """
 
 from collections.abc import Callable, Iterator
@@ -103,7 +103,7 @@ def learn(
     rate_hz: float,
     advance: Callable[[], object] = lambda: None,
 ) -> tuple[MotionModel, pd.DataFrame]:
-    """`train` on the first side of the rows; the second, held out, is for the curve."""
+    """`train` on the first of two masks of rows; the second, held out, is for the curve."""
     training, held_out = ((rows.inputs[side], rows.outputs[side]) for side in sides)
     rng = np.random.default_rng((p.seed, 1))
     return train(*training, held_out, p, rows.delta_frames / rate_hz, rng, advance)
@@ -120,7 +120,7 @@ def train(
 ) -> tuple[MotionModel, pd.DataFrame]:
     """Learn from inputs (n, 4) and outputs (n, 2), which are `delta_s` later.
 
-    held_out: inputs and outputs that are only looked at, for the curve; rng: for the first weights
+    held_out: inputs and outputs for the curve alone; rng: for the first weights
     and the order of rows, the same gives the same bits again; advance: called after each epoch.
 
     Returns the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.

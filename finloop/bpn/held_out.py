@@ -1,4 +1,4 @@
-"""How well a motion model predicts what it has not learnt from.
+"""Errors and skills of a motion model on held-out rows.
 
 Skill = 1 - error / error of a baseline, on the same held-out rows: 1 is perfect, 0 no better than
 the baseline. *Persistence* says that nothing changes; *linear* is least squares with an intercept,
@@ -24,7 +24,7 @@ SIDES = ("predicted", "true")
 HELD_OUT = Schema(
     *columns("float64", "1", *(f"{side}_{name}" for side in SIDES for name in OUTPUTS))
 )
-"""States Δ later of the rows held out, as predicted and as they are."""
+"""Predicted and true states Δ later of the held-out rows."""
 
 _COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 

@@ -127,7 +127,7 @@ def input_range(inputs: Floats) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """What there is to learn from: inputs (n, 4), outputs (n, 2), and where each row is from."""
+    """Rows to learn from: inputs (n, 4), outputs (n, 2), and the origin of each row."""
 
     inputs: Floats
     outputs: Floats
@@ -226,7 +226,7 @@ def split_or_all(rows: Rows, p: Settings) -> tuple[Mask, Mask]:
 
 
 def _sample_groups(group: Ints, share: float, rng: np.random.Generator) -> list[int]:
-    """Random groups that hold about that share of the rows; never none, never all."""
+    """Random groups with about a share of the rows: at least one group, and not all."""
     groups, counts = np.unique(group, return_counts=True)
     sample: list[int] = []
     missing = share * len(group)

@@ -38,12 +38,12 @@ CHECK = Schema(
     Column("field_order", "float32", "1", nullable=True),
     Column("noise", "float32", "grey levels", nullable=True),
 )
-"""What is measured of every frame; NaN where it was not looked at, or cannot be told."""
+"""Measures of every frame; NaN where a frame was not examined or does not show them."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What the check measures of a film; NaN where the film does not show it."""
+    """The measures of a film; NaN where the film does not show them."""
 
     light_flicker_pct: float  # of the mean, root mean square
     light_flicker_hz: float  # NaN: irregular
@@ -104,9 +104,9 @@ def still_tank(samples: Sequence[Picture]) -> Picture:
     few = [in_light(frame, of / usual) for frame, of in zip(few, gains, strict=True)]
     first = marks(_median(few))
     shifts = [shift(frame, first) for frame in few]
-    known = np.array([offset for offset in shifts if offset is not UNKNOWN])
-    if len(known):
-        middle = Shift(*np.median(known, axis=0))
+    certain = np.array([offset for offset in shifts if offset is not UNKNOWN])
+    if len(certain):
+        middle = Shift(*np.median(certain, axis=0))
         few = [
             frame if by is UNKNOWN else steadied(frame, by.beside(middle))
             for frame, by in zip(few, shifts, strict=True)
@@ -159,7 +159,7 @@ def grey(picture: Picture) -> Picture:
 
 
 def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float]:
-    """What two grey frames say; `brighter`: the light of the first beside the second's."""
+    """Measures of two grey frames; `brighter`: the light of the first over the second's."""
     few = here[::_THIN, ::_THIN].astype(np.float32) * brighter
     off = np.abs(few - before[::_THIN, ::_THIN])
     size = min(_TILES, off.shape[1]), min(_TILES, off.shape[0])

@@ -28,7 +28,7 @@ Frames = Iterator[tuple[float, tuple[int, Picture]]]
 """Time, s, number in the film, and picture."""
 
 
-def wanted(p: File, q: Quality, smaller_px: int) -> set[str]:
+def repairs(p: File, q: Quality, smaller_px: int) -> set[str]:
     """The names of the parameters whose repairs a film of quality `q` needs."""
     far = q.shake_most_px <= FARTHEST * smaller_px and q.shake_apart_px <= APART * q.shake_px
     converted = isfinite(q.doubled_rate) and q.doubled_rate < 1

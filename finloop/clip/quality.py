@@ -1,4 +1,4 @@
-"""Brightness of a clip, whether anything is to be seen in it, and what its coding has cost."""
+"""Brightness of a clip, whether it is plain, and the loss by its coding."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field

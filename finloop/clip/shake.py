@@ -1,4 +1,4 @@
-"""How far the camera has moved: the shift of a frame against the still tank, in pixels.
+"""The shake of the camera: the shift of a frame against the still tank, in pixels.
 
 A shift is (right, down): what the tank shows at p, the frame shows at p + shift. It is the one that
 makes the frame most like the tank at many marks, places where the tank has edges: least squares
@@ -99,7 +99,7 @@ def marks(tank: Picture) -> Marks:
 
 
 def shift(frame: Picture, of: Marks, last: Shift = STILL) -> Shift:
-    """The shift of a frame; `last` is that of the frame before. UNKNOWN where it cannot be told."""
+    """The shift of a frame; `last` is that of the frame before. UNKNOWN without enough marks."""
     if len(of.x) < 12:
         return UNKNOWN
     soft = _soft(frame)

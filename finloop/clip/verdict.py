@@ -1,4 +1,4 @@
-"""What is good about a film and what would be better filmed otherwise, in plain sentences."""
+"""The verdict on a film in plain sentences: its strong points, and what to film otherwise."""
 
 from collections.abc import Collection, Iterator
 from math import isnan

@@ -1,4 +1,4 @@
-"""What a worker of a cluster does with a piece of work: it looks where and what it is, then works.
+"""A piece of work on a worker of a cluster: the worker checks its folder and code, then works.
 
 A scheduler need not have this program: it is handed a call as bytes, and `pickle.loads`, which is
 everywhere and makes the call.
@@ -30,7 +30,7 @@ _PACKAGES = (
 
 @dataclass(frozen=True)
 class Home:
-    """Where a piece is worked, and by what: two that are the same give the same bytes.
+    """The folder and the code of a worker: two equal ones give the same bytes.
 
     folder: absolute, of the stage, shared by all; start: the command that starts a worker there;
     facts: of code, packages and thread counts, by name.
@@ -46,7 +46,7 @@ class Home:
         return cls(str(folder.absolute()), start, _facts(tuple(variables)))
 
     def refuse_other(self) -> None:
-        """FinloopError where this process is not of the same facts."""
+        """FinloopError where the facts of this process differ."""
         own = _facts(tuple(name for name in self.facts if name.isupper()))
         differences = [
             f"{name}: {own.get(name)} there, {value} here"

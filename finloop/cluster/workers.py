@@ -130,7 +130,7 @@ class DaskWorkers:
             yield hand
 
     def check(self, need: Sequence[str] = ()) -> None:
-        """Let every worker look whether it is as it should be, and import what it will need.
+        """Let every worker check its folder and code, and import the modules it needs.
 
         FinloopError where one is not; it names all of them.
         """
@@ -152,7 +152,7 @@ class DaskWorkers:
             yield str(path)
 
     def refusal(self, error: Exception) -> FinloopError:
-        """What to say of an exception that came while a worker made itself ready; or itself."""
+        """The message for an exception of a worker that was starting; or the exception itself."""
         if isinstance(error, FinloopError):
             return error
         if isinstance(error, ImportError | AttributeError):
@@ -164,7 +164,7 @@ class DaskWorkers:
         raise error
 
     def gone(self) -> FinloopError:
-        """What to raise where the scheduler does not answer any more."""
+        """The error where the scheduler does not answer any more."""
         return FinloopError(
             f"the scheduler at {self.address} does not answer any more",
             "a scheduler that runs until the stage has ended",
@@ -172,7 +172,7 @@ class DaskWorkers:
         )
 
     def deserted(self) -> FinloopError:
-        """What to raise where nobody works any more."""
+        """The error where no worker is left."""
         return FinloopError(
             f"the scheduler at {self.address} has had no worker for {_BACK_S:.0f} s",
             "at least one worker",
@@ -200,7 +200,7 @@ class _Handed:
             raise ended(self._workers.count) from error
 
     def _outcome(self) -> Any:
-        """Wait for the result, or what is raised."""
+        """Wait for the result; raise the exception of the work."""
         alone_s = 0.0
         while not self._future.done():
             try:
@@ -221,7 +221,7 @@ class _Handed:
 
 
 def _fit(need: Sequence[str], home: Home, work: str) -> None:
-    """On a worker: is it ready? Then it imports what it will need."""
+    """On a worker: check that it is ready, and import its modules."""
     ready(home, work)
     for name in need:
         import_module(name)

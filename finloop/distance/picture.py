@@ -68,7 +68,7 @@ def picture(
 
 
 def typical_length(features: pd.DataFrame) -> pd.Series:
-    """How long [px] the animal of a track is, for every row of the feature table.
+    """The length [px] of the animal of a track, for every row of the feature table.
 
     The median of the track, drawn to the mean of all tracks as far as it is uncertain: a mouse
     that is seen for a moment, curled up, is no shorter mouse. With e² the variance of a track's
@@ -93,7 +93,7 @@ def typical_length(features: pd.DataFrame) -> pd.Series:
 
 
 def _shrunk(values: pd.Series, variance: pd.Series) -> pd.Series:
-    """Values (k,), each of a known variance, drawn to their mean by what the others tell of it."""
+    """Values (k,) of known variances, shrunk towards their mean (empirical Bayes)."""
     weight = 1 / variance
     mean = float((weight * values).sum() / weight.sum())
     excess = float((weight * (values - mean) ** 2).sum()) - (len(values) - 1)

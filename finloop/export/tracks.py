@@ -25,14 +25,14 @@ def poses(
 ) -> Poses:
     """Head, points of the backbone at equal distances, tail and mass centre of every track.
 
-    How sure head, body and tail are is how sure it is which end is the head; the mass centre does
-    not depend on that. FinloopError if no track is long enough.
+    The confidence of head, body and tail is `head_confidence`; that of the mass centre is 1.
+    FinloopError if no track is long enough.
 
     tracks: the columns `USED` of the table of tracks; features: head_x_px, head_y_px,
     head_confidence of the feature table, whose rows are the same; frames: of the clip, also those
     without a fish; body_points: between head and tail, at least 0; least_frames, most: the shortest
-    track, and how many at the most, the longest first; animals: names, beside `tracks`, of
-    animals: then each of them is one, not each of its tracks.
+    track, and the largest number of tracks, the longest first; animals (rows,): names of animals;
+    with them an individual is an animal, else a track.
     """
     who = tracks["track_id"] if animals is None else animals
     length = who.groupby(who).size()

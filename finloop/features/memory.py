@@ -1,4 +1,4 @@
-"""How fast an animal's posture forgets itself: the film's own measure of time.
+"""The memory of an animal's posture: the film's own measure of time.
 
 Glossary: the *memory* of a film is the time after which a posture is half as far from itself as
 from any other; Δ the time over which motion is measured (the paper: 5 frames at 25 Hz); *bend* the
@@ -20,7 +20,7 @@ _PARTS = 4  # Δ at least in the longest track: the last one has no motion, and 
 
 
 def memory_frames(postures: Reals, track: Ints) -> float:
-    """After how many frames postures (n, k) are half as far from themselves as from any other.
+    """Frames after which postures (n, k) are half as far from themselves as from any other.
 
     From the mean square of posture(t + τ) − posture(t) over all tracks (n,), linear between whole
     frames τ; the longest track's length where that never happens.
@@ -38,7 +38,7 @@ def memory_frames(postures: Reals, track: Ints) -> float:
 
 
 def block_frames(block: float, held_out: float, delta: int, frame: Ints, least: int) -> int:
-    """How long a stretch of time is, in frames, that is held out together: `block` Δ, or less.
+    """Length, in frames, of the stretches of time that are held out: `block` Δ, or less.
 
     In a short film it is the share `held_out` of the film, and `least` frames at least.
     delta: Δ in frames; frame (n,): of the rows.

@@ -78,7 +78,7 @@ def in_mm(
 
 
 def forwards(features: pd.DataFrame) -> dict[str, float]:
-    """How often a moving fish is headed within 90° of its way; a swap of head and tail is not.
+    """The share of moving rows headed within 90° of their way; swaps of head and tail lower it.
 
     The way is the displacement over Δ, the heading that in the middle of it.
     """

@@ -52,12 +52,12 @@ def delta_frames(delta_s: float, rate_hz: float) -> int:
 
 
 def delta_of(features: pd.DataFrame) -> int:
-    """Δ in frames of a feature table: so many displacements are empty at the end of a track."""
+    """Δ in frames of a feature table: the number of empty displacements at the end of a track."""
     return int(features["displacement"].isna().groupby(features["track_id"]).sum().max())
 
 
 def step_of(features: pd.DataFrame) -> int:
-    """Frames of a natural step, in which pictures are told apart: a fifth of Δ, at least 1.
+    """Frames of a natural step, the unit of distances between pictures: a fifth of Δ, at least 1.
 
     That is one frame of the paper's film (25 Hz, Δ of 5 frames). Of a film of many frames in Δ the
     step from frame to frame would be a unit that shrinks as the camera gets quicker.
@@ -71,7 +71,7 @@ def wrap_deg(angle: Reals) -> Floats:
 
 
 def orientation(heading_deg: Reals, orientations: int) -> NDArray[np.int8]:
-    """Orientation number of so many (§3.3, Table 1: 24): 1 is centred on 0°, anticlockwise."""
+    """Orientation number, 1 … (§3.3, Table 1: 24): 1 is centred on 0°, then anticlockwise."""
     sector = 360 / orientations
     return (np.floor(np.asarray(heading_deg) / sector + 0.5) % orientations + 1).astype(np.int8)
 
@@ -82,7 +82,7 @@ def direction_deg(number: NDArray[np.integer] | int, orientations: int) -> Float
 
 
 def orientations_of(table: pd.DataFrame) -> int:
-    """How many orientations a table of features, or of sprites, tells apart."""
+    """The number of orientations in a table of features or of sprites."""
     return int(table["orientations"].iloc[0])
 
 

@@ -90,9 +90,9 @@ def limbs(
     frames: by frame: contours by id, None where one is missing. The id "body", if there is one,
         tells where the body is; else the mean of the limbs does.
     n: points of a contour.
-    smooth_frames: a cycle: what the body sways in it is left to the limbs. None = it goes straight
-        on.
-    first: number of the first frame, for what is said about frames.
+    smooth_frames: a cycle; the sway of the body in it counts as motion of the limbs. None = the
+        body goes straight on.
+    first: number of the first frame, for messages.
     """
     names = list(dict.fromkeys(name for frame in frames for name in frame))
     if not [name for name in names if name != BODY]:
@@ -156,7 +156,7 @@ def smoothed(track: Floats, window: float | None) -> Floats:
 
     The mean over a window about each frame. Within half a window of the ends, where there is none,
     the means beside them go on in a straight line; a track shorter than two windows is taken as one
-    line throughout: it says no more.
+    line throughout.
     """
     time = np.arange(len(track), dtype=float)
     if window is None or len(track) < 2 * window:

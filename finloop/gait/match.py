@@ -1,4 +1,4 @@
-"""Which point of one pose goes to which of another where parts turn, as limbs and tails do.
+"""Corresponding points of two poses whose parts turn, as limbs and tails do.
 
 Of all ways to number a closed contour anew the one is taken that is most like the other contour
 when it may be turned. Contours are complex here, a = x + iy about their mean, and likeness is

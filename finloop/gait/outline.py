@@ -23,7 +23,7 @@ from finloop.gait.period import Period, assess, course, period, with_phase_zero
 
 POINTS = 128
 STRAIGHT = 0.03
-"""Body lengths: a fish whose outline without the beat is bent more than this (`bent`) turns."""
+"""Body lengths: a fish whose outline without the beat has more `asymmetry` than this turns."""
 
 TAIL = 1 / 16  # of the contour on either side of the tail end: whose sideways motion is the beat
 

@@ -1,4 +1,4 @@
-"""Whose tracks are whose: animals that touched and parted, by motion and appearance.
+"""Identity: tracks joined to animals across touches, by motion and appearance.
 
 A track ends where an animal touches another. Motion (`motion`) and appearance (`appearance`) say
 how probable it is that a later track is the same animal; `joins` finds the best set of joins.

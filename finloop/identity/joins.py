@@ -25,14 +25,14 @@ class Pairs(NamedTuple):
 
 
 class Joins(NamedTuple):
-    """For each track (n,) the one before it, −1 for none, and the probability of that."""
+    """For each track (n,) its predecessor, −1 for none, and the probability of that."""
 
     before: Tracks
     probability: Floats
 
 
 def later(start: Reals, stop: Reals, segment: Tracks, most: int = _SOONEST) -> Pairs:
-    """With every track the `most` that begin soonest after it has ended, in its segment.
+    """Pairs of every track with the `most` that begin soonest after its end, in its segment.
 
     start, stop (n,): first and last frames of the film; segment (n,): rising with the frames.
     """

@@ -1,4 +1,4 @@
-"""How far an animal gets while it is not seen, measured in its film.
+"""The drift of an animal during a gap between tracks, measured in its film.
 
 Trial gaps in whole tracks measure it: the error is the distance of the animal's place after the gap
 from the place foretold by its motion before. Places are in body lengths, gaps in frames.

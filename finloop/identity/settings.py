@@ -1,4 +1,4 @@
-"""Parameters of `identity`: whose tracks are whose."""
+"""Parameters of `identity`: how tracks are joined to animals."""
 
 from dataclasses import dataclass
 from typing import Annotated

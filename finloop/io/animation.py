@@ -1,7 +1,7 @@
 """Morphs as files, by their ending: animated SVG, WebP, MP4, plain JSON, Lottie JSON.
 
 Each appears under its name when it is whole. The numbers in SVG and both JSONs are those of the
-morph, digit for digit, so what was counted as free of folds is what is shown.
+morph, digit for digit: the frames shown have as many folds as were counted.
 """
 
 import json
@@ -42,7 +42,7 @@ def save_animation(path: Path, morph: Morph, frame_rate: Fraction, size: int = 5
 
 
 def writer(path: Path) -> "Writer":
-    """What writes files of this ending; FinloopError if there is none."""
+    """The writer of files with this ending; FinloopError if there is none."""
     name = path.name.lower()
     for ending, write in ENDINGS.items():
         if name.endswith(ending) and name != ending:

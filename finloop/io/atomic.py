@@ -1,8 +1,8 @@
 """Whole or not at all: an output appears under its name only when it is complete.
 
 The unfinished work lies beside the output under the hidden name `.<name>.<process>.part…`, so that
-the last step is a rename within one file system. What a killed process left there is removed by the
-next one that writes into the same folder.
+the last step is a rename within one file system. The next process that writes into the same folder
+removes the unfinished files of killed processes.
 """
 
 import errno
@@ -84,7 +84,7 @@ def _own() -> str:
 
 
 def _remove_leftovers(folder: Path) -> None:
-    """Remove what processes of this machine that have ended left unfinished in a folder."""
+    """Remove the unfinished files that ended processes of this machine left in a folder."""
     host = _own().rpartition("-")[0]
     for path in folder.glob(f".*.{glob.escape(host)}-*.part*"):
         number = path.name.rpartition(".part")[0].rpartition("-")[2]

@@ -65,7 +65,7 @@ def unpacked(content: bytes) -> Any:
 
 
 def keep_only(folder: Path, names: Iterable[str]) -> None:
-    """Remove what lies in a folder of pieces under other names; and it, where it is empty."""
+    """Remove all pieces in a folder but `names`; and the folder, where it is empty."""
     names = set(names)
     for path in folder.glob("*"):
         if path.name not in names:

@@ -22,7 +22,7 @@ def save_json(path: Path, content: Any, indent: int = 2) -> None:
 def load_json(
     path: Path, build: Callable[[Any], T], wanted: str, do: str, most_bytes: int = MOST_BYTES
 ) -> T:
-    """What `build` makes of the content of a JSON file.
+    """The result of `build` on the content of a JSON file.
 
     FinloopError if the file is missing, larger than `most_bytes`, no JSON, or `build` refuses its
     content by ValueError, TypeError, KeyError or AttributeError.
@@ -56,6 +56,6 @@ def load_records(path: Path, kind: Callable[..., T], stage: str) -> list[T]:
 
 
 def made_by(stage: str) -> tuple[str, str]:
-    """What is wanted, and what to do, where a file is not as a stage wrote it."""
+    """`wanted` and `do` of an error: a file is not as a stage wrote it."""
     wanted = f"the file that the stage `{stage}` wrote"
     return wanted, f"make it again: `dvc repro --force {stage}`"

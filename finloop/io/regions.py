@@ -28,7 +28,7 @@ _WANTED = "a folder for each limb with a PNG for each frame, or an SVG for each 
 
 
 class Regions(NamedTuple, Generic[T]):
-    """By frame: what was made of each id's region, None where there is none; the first's number."""
+    """By frame: the value of each id's region, or None; and the number of the first frame."""
 
     frames: list[dict[str, T | None]]
     first: int
@@ -55,8 +55,8 @@ def load_regions(
     has no number, two have the same, a picture cannot be read, masks are dark, or sizes differ.
 
     folder: see above.
-    of_mask: what to make of a mask (h, w).
-    of_trace: what to make of a closed path in a picture of this width and height [px].
+    of_mask: the value of a mask (h, w).
+    of_trace: the value of a closed path in a picture of this width and height [px].
     """
     if not folder.is_dir():
         raise FinloopError(f"{folder} is no folder", _WANTED, "give the folder of the regions")

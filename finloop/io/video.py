@@ -147,7 +147,7 @@ def _rgb(frame: VideoFrame) -> np.ndarray:
 
 
 def refuse_other_length(path: Path, frames: int) -> None:
-    """FinloopError where a normalised clip cannot be read, or has not so many frames."""
+    """FinloopError where a normalised clip cannot be read, or has another number of frames."""
     with _opened(path, 1) as (_, stream, _):
         if stream.frames != frames:
             raise _damaged(path, f"it has {stream.frames} frames, not {frames}", FinloopError)

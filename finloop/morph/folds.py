@@ -198,7 +198,7 @@ def _passes(motion: Motion) -> bool:
 
 @kernel
 def _assign(row, values):  # type: ignore[no-untyped-def]
-    """row[:] = values, without the seconds that compiling that takes."""
+    """row[:] = values; numba compiles the slice for seconds, and this loop at once."""
     for i in range(len(values)):
         row[i] = values[i]
 

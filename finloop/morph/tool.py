@@ -1,7 +1,7 @@
 """The command line of `morph`: `python -m finloop.morph a.svg b.svg -o out.svg`.
 
-Contours belong together by their ids. What comes out is told by the ending: .svg, .webp, .mp4,
-.json, .lottie.json.
+Contours of the same id form a pair. The ending says the format: .svg, .webp, .mp4, .json,
+.lottie.json.
 """
 
 import argparse

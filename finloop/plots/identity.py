@@ -1,4 +1,4 @@
-"""Picture of `identity`: whose tracks are whose, over time."""
+"""Picture of `identity`: the tracks of each animal over time."""
 
 import numpy as np
 import pandas as pd

@@ -43,9 +43,9 @@ def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: fl
     arcs, density, bar = figure.subplots(3, 1, sharex=True, height_ratios=(5, 2, 0.6))
     seconds = len(track_id) / rate_hz
     small = loops[loops["group"] > 0]
-    arcs_drawn = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
+    sampled = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
     for group, colour in ((0, _LARGEST), (1, _OTHER)):
-        some = arcs_drawn[arcs_drawn["group"].clip(upper=1) == group]
+        some = sampled[sampled["group"].clip(upper=1) == group]
         arcs.add_collection(
             LineCollection(
                 list(_arcs(some["a"].to_numpy() / rate_hz, some["b"].to_numpy() / rate_hz)),
@@ -55,10 +55,10 @@ def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: fl
     groups = int(loops["group"].max()) + 1
     arcs.set(xlim=(0, seconds), ylim=(0, 1.05), yticks=[], ylabel="loops")
     arcs.set_title(
-        f"{_some(len(arcs_drawn), len(loops))} loops: blue the largest group, orange the other "
+        f"{_some(len(sampled), len(loops))} loops: blue the largest group, orange the other "
         f"{groups - 1} of {groups} (Fig. 12)"
         if groups > 1
-        else f"{_some(len(arcs_drawn), len(loops))} loops, all of one group (Fig. 12)"
+        else f"{_some(len(sampled), len(loops))} loops, all of one group (Fig. 12)"
     )
     bins = np.arange(0, seconds + 1)
     count, _ = np.histogram(graph.ends / rate_hz, bins)

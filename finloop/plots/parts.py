@@ -1,4 +1,4 @@
-"""What several figures share: the tank below, headings, tiles in rows, words on a picture."""
+"""Parts of several figures: the tank below, headings, tiles in rows, words on a picture."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -1,4 +1,4 @@
-"""Figures of how well animations are told from film: ROC curves, channels, the falsest windows."""
+"""Figures of the test of realism: ROC curves, channels, the falsest windows."""
 
 from collections.abc import Mapping, Sequence
 

@@ -91,7 +91,7 @@ def liveliest(edit: pd.DataFrame, count: int) -> int:
 def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     """Ticks at which something else begins: another part of the film, or another sequence.
 
-    At most so many, spread over the animation, those between sprite and frame first. `tracks`:
+    At most `most`, spread over the animation, those between sprite and frame first. `tracks`:
     track_id and frame of every cut-out.
     """
     kind = edit["kind"].to_numpy()
@@ -112,7 +112,7 @@ def switches(edit: pd.DataFrame, tracks: pd.DataFrame, most: int) -> list[int]:
     return sorted(int(tick) for tick in np.concatenate(places)) if places else []
 
 
-def ticks_drawn(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
+def sheet_ticks(edit: pd.DataFrame, tracks: pd.DataFrame) -> dict[str, list[int]]:
     """The ticks on each sheet: consecutive ones, and those around each switch."""
     start, ticks = liveliest(edit, TICKS), len(edit)
     switched = [

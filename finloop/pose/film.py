@@ -53,8 +53,8 @@ class FilmPoses:
     """The postures of a film (n rows). codes: (n, c); shapes: what they mean.
 
     pose: places, headings and sizes of the rows, and the postures that their codes stand for.
-    trunk, tail_spread: of `ShapeFacts`. memory_frames: after so many frames a posture is half as
-    far from itself, in mean squares, as any two postures of the film are.
+    trunk, tail_spread: of `ShapeFacts`. memory_frames: the frames after which a posture is half
+    as far from itself, in mean squares, as any two postures of the film are.
     """
 
     pose: Pose
@@ -66,7 +66,7 @@ class FilmPoses:
 
     @cached_property
     def facts(self) -> ShapeFacts:
-        """What `restored` needs beside the codes."""
+        """The data that `restored` needs beside the codes."""
         shapes = self.shapes
         return ShapeFacts(
             shapes.mean.tolist(), shapes.shapes.tolist(), shapes.weights.tolist(),

@@ -49,7 +49,7 @@ class Plan(NamedTuple):
 
 @finite_kernel
 def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Plan:
-    """Where a film's picture, bent along `source`, comes to lie along `target`."""
+    """The plan that brings a film's picture from the backbone `source` to the backbone `target`."""
     there, here = strip(source), strip(target)
     reach = _reach(film, there) / how.across
     low_x = low_y = HIDDEN
@@ -142,7 +142,7 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
 
 @finite_kernel
 def _span(y, front, rear):  # type: ignore[no-untyped-def]
-    """From which x to which a row is between two cross-sections."""
+    """The range of x in a row of pixels between two cross-sections."""
     (ax, ay), (anx, any_), _ = front
     (bx, by), (bnx, bny), _ = rear
     start, stop = -HIDDEN, HIDDEN

@@ -27,7 +27,8 @@ class Posed(NamedTuple):
 def apart_in_pose(film: Posed, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
     """Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
 
-    Those are drawn in the postures of these, or stay as they are where they then are nearer.
+    The pictures `to` are drawn in the postures of `rows`. Where they are nearer
+    undrawn, that counts.
     """
     apart = np.empty(len(rows))
     canvas = np.empty(film.pictures.shape[1:], np.float32)

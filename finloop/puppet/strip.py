@@ -15,7 +15,7 @@ from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel
 
 BEYOND = 4
-"""Steps by which a strip goes on, straight, beyond either end of its backbone."""
+"""Steps of a strip, straight, beyond either end of its backbone."""
 
 HIDDEN = 1e9
 """The distance [px] of what a pose does not show."""

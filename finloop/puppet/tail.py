@@ -18,7 +18,7 @@ from finloop.extract.backbone import resample
 class Tail(NamedTuple):
     """Where a body ends and its tail begins, and how both are made alike in all frames.
 
-    thin: the body ends where it has become so many times as wide as where it is widest. smoothing:
+    thin: the body ends where its width falls to this share of its largest. smoothing:
     of the backbone, a standard deviation in half widths of the body. body: the share of the points
     that the body has. whole: quantile of the tails' lengths that stands for the whole tail.
     """

@@ -148,7 +148,7 @@ def swimming(
     return Swimming(whole[FEATURES.names], part, tick, row, whole["clock"].to_numpy(float))
 
 
-def measured(
+def measure_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
     instrument: Instrument,
     work: tuple[pd.DataFrame, Sequence[int]],

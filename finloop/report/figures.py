@@ -181,10 +181,10 @@ GAITS = Chapter(
     "A cycle of motion, learnt from a film by a few numbers γ, drives another drawing.",
     tuple(
         Figure(
-            f"gait/{of}/{name}.png", number, f"{title}: {said}", caption,
-            f"{title}, of {said}. {caption}",
+            f"gait/{of}/{name}.png", number, f"{title}: {source}", caption,
+            f"{title}, of {source}. {caption}",
         )
-        for of, said in (("limbs", "limbs"), ("outline", "the film's own fish"))
+        for of, source in (("limbs", "limbs"), ("outline", "the film's own fish"))
         for name, number, title, caption in _GAIT
     ),
 )  # fmt: skip

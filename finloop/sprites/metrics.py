@@ -1,4 +1,4 @@
-"""What the sprites are like: Table 1 after synthesis, closure of loops, faults."""
+"""Measures of the sprites: Table 1 after synthesis, closure of loops, faults."""
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,7 @@ def table1_after(sprites: pd.DataFrame, features: pd.DataFrame) -> pd.DataFrame:
 
 
 def complete(table: pd.DataFrame) -> int:
-    """How many orientations of a Table 1 show all three types."""
+    """The number of orientations of a Table 1 that show all three types."""
     return int((table[["straight_pct", "left_pct", "right_pct"]] > 0).all(axis=1).sum())
 
 

@@ -12,7 +12,7 @@ from finloop.sprites.settings import Settings
 
 
 def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -> pd.DataFrame:
-    """What picking needs to know of every fish in every frame, in the rows of both tables.
+    """Measures of every fish in every frame, by which frames are picked; rows as in both tables.
 
     tail: the tail tip's offset from the head's axis, body lengths, + = left. heading: degrees,
     unwrapped. speed: body lengths a frame. alone: body lengths to the nearest other mass centre.

@@ -1,4 +1,4 @@
-"""glTF 2.0 in one binary file (.glb), written from arrays: what the scene of the tank needs.
+"""glTF 2.0 in one binary file (.glb), from arrays: the parts that the scene of the tank needs.
 
 Each array becomes an accessor of its own, in a buffer view of its own, aligned to four bytes.
 """

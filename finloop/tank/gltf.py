@@ -88,15 +88,15 @@ def tank_glb(
     glb = Glb("finloop")
     glb.use("KHR_materials_unlit")
     material, dark = _skin(glb, skin), _plain(glb, "shadow", (0.02, 0.06, 0.08, 0.38))
-    shadows = [_shadow(glb, one.shape, dark, number) for number, one in enumerate(swum)]
-    fish = [_fish(glb, one.shape, material, number) for number, one in enumerate(swum)]
+    shadows = [_shadow(glb, motion.shape, dark, number) for number, motion in enumerate(swum)]
+    fish = [_fish(glb, motion.shape, material, number) for number, motion in enumerate(swum)]
     time = glb.add_array(np.arange(len(swum[0].heading)) / rate_hz)
     channels: list[dict] = []
     samplers: list[dict] = []
-    for one, shadow, body in zip(swum, shadows, fish, strict=True):
+    for motion, shadow, body in zip(swum, shadows, fish, strict=True):
         lift = (0, 0, _LIFT * room.length)
-        on_floor = one.place - one.place[:, 2:] * (SUN / SUN[2]) + lift
-        for node, path, output in _tracks(glb, one, {shadow: on_floor, body: one.place}):
+        on_floor = motion.place - motion.place[:, 2:] * (SUN / SUN[2]) + lift
+        for node, path, output in _tracks(glb, motion, {shadow: on_floor, body: motion.place}):
             channels.append({"sampler": len(samplers), "target": {"node": node, "path": path}})
             samplers.append({"input": time, "output": output, "interpolation": "LINEAR"})
     glb.add("animations", {"name": "swim", "channels": channels, "samplers": samplers})

@@ -67,8 +67,8 @@ class Floor:
         """The floor under the points (rings, around, 3) of each fish."""
         height, width = self.plain.shape[:2]
         light = cv2.resize(self._gathered(time_s), (width, height), interpolation=cv2.INTER_LINEAR)
-        for one in fish:
-            self._shade(light, one)
+        for points in fish:
+            self._shade(light, points)
         if self.plain.ndim == 3:
             light = cv2.merge([light] * 3)
         return cv2.multiply(self.plain, light, scale=_BRIGHTEST / 255)

@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.animate.edit_list import Goal
 from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_records
-from finloop.plots.render import contact_sheet, ticks_drawn, tiles, trajectory
+from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
@@ -26,7 +26,7 @@ def main() -> None:
     half_px = round(0.75 * drawn.scene.typical_length_px)
     edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
     with open_gallery(drawn) as gallery:
-        for name, ticks in ticks_drawn(edit, drawn.tracks).items():
+        for name, ticks in sheet_ticks(edit, drawn.tracks).items():
             some = edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows = placed(some, gallery) if ticks else ()
             sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))

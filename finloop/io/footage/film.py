@@ -97,7 +97,7 @@ def time_stamps(container: InputContainer, stream: VideoStream) -> tuple[np.ndar
 
 
 class Survey(NamedTuple):
-    """What sample frames, spread over a film, say of its coding."""
+    """The coding of a film, from sample frames spread over it."""
 
     width: int
     height: int

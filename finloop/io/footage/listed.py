@@ -1,4 +1,4 @@
-"""Which films a path names: one, those of a folder, or those that a pattern fits."""
+"""The films that a path names: one, those of a folder, or those that a pattern fits."""
 
 import unicodedata
 from collections.abc import Iterable
@@ -58,17 +58,19 @@ def names(paths: Iterable[Path]) -> list[str]:
 
     Only letters, digits, `_` and `-`, so that it can be a folder and part of a metric's name.
     """
-    taken: list[str] = []
+    unique_names: list[str] = []
     for path in paths:
         stem = unicodedata.normalize("NFC", path.stem if path.suffix else path.name)
         name = "".join(c if c.isalnum() or c in "_-" else "-" for c in stem) or "film"
-        known = {earlier.casefold() for earlier in taken}  # some file systems know no capitals
+        folded = {
+            earlier.casefold() for earlier in unique_names
+        }  # some file systems know no capitals
         number = 2
         unique = name
-        while unique.casefold() in known:
+        while unique.casefold() in folded:
             unique, number = f"{name}-{number}", number + 1
-        taken.append(unique)
-    return taken
+        unique_names.append(unique)
+    return unique_names
 
 
 class Stamp(NamedTuple):

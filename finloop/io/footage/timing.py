@@ -70,7 +70,7 @@ def nearest_in_time(
     ticks = 0  # of this segment
 
     def repeats(until: float) -> Iterator[T]:
-        """The held item, once for each tick before `until` (in ticks of this segment)."""
+        """The last item, once for each tick before `until` (in ticks of this segment)."""
         nonlocal ticks
         assert last is not None
         times = max(0, int(np.ceil(until)) - ticks)

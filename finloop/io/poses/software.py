@@ -1,4 +1,4 @@
-"""Which program made a file of tracks: told by its ending, its header, its keys."""
+"""The program that made a file of tracks, from the file's ending, header and keys."""
 
 import csv
 from pathlib import Path

@@ -66,8 +66,8 @@ def _fields(path: Path) -> dict[str, np.ndarray]:
             table = pd.read_csv(path)
             return {name.split(" (")[0].strip(): table[name].to_numpy() for name in table}
         with np.load(path, allow_pickle=False) as file:
-            used = ("frame", "missing", "cm_per_pixel", "X", "Y")
-            names = [name for name in file.files if name.split("#")[0] in used]
+            kinds = ("frame", "missing", "cm_per_pixel", "X", "Y")
+            names = [name for name in file.files if name.split("#")[0] in kinds]
             return {name: file[name] for name in names}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise unreadable(path, SOFTWARE, error) from error
