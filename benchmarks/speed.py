@@ -24,7 +24,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.base.parallel import Processes, warm_up
+from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
@@ -49,7 +49,6 @@ from finloop.io.film_writer import film_writer
 from finloop.io.table import load_table, save_table
 from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, read_spread
 from finloop.io.wheel import cache_folder, zebrafish_clips
-from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
 PAIRS = 5
@@ -101,7 +100,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
-    found = detections(whole, scene, detector, Processes(THREADS))
+    found = detections(whole, scene, detector, Threads(THREADS))
     linked = tracks(decoded(found, []), typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
@@ -157,7 +156,6 @@ def main() -> None:
     """Measure, print, write."""
     results = []
     cv2.setNumThreads(1)
-    warm_up([*WORKERS_NEED, "benchmarks.speed"])
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])

@@ -42,7 +42,7 @@ from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes
+from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
@@ -149,12 +149,12 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     """Cut out the fish of every frame, and follow each; table and cut-outs go to `folder`/extract.
 
     A frame that cannot be decoded is as one without fish, and a warning names it.
-    `workers`: processes; with more than one the program needs `if __name__ == "__main__":`.
+    `workers`: threads.
     `changes`: of `finloop.extract.settings.Settings`.
     """
     p, home = settings("extract", **changes), _folder(folder) / "extract"
     with whole_folder(home) as part:
-        lost = extract(film.folder, p, part, Processes(workers)).lost
+        lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
         warnings.warn(said_of_lost(lost, film.facts), stacklevel=2)
     table = load_table(home / TRACKS_NAME, tracks_schema(p.points))

@@ -1,4 +1,4 @@
-"""Where a stage's work is done: processes of this machine, or the workers that conf/cluster/ names.
+"""Where a stage's work is done: on this machine, or by the workers that conf/cluster/ names.
 
 `python -m stages.cluster tcp://host:8786 [--count N]` starts workers of a Dask scheduler on this
 machine, in this folder. No stage has the parameters `cluster` under `params` in dvc.yaml: results
@@ -16,7 +16,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, Workers, warm_up
+from finloop.base.parallel import Processes, Threads, Workers, warm_up
 from finloop.cluster.settings import Default, Settings
 from stages.settings import load
 
@@ -24,16 +24,16 @@ START = "python -m stages.cluster {}"
 
 
 @contextmanager
-def workers(need: Sequence[str]) -> Iterator[Workers]:
-    """The workers of a stage. need: modules that they load first.
+def workers(need: Sequence[str], threads: bool = False) -> Iterator[Workers]:
+    """The workers of a stage. need: modules that they load first; threads: not processes.
 
     FinloopError if a cluster is wanted that is not there, or does not fit.
     """
     p: Settings = load("cluster")
     if isinstance(p, Default) and p.address is None:
-        if THREADS > 1:
+        if THREADS > 1 and not threads:
             warm_up(need)
-        yield Processes(THREADS)
+        yield Threads(THREADS) if threads else Processes(THREADS)
         return
     from finloop.cluster import Home, dask_workers  # loads packages of the extra `cluster`
 

@@ -35,14 +35,14 @@ from stages.settings import load
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
 LONG = 60  # frames of a long track
-WORKERS_NEED = ["finloop.extract.ready", "finloop.several", "stages.cluster", "stages.reuse"]
-"""What workers import before they begin; not this module, which they run themselves."""
+WORKERS_NEED = ["finloop.extract.film", "finloop.io.pieces"]
+"""What the workers of a cluster import before they begin."""
 
 
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and films.csv."""
     settings: Settings = load("extract")
-    with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
+    with workers(WORKERS_NEED, threads=True) as crew, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
             numbers, films = extract_films(CLIP, settings, crew, folder)
         else:
@@ -185,5 +185,5 @@ def metrics(extraction: Extraction) -> dict[str, float]:
 
 
 if __name__ == "__main__":
-    cv2.setNumThreads(1)  # the processes already use every core
+    cv2.setNumThreads(1)  # the workers already use every core
     run(main)

@@ -191,6 +191,21 @@ def test_polarity_says_which_differences_count():
     assert np.array_equal(both, np.maximum(dark, bright))
 
 
+@pytest.mark.parametrize("polarity", ["dark", "bright", "both"])
+@pytest.mark.parametrize("size", [(2, 2), (3, 40), (33, 5), SIZE])
+def test_a_difference_is_smoothed_by_a_gaussian_also_at_the_edges(polarity, size):
+    rng = np.random.default_rng(7)
+    frame, tank = rng.integers(0, 256, (2, *size), np.uint8)
+    darker = np.clip(tank.astype(float) - frame, 0, None)
+    brighter = np.clip(frame.astype(float) - tank, 0, None)
+    change = {"dark": darker, "bright": brighter, "both": darker + brighter}[polarity]
+    smooth = cv2.sepFilter2D(change, -1, KERNEL, KERNEL)
+    assert np.abs(difference(frame, scene_of(tank, polarity)) - smooth).max() <= 0.6
+    view = np.pad(frame, (0, 9))[: size[0], : size[1]]  # as a decoder gives it
+    view.flags.writeable = False
+    assert np.array_equal(difference(view, scene_of(tank)), difference(frame, scene_of(tank)))
+
+
 def test_of_three_colours_the_strongest_difference_counts():
     tank = floor(colour=True)
     for channel in range(3):
@@ -393,6 +408,20 @@ def test_patterned_skin_makes_no_holes():
     assert np.array_equal(found.mask, plain.mask)
 
 
+def test_fish_in_several_rows_are_those_of_each_alone_from_below_up():
+    tank, places = floor(), ((40, 20), (110, 60), (60, 108))
+    alone = [patches(laid(tank, coverage(x, y), 40), scene_of(tank)) for x, y in places]
+    frame = tank.copy()
+    for x, y in places:
+        frame = laid(frame, coverage(x, y), 40)
+    found = patches(frame, scene_of(tank))
+    assert [one.y0 for one in found] == [one.y0 for (one,) in alone[::-1]]
+    for one, (other,) in zip(found, alone[::-1], strict=True):
+        assert (one.x0, one.area_px) == (other.x0, other.area_px)
+        assert np.array_equal(one.mask, other.mask)
+        assert np.array_equal(one.field, other.field)
+
+
 def test_specks_are_left_out():
     tank = np.full(SIZE, 150, np.uint8)
     frame = laid(tank, coverage(80, 60, long=5, wide=4), 30)  # 63 px²
@@ -513,13 +542,25 @@ def test_alpha_does_not_fade_where_the_skin_resembles_the_tank():
     mask[4:16, 4:26] = True
     field = np.where(mask, 90, 0).astype(np.uint8)
     field[8:12, 10:14] = 0
-    alpha = matte(mask, field, 6.0)
+    alpha = matte(mask, field, 6)
     assert alpha[8:12, 10:14].min() == 255
     field[3, 10] = 45  # half a pixel of fish beyond the mask
     field[2, 10] = 45  # two pixels beyond, it is something else
-    alpha = matte(mask, field, 6.0)
+    alpha = matte(mask, field, 6)
     assert abs(int(alpha[3, 10]) - 127) <= 1
     assert alpha[2, 10] == 0
+
+
+def test_alpha_is_the_difference_over_the_largest_within_two_pixels_inside():
+    rng = np.random.default_rng(8)
+    blob = cv2.GaussianBlur(rng.standard_normal((40, 50)), (0, 0), 4) > 0  # up to the edges
+    field = rng.integers(0, 256, blob.shape, np.uint8)
+    solid = blob.astype(np.uint8) * 255
+    most = np.maximum(cv2.dilate(np.where(blob, field, 0).astype(np.uint8), np.ones((5, 5))), 30)
+    true = np.minimum(255 * field.astype(float) / most, 255)
+    true[cv2.erode(solid, np.ones((3, 3))) > 0] = 255
+    true[cv2.dilate(solid, np.ones((3, 3))) == 0] = 0
+    assert np.abs(matte(blob, field, 30) - true).max() <= 0.5
 
 
 def test_a_round_thing_is_not_measured():

@@ -8,6 +8,7 @@ import signal
 from concurrent.futures import ProcessPoolExecutor
 from fractions import Fraction
 
+import cv2
 import numpy as np
 import pytest
 from conftest import wait_for
@@ -25,7 +26,7 @@ from jobs import (
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, ordered_map, warm_up
+from finloop.base.parallel import Processes, Threads, ordered_map, warm_up
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
 
@@ -52,10 +53,11 @@ def no_hanging():
 
 
 @pytest.mark.parametrize("workers", [1, 2, 3])
-def test_each_item_is_worked_once(workers):
-    assert list(ordered_map(square, range(12), Processes(workers))) == [k**2 for k in range(12)]
-    assert list(ordered_map(square, [], Processes(workers))) == []
-    assert list(ordered_map(square, [3], Processes(workers))) == [9]
+@pytest.mark.parametrize("kind", [Processes, Threads])
+def test_each_item_is_worked_once(kind, workers):
+    assert list(ordered_map(square, range(12), kind(workers))) == [k**2 for k in range(12)]
+    assert list(ordered_map(square, [], kind(workers))) == []
+    assert list(ordered_map(square, [3], kind(workers))) == [9]
 
 
 @pytest.mark.parametrize("workers", [2, 3])
@@ -70,21 +72,33 @@ def test_results_come_in_order_and_not_as_they_end(workers, tmp_path):
     assert len(places) >= 2 and os.getpid() not in places
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+def test_threads_work_at_a_time_in_this_process(tmp_path):
+    for even in range(0, 12, 2):
+        os.mkfifo(tmp_path / str(even))
+    before = cv2.getNumThreads()
+    results = ordered_map(after_the_next, [(tmp_path, k) for k in range(12)], Threads(2))
+    assert [(next(results), cv2.getNumThreads()) for _ in range(6)] == [
+        ((number, os.getpid()), 1) for number in range(6)
+    ]
+    assert [number for number, _ in results] == list(range(6, 12))
+    assert cv2.getNumThreads() == before
+
+
+@pytest.mark.parametrize("workers", [Processes(1), Processes(2), Threads(2)], ids=str)
 def test_an_error_in_a_worker_is_the_same_error_here(workers):
-    results = ordered_map(fails_at_five, range(40), Processes(workers))
+    results = ordered_map(fails_at_five, range(40), workers)
     assert [next(results) for _ in range(5)] == [0, 1, 2, 3, 4]
     with pytest.raises(FinloopError) as caught:
         next(results)
     assert (caught.value.came, caught.value.do) == ("five came", "take another")
 
 
-@pytest.mark.parametrize("workers", [1, 2])
+@pytest.mark.parametrize("workers", [Processes(1), Processes(2), Threads(2)], ids=str)
 def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path):
-    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), Processes(workers))
+    results = ordered_map(noted, ((tmp_path, number) for number in range(60)), workers)
     for taken in range(1, 20):
         next(results)
-        most = taken + workers + 1
+        most = taken + workers.count + 1
         assert not wait_for(lambda most=most: len(list(tmp_path.iterdir())) > most, 0.02)
 
 

@@ -5,7 +5,7 @@ import signal
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
@@ -45,9 +45,9 @@ class Handed(Protocol[B_co]):
 
 
 class Workers(Protocol):
-    """Workers: processes of this machine, `Processes`, or of a cluster (room `cluster`).
+    """Workers: `Threads` of this process, `Processes`, or those of a cluster (room `cluster`).
 
-    Either gives the same bytes.
+    Each gives the same bytes.
     """
 
     @property
@@ -99,6 +99,30 @@ def _submit(pool: ProcessPoolExecutor, work: Callable[[A], B], item: A) -> Futur
         if error.errno is not None:
             raise
         raise BrokenProcessPool("a worker was killed while another one started") from error
+
+
+@dataclass(frozen=True)
+class Threads:
+    """Threads of this process, for work most of which is compiled and holds no lock of Python.
+
+    They begin at once, and nothing is pickled.
+    """
+
+    count: int = 1
+
+    @property
+    def alone(self) -> bool:
+        """As in `Workers`."""
+        return self.count < 2
+
+    @contextmanager
+    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], Future[B]]]:
+        """As in `Workers`."""
+        with ThreadPoolExecutor(self.count) as pool, ExitStack() as stack:
+            stack.callback(cv2.setNumThreads, cv2.getNumThreads())
+            stack.callback(pool.shutdown, wait=True, cancel_futures=True)
+            cv2.setNumThreads(1)
+            yield lambda item: pool.submit(work, item)
 
 
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:

@@ -48,15 +48,10 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
     `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
     precision; values below `floor` (grey levels) are noise.
     """
-    half_width = cv2.distanceTransform(mask.astype(np.uint8), cv2.DIST_L2, 3)
-    path = trim_forks(
-        longest_geodesic(skimage.morphology.skeletonize(mask), half_width), half_width
-    )
-    if len(path) < 4:
-        return None
-    xy, width = _refine(np.ascontiguousarray(field), path, smoother(points), points, floor)
-    length = float(np.hypot(*np.diff(xy, axis=0).T).sum())
-    return Backbone(xy, width, length) if np.isfinite(length) else None
+    skeleton = skimage.morphology.skeletonize(mask)
+    half_width = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 3)
+    line = _line(skeleton, half_width, field, smoother(points), floor)
+    return Backbone(*line) if np.isfinite(line[-1]) else None
 
 
 @lru_cache
@@ -232,6 +227,20 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
     rank = 1 + (values.size - 1) * share
     k = int(rank)
     return rising[k - 1] * (1 - (rank - k)) + rising[k] * (rank - k)
+
+
+@kernel
+def _line(skeleton, half_width, field, smooth, floor):  # type: ignore[no-untyped-def]
+    """Backbone from a skeleton: its points, half widths and length, NaN where it is too short."""
+    points = len(smooth)
+    path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
+    if len(path) < 4:
+        return np.zeros((points, 2)), np.zeros(points), np.nan
+    xy, width = _refine(field, path, smooth, points, floor)
+    length = 0.0
+    for i in range(1, points):
+        length += np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
+    return xy, width, length
 
 
 @kernel

@@ -13,11 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone, ring, trace, upper_level
 from finloop.extract.background import Scene, difference
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
+Edge = NDArray[np.int32]  # (n, 1, 2) x, y, px
 _CONTRAST = 0.8  # quantile of the difference inside a candidate that stands for its contrast
 
 
@@ -65,14 +67,13 @@ def silhouettes(
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
     `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
-    edge of a patch lies at `share` of its own contrast.
+    edge of a patch lies at `share` of its own contrast. The rectangle about a candidate may hold
+    parts of others, which are left out.
     """
     change = difference(frame, scene)
-    cv2.bitwise_and(change, arena, dst=change)
-    candidates = cv2.threshold(change, int(scene.threshold), 255, cv2.THRESH_BINARY)[1]
     height, width = change.shape
-    for contour in cv2.findContours(candidates, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)[0]:
-        x, y, w, h = cv2.boundingRect(contour)
+    for candidate in _candidates(change, arena, int(scene.threshold)):
+        x, y, w, h = cv2.boundingRect(candidate)
         if w * h < least_area:
             continue
         left, top = max(x - _PAD, 0), max(y - _PAD, 0)
@@ -80,60 +81,62 @@ def silhouettes(
         patch = change[top:bottom, left:right]
         contrast = upper_level(patch, scene.threshold, _CONTRAST)
         level = max(int(scene.threshold), int(share * contrast))
-        for part in _parts(patch, left, top, level, contrast, arena, least_area):
-            if _inside(contour, part):  # others may reach into the rectangle
-                yield part
+        above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
+        for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
+            pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
+            if cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0:
+                part = _silhouette(edge, patch, (left, top), contrast, arena)
+                if part.area_px >= least_area:
+                    yield part
 
 
-def _inside(candidate: NDArray[np.int32], part: Silhouette) -> bool:
-    """Whether a silhouette is a part of a candidate, of which `candidate` is the edge.
+def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:
+    """Edges of the connected pixels above `level` inside the arena, from below up.
 
-    It is connected, so one of its pixels tells.
+    Only rows near such pixels are looked at; outside of the arena `change` becomes 0 in these.
     """
-    row, column = divmod(int(part.mask.argmax()), part.mask.shape[1])
-    pixel = float(part.x0 + column), float(part.y0 + row)
-    return cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0
+    rows = np.flatnonzero(change.max(axis=1) > level)
+    if not len(rows):
+        return
+    for run in np.split(rows, np.flatnonzero(np.diff(rows) > 2 * _PAD) + 1)[::-1]:
+        top, bottom = max(run[0] - _PAD, 0), run[-1] + 1 + _PAD
+        part = change[top:bottom]
+        cv2.bitwise_and(part, arena[top:bottom], dst=part)
+        above = cv2.threshold(part, level, 255, cv2.THRESH_BINARY)[1]
+        yield from cv2.findContours(
+            above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE, offset=(0, int(top))
+        )[0]
 
 
-def _parts(
-    patch: Picture, left: int, top: int, level: int, contrast: float, arena: Picture, least: float
-) -> Iterator[Silhouette]:
-    """The connected, hole-free parts of a candidate patch above `level`."""
-    above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
-    for contour in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
-        x, y, w, h = cv2.boundingRect(contour)
-        if w * h < least:
-            continue
-        x, y = max(x - _PAD, 0), max(y - _PAD, 0)
-        w, h = w + 2 * _PAD, h + 2 * _PAD
-        field = patch[y : y + h, x : x + w]
-        mask = np.zeros(field.shape, np.uint8)
-        cv2.drawContours(mask, [contour], -1, 1, cv2.FILLED, offset=(-x, -y))
-        area = cv2.countNonZero(mask)
-        if area < least:
-            continue
-        yield Silhouette(
-            left + x, top + y, mask.astype(bool), field, contrast, area,
-            _touches_border(mask, left + x, top + y, arena),
-        )  # fmt: skip
+def _silhouette(
+    edge: Edge, patch: Picture, corner: tuple[int, int], contrast: float, arena: Picture
+) -> Silhouette:
+    """The part of a candidate inside `edge`, without holes.
+
+    edge: px of the patch; corner: x, y of the patch in the picture.
+    """
+    x, y, w, h = cv2.boundingRect(edge)
+    at_edge = min(x + corner[0], y + corner[1]) <= 1
+    at_edge |= x + w + corner[0] >= arena.shape[1] - 1 or y + h + corner[1] >= arena.shape[0] - 1
+    x, y, right, bottom = max(x - _PAD, 0), max(y - _PAD, 0), x + w + _PAD, y + h + _PAD
+    field = patch[y:bottom, x:right].copy()
+    mask = np.zeros(field.shape, np.uint8)
+    cv2.drawContours(mask, [edge], -1, 1, cv2.FILLED, offset=(-x, -y))
+    x0, y0, area = x + corner[0], y + corner[1], cv2.countNonZero(mask)
+    at_border = at_edge or _near_border(mask, arena[y0:, x0:])
+    return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
-def _touches_border(mask: Picture, x0: int, y0: int, arena: Picture) -> bool:
-    """Whether a silhouette reaches the picture's edge, or comes close to the arena's."""
-    h, w = mask.shape
-    rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
-    if rows[0] + y0 <= 1 or columns[0] + x0 <= 1:
-        return True
-    if rows[-1] + y0 >= arena.shape[0] - 2 or columns[-1] + x0 >= arena.shape[1] - 2:
-        return True
-    inside = arena[y0 : y0 + h, x0 : x0 + w]
+def _near_border(mask: Picture, arena: Picture) -> bool:
+    """Whether a silhouette comes close to what is outside of the arena."""
+    inside = arena[: mask.shape[0], : mask.shape[1]]
     if inside.all():
         return False
     return bool(((cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0) & (inside == 0)).any())
 
 
-def contour(silhouette: Silhouette) -> NDArray[np.int32]:
-    """The pixels of a silhouette's edge, (n, 1, 2) int32 px of the picture."""
+def contour(silhouette: Silhouette) -> Edge:
+    """The pixels of a silhouette's edge, px of the picture."""
     chains, _ = cv2.findContours(
         silhouette.mask.astype(np.uint8), cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE,
         offset=(silhouette.x0, silhouette.y0),
@@ -149,7 +152,7 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
     backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
         return None
-    alpha = matte(silhouette.mask, silhouette.field, scene.threshold)
+    alpha = matte(silhouette.mask, silhouette.field, round(scene.threshold))
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
@@ -168,18 +171,34 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
     )
 
 
-def matte(mask: Mask, field: Picture, threshold: float) -> Picture:
+@kernel
+def matte(mask: Mask, field: Picture, floor: int) -> Picture:
     """Soft alpha (h, w) uint8 of a silhouette.
 
     Near the outline a pixel is a blend of fish and tank, so alpha is its difference divided by the
-    difference just inside the fish, which a dilation carries outwards. Deep inside, where patterned
-    skin may resemble the tank, alpha is 1.
+    largest difference within two pixels inside the fish, `floor` at least. Deep inside, where
+    patterned skin may resemble the tank, alpha is 1; beyond the next pixel it is 0.
     """
-    solid = mask.astype(np.uint8) * np.uint8(255)
-    height = cv2.dilate(cv2.bitwise_and(field, solid), np.ones((5, 5), np.uint8))
-    soft = cv2.divide(field, cv2.max(height, threshold), scale=255)
-    soft = cv2.bitwise_or(soft, cv2.erode(solid, np.ones((3, 3), np.uint8)))
-    return cv2.bitwise_and(soft, cv2.dilate(solid, np.ones((3, 3), np.uint8)))
+    height, width = mask.shape
+    alpha = np.zeros((height, width), np.uint8)
+    fish = np.zeros((height, width + 2), np.uint8)  # pixels of it in rows y - 1 ... y + 1
+    for y in range(height):
+        for v in range(max(y - 1, 0), min(y + 2, height)):
+            for x in range(width):
+                fish[y, x + 1] += mask[v, x]
+        rows = min(y + 2, height) - max(y - 1, 0)
+        for x in range(width):
+            count = fish[y, x] + fish[y, x + 1] + fish[y, x + 2]
+            if count == rows * (min(x + 2, width) - max(x - 1, 0)):
+                alpha[y, x] = 255
+            elif count:
+                most = floor
+                for v in range(max(y - 2, 0), min(y + 3, height)):
+                    for u in range(max(x - 2, 0), min(x + 3, width)):
+                        if mask[v, u]:
+                            most = max(most, field[v, u])
+                alpha[y, x] = min(round(255 * field[y, x] / max(most, 1)), 255)
+    return alpha
 
 
 def outline(alpha: Picture) -> Floats:
@@ -196,9 +215,19 @@ def premultiplied(film: Picture, tank: Picture, alpha: Picture) -> Picture:
     other picture it has no fringe of tank colour. `film` and `tank` are (h, w) or (h, w, 3),
     `alpha` (h, w).
     """
-    through = 255 - alpha
-    added = [
-        cv2.min(cv2.subtract(channel, cv2.multiply(behind, through, scale=1 / 255)), alpha)
-        for channel, behind in zip(cv2.split(film), cv2.split(tank), strict=True)
-    ]
-    return cv2.merge([*added, alpha])
+    deep = (*alpha.shape, film.size // alpha.size)
+    return _premultiplied(film.copy().reshape(deep), tank.copy().reshape(deep), alpha)
+
+
+@kernel
+def _premultiplied(film, tank, alpha):  # type: ignore[no-untyped-def]
+    height, width, channels = film.shape
+    out = np.empty((height, width, channels + 1), np.uint8)
+    for y in range(height):
+        for x in range(width):
+            opaque = int(alpha[y, x])
+            for k in range(channels):
+                through = (tank[y, x, k] * (255 - opaque) + 127) // 255
+                out[y, x, k] = min(max(film[y, x, k] - through, 0), opaque)
+            out[y, x, channels] = opaque
+    return out

@@ -153,8 +153,7 @@ def against_given(tracks: pd.DataFrame, given: pd.DataFrame, rate_hz: float) -> 
 
     tracks: the columns `finloop.features.table.USED`; given: schema GIVEN, the same rows.
     """
-    every = [oriented(track, rate_hz) for _, track in tracks.groupby("track_id")]
-    own = np.concatenate([line for line, _ in every])
+    own, _ = oriented(tracks, rate_hz)
     head, tail = given_ends(given)
     tail = np.where(np.isfinite(tail), tail, own[:, own.shape[1] // 2])
     ours, theirs = own[:, 0] - own[:, -1], head - tail

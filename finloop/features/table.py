@@ -5,6 +5,8 @@ change of heading over the next Δ; *bend* the signed motion area. Angles are de
 anticlockwise as seen on screen, 0 = to the right.
 """
 
+from itertools import pairwise
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -115,38 +117,77 @@ def features(
             "the table that the stage `extract` writes, whose rows are those of the cut-outs",
             "make it again: `dvc repro --force extract`",
         )
-    every = [track for _, track in tracks.groupby("track_id")]
-    lines = [
-        oriented(track, rate_hz, None if given is None else given.loc[track.index])
-        for track in every
-    ]
-    bends = [
-        bend(line, track["length_px"].to_numpy(float))
-        for track, (line, _) in zip(every, lines, strict=True)
-    ]
+    every = _spans(tracks)
+    backbone, confidence = oriented(tracks, rate_hz, given)
+    length = tracks["length_px"].to_numpy(float)
+    bent, direction = bend(backbone, length), heading(backbone)
     delta_s = settings.delta_s
-    delta = delta_frames(measured_delta(bends, rate_hz) if delta_s == "auto" else delta_s, rate_hz)
-    table = pd.concat(
-        [
-            _of_track(track, *pair, area, delta, rate_hz, settings)
-            for track, pair, area in zip(every, lines, bends, strict=True)
-        ],
-        ignore_index=True,
+    if delta_s == "auto":
+        delta_s = measured_delta([bent[one] for one in every], rate_hz)
+    delta = delta_frames(delta_s, rate_hz)
+    place = tracks[["x_px", "y_px"]].to_numpy(float)
+    types = [_type(direction[one], bent[one], delta, settings) for one in every]
+    area, (moved, turned) = np.abs(bent), np.full((2, len(tracks)), np.nan)
+    for one in every:
+        now, then = _from_to(one, delta)
+        moved[now] = np.hypot(*(place[then] - place[now]).T) / np.median(length[one])
+        turned[now] = wrap_deg(direction[then] - direction[now])
+    values = {
+        "track_id": tracks["track_id"].to_numpy(),
+        "frame": tracks["frame"].to_numpy(),
+        "time_s": tracks["frame"].to_numpy() / rate_hz,
+        **dict(zip(("x_px", "y_px"), place.T, strict=True)),
+        **dict(zip(("head_x_px", "head_y_px"), backbone[:, 0].T, strict=True)),
+        **dict(zip(("tail_x_px", "tail_y_px"), backbone[:, -1].T, strict=True)),
+        "heading_deg": direction,
+        "orientation": orientation(direction, settings.orientations),
+        "orientations": settings.orientations,
+        "body_length_px": length,
+        "motion_area": area,
+        "motion_area_rel": area / (area.max() or 1.0),
+        "bend": bent,
+        "displacement": moved,
+        "included_angle_deg": turned,
+        "swimming_type": np.concatenate(types),
+        "head_confidence": confidence,
+    }
+    return pd.DataFrame(values), backbone.astype(np.float32)
+
+
+def _type(direction: Floats, bent: Floats, delta: int, settings: Settings) -> NDArray[np.int8]:
+    """Swimming type (frames,) of one track."""
+    return swimming_type(
+        turn(direction, delta),
+        bent,
+        turn_threshold_deg=settings.turn_threshold_deg,
+        bend_threshold=settings.bend_threshold,
+        release=settings.release,
     )
-    table["motion_area"] = table["bend"].abs()
-    largest = table["motion_area"].max()
-    table["motion_area_rel"] = table["motion_area"] / (largest if largest > 0 else 1.0)
-    return table[FEATURES.names], np.concatenate([line for line, _ in lines]).astype(np.float32)
+
+
+def _from_to(track: slice, delta: int) -> tuple[slice, slice]:
+    """The rows of a track that have others `delta` later, and these."""
+    last = max(track.stop - delta, track.start)
+    return slice(track.start, last), slice(track.start + delta, last + delta)
+
+
+def _spans(tracks: pd.DataFrame) -> list[slice]:
+    """The rows of each track of a table that is sorted by them."""
+    first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
+    return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
 
 
 def oriented(
     tracks: pd.DataFrame, rate_hz: float, given: pd.DataFrame | None = None
 ) -> tuple[Floats, Floats]:
-    """Backbones (frames, n, 2) of one track, head first, and the confidence (frames,) in that."""
+    """Backbones (rows, n, 2) of tracks, head first, and the confidence (rows,) in that."""
     backbone = lists_to_points(tracks, "backbone").astype(float)
-    head_end = None if given is None else given_head_end(backbone, *given_ends(given))
-    widths = lists_to_array(tracks["half_width_px"])
-    first, confidence = head_first(backbone, widths, rate_hz, head_end)
+    width = lists_to_array(tracks["half_width_px"])
+    ends = None if given is None else given_head_end(backbone, *given_ends(given))
+    first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
+    for one in _spans(tracks):
+        end = None if ends is None else ends[one]
+        first[one], confidence[one] = head_first(backbone[one], width[one], rate_hz, end)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
 
 
@@ -154,50 +195,3 @@ def given_ends(given: pd.DataFrame) -> tuple[Floats, Floats]:
     """Head and tail, (rows, 2) px each, as another program gives them; NaN where it does not."""
     head, tail = (given[[f"{end}_x_px", f"{end}_y_px"]].to_numpy(float) for end in ("head", "tail"))
     return head, tail
-
-
-def _of_track(
-    track: pd.DataFrame,
-    backbone: Floats,
-    confidence: Floats,
-    area: Floats,
-    delta: int,
-    rate_hz: float,
-    settings: Settings,
-) -> pd.DataFrame:
-    length = track["length_px"].to_numpy(float)
-    direction = heading(backbone)
-    kind = swimming_type(
-        turn(direction, delta),
-        area,
-        turn_threshold_deg=settings.turn_threshold_deg,
-        bend_threshold=settings.bend_threshold,
-        release=settings.release,
-    )
-    place = track[["x_px", "y_px"]].to_numpy(float)
-    displacement = np.full(len(track), np.nan)
-    included_angle = np.full(len(track), np.nan)
-    displacement[:-delta] = np.hypot(*(place[delta:] - place[:-delta]).T) / np.median(length)
-    included_angle[:-delta] = wrap_deg(direction[delta:] - direction[:-delta])
-    return pd.DataFrame(
-        {
-            "track_id": track["track_id"].to_numpy(),
-            "frame": track["frame"].to_numpy(),
-            "time_s": track["frame"].to_numpy() / rate_hz,
-            "x_px": place[:, 0],
-            "y_px": place[:, 1],
-            "head_x_px": backbone[:, 0, 0],
-            "head_y_px": backbone[:, 0, 1],
-            "tail_x_px": backbone[:, -1, 0],
-            "tail_y_px": backbone[:, -1, 1],
-            "heading_deg": direction,
-            "orientation": orientation(direction, settings.orientations),
-            "orientations": settings.orientations,
-            "body_length_px": length,
-            "bend": area,
-            "displacement": displacement,
-            "included_angle_deg": included_angle,
-            "swimming_type": kind,
-            "head_confidence": confidence,
-        }
-    )
