@@ -19,7 +19,6 @@ from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fis
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.shoal import deal
 from finloop.animate.swim import Player, Swim
 from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
@@ -36,10 +35,12 @@ from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
 from finloop.reel import Reel
+from finloop.social.measures import SHOAL, beside, halves, shoal_table
 from finloop.sprites.orient import SPRITES
 from stages.cluster import workers
 from stages.forecasts import load_forecast
 from stages.poses import load_poses
+from stages.rules import FOLDER, load_rule
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
@@ -80,6 +81,7 @@ def material(p: Settings) -> Iterator[Material]:
             load_forecast(features, poses, facts.frame_rate_hz),
             given_line(p, features),
             facts.mm_per_px,
+            load_rule(),
         )
 
 
@@ -102,7 +104,7 @@ def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, flo
 
         def measured(player: Player, seed: int) -> dict[str, float]:
             edit, goals = plans.trial(player, seed)
-            each = zip(by_fish(edit), deal(goals, p.fish), strict=True)
+            each = zip(by_fish(edit), plans.deal(goals), strict=True)
             rows = [measures.of_plan(*one, player, film_motion) for one in each]
             return measures.averaged(rows) | encounters.of_shoal(edit, player)
 
@@ -167,7 +169,7 @@ def animation(
     weighed = [one.considered(ticks, filmed, fish) for fish, one in enumerate(swum)]
     save_table(folder / f"{mode}_considered.parquet", pd.concat(weighed), CONSIDERED)
     path = None if plans.path is None else followed(mode, swum[0], plans)
-    each = zip(by_fish(edit), deal(goals, len(swum)), strict=True)
+    each = zip(by_fish(edit), plans.deal(goals), strict=True)
     rows = [
         measures.of_plan(one, own, player, film_motion) | of_pictures(one, plans, steps)
         for one, own in each
@@ -188,6 +190,25 @@ def of_pictures(edit: pd.DataFrame, plans: Planner, steps: pd.DataFrame) -> dict
         **measures.of_rhythm(edit, jumps, rate),
         "longest_exact_repeat_s": measures.longest_repeat(edit) / rate,
     }
+
+
+def company(folder: Path, plans: Planner) -> pd.DataFrame:
+    """How far the fish of every mode are from those of the film, as `measures.beside` has it.
+
+    Beside them stands its first half, to which zones are fitted; nothing of one fish.
+    """
+    waters = plans.waters
+    film = load_table(FOLDER / "film.parquet", SHOAL)
+    first, second = halves(film)
+    shoals = {"first_half": first}
+    for mode in plans.players:
+        edit = load_table(folder / f"{mode}.parquet", EDIT, ["tick", "x_px", "y_px", "heading_deg"])
+        places = edit[["x_px", "y_px"]].to_numpy(float)
+        heading = edit["heading_deg"].to_numpy(float)
+        shoals[mode] = shoal_table(edit["tick"].to_numpy(), places, heading, waters.walls)
+    if waters.settings.fish == 1:
+        shoals = {}
+    return beside({"film": film, "second_half": second}, shoals)
 
 
 def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
@@ -220,6 +241,7 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         ) | (encounters.of_film(features) if p.fish > 1 else {})
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
+        save_csv(REPORT / "company.csv", company(folder, plans), decimals=3)
         if paths:
             every = pd.concat([one.swum for one in paths], ignore_index=True)
             save_table(folder / "path.parquet", every, path_measures.SWUM)

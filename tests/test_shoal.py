@@ -251,7 +251,7 @@ def test_of_a_film_animals_of_one_frame_are_neighbours():
 def folder(tmp_path_factory, tiny_run):
     """What the stages make of a tiny carp of which three swim in one tank."""
     path = tmp_path_factory.mktemp("shoal")
-    tiny_run.bring(path, ["bpn", "forecast", "gateways", "identity", "loops"])
+    tiny_run.bring(path, ["bpn", "calibrate", "forecast", "gateways", "identity", "loops"])
     own = ["animate.fish=3", "animate.seconds=1", "animate.goal_radius=0.2", "animate.trials=1"]
     prepare(path, *TINY_CARP, *own)
     with pytest.MonkeyPatch.context() as patch:
@@ -272,5 +272,8 @@ def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     assert measures["trials_overlapping_pairs_per_1000_ticks"] == 0
     assert measures["nearest_median_body_lengths"] > 0
     assert pd.read_json(folder / "reports/render/metrics.json", typ="series")["frames"] == ticks
+    company = pd.read_csv(folder / "reports/animate/company.csv")
+    assert {"first_half", "nn", "hybrid"} <= set(company["shoal"])
+    assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
     listed = pd.read_csv(folder / "data/export/hybrid.csv")
     assert sorted(listed["fish"].unique()) == [0, 1, 2]

@@ -188,9 +188,8 @@ def place_of(others, zones=ZONES, x=300.0, y=200.0, walls=OPEN, seed=0):
     company = Others(
         np.array([place for place, _ in others]).reshape(-1, 2), np.array([h for _, h in others])
     )
-    return shoaling_place(
-        Self(x, y, 0.0, x - PX, y), company, rule, walls, np.random.default_rng(seed)
-    )
+    own = Self(x, y, 0.0, 1.0)
+    return shoaling_place(own, company, rule, walls, np.random.default_rng(seed))
 
 
 def test_a_fish_is_drawn_to_the_company_it_has():

@@ -23,8 +23,9 @@ from finloop.animate.paths import Path, lay
 from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
+from finloop.animate.route import Route
 from finloop.animate.settings import Settings
-from finloop.animate.shoal import Task, refuse_meetings, settle, shoal, tasks
+from finloop.animate.shoal import Task, by_rule, deal, refuse_meetings, settle, shoal, tasks
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player, Swim, random_goals
@@ -39,6 +40,7 @@ from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
+from finloop.social.rule import Shoaling
 from finloop.sprites.pictures import outlines
 
 _LOT = 10_000  # outlines at a time
@@ -50,7 +52,8 @@ class Material(NamedTuple):
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
     as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
-    little for one; line: to be swum in place of the goals; mm_per_px: None: not known.
+    little for one; line: to be swum in place of the goals; mm_per_px: None: not known; shoaling:
+    how fish swim by zones, None: not known.
     """
 
     rate_hz: float
@@ -67,6 +70,7 @@ class Material(NamedTuple):
     forecast: Sampler | None = None
     line: Line | None = None
     mm_per_px: float | None = None
+    shoaling: Shoaling | None = None
 
 
 @dataclass(frozen=True)
@@ -84,24 +88,47 @@ class Planner:
     path: Path | None = None
 
     def goals(self) -> list[Goal]:
-        """The goals of the parameters, none where a path is swum.
+        """The goals of the parameters, none where a path is swum, or all fish swim by zones.
 
         FinloopError if one is out of reach, or two fish are sent to one place.
         """
-        if self.path is not None:
+        if self.path is not None or not self.seekers:
             return []
         p, waters = self.waters.settings, self.waters
         touch_px = waters.touch_px + waters.head_px
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
         if not p.overlap:
-            refuse_meetings(goals, p.fish)
+            refuse_meetings(goals, len(self.seekers))
         return goals
+
+    @property
+    def seekers(self) -> list[int]:
+        """The fish that swim to goals, not by a rule. FinloopError if the rule is contradictory."""
+        p = self.waters.settings
+        every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
+        return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
+
+    def deal(self, goals: Sequence[Goal]) -> list[list[Goal]]:
+        """The goals of each fish."""
+        lots: list[list[Goal]] = [[] for _ in range(self.waters.settings.fish)]
+        if goals:
+            for fish, lot in zip(self.seekers, deal(goals, len(self.seekers)), strict=True):
+                lots[fish] = lot
+        return lots
 
     def tasks(self, goals: Sequence[Goal]) -> list[Task]:
         """What each fish does: the first one swims the path, if there is one."""
         p, route = self.waters.settings, None if self.path is None else self.path.route
-        return tasks(goals, p.fish, np.random.default_rng(p.seed), route)
+        return self._tasks(goals, np.random.default_rng(p.seed), route)
+
+    def _tasks(
+        self, goals: Sequence[Goal], rng: np.random.Generator, route: Route | None = None
+    ) -> list[Task]:
+        p = self.waters.settings
+        every = by_rule(tasks([], p.fish, rng, route), p)
+        dealt = zip(every, self.deal(goals), strict=True)
+        return [task._replace(goals=lot) for task, lot in dealt]
 
     def trial(self, player: Player, number: int) -> tuple[pd.DataFrame, list[Goal]]:
         """A further animation, to random goals of each fish: its edit list, and the goals."""
@@ -112,8 +139,8 @@ class Planner:
     def _trial(self, number: int) -> tuple[list[Task], list[Goal]]:
         p = self.waters.settings
         rng = np.random.default_rng([p.seed, number])
-        goals = random_goals(self.waters, p.trial_goals * p.fish, rng)
-        return tasks(goals, p.fish, rng), goals
+        goals = random_goals(self.waters, p.trial_goals * len(self.seekers), rng)
+        return self._tasks(goals, rng), goals
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """FinloopError, before anything is planned, if there is no room for all fish."""
@@ -174,6 +201,7 @@ def planner(made: Material, p: Settings) -> Planner:
         for mode in (NETWORK, HYBRID):
             policy = replace(by_mode[mode].policy, forecast=swimmer)
             by_mode[mode] = replace(by_mode[mode], policy=policy)
+    by_mode = {mode: replace(one, shoaling=made.shoaling) for mode, one in by_mode.items()}
     path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
     return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
 

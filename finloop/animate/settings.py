@@ -33,6 +33,10 @@ class Settings:
     # fish; goals are dealt: A to the first, B to the second …; whoever has none left wanders
     fish: Annotated[int, Field(ge=1, le=64)]
     overlap: bool  # whether they may swim through each other
+    # zones: they swim in company, by the zones of `calibrate`, in place of goals
+    rule: Literal["none", "zones"]
+    # who swims after whom, in place of goals: pairs [follower, leader], fish numbered from 1
+    follow: list[list[int]]
     # Δ after the end of another's plan; for so long a search takes it that this one stays there
     give_way: NotNegative
 

@@ -6,30 +6,38 @@ from a generator of its own, so that fish which never meet swim as each would al
 """
 
 import heapq
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.company import Company
 from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.route import Route
+from finloop.animate.rule import Rule
+from finloop.animate.settings import Settings
 from finloop.animate.swim import NoRoom, Player, Swim
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
+from finloop.social.leader import leaders
+
+Ways = Mapping[int, Floats]
+"""The ways (n, 4) of fish by their numbers, from a tick on, as `Company` has them."""
 
 
 class Task(NamedTuple):
-    """What a fish does: swim a path, then to goals one after the other, then anywhere.
+    """What a fish does: swim a path, then to goals one after the other, then by a rule or anywhere.
 
-    rng: of all that is left to chance.
+    rng: of all that is left to chance; zones: whether it swims by them then; follows: the number of
+    the fish that it swims after then.
     """
 
     goals: Sequence[Goal]
     rng: np.random.Generator
     route: Route | None = None
+    zones: bool = False
+    follows: int | None = None
 
 
 def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
@@ -69,16 +77,31 @@ def tasks(
     return [Task(*one) for one in zip(deal(goals, fish), draws, paths, strict=True)]
 
 
+def by_rule(todo: Sequence[Task], p: Settings) -> list[Task]:
+    """The same by the rules of the parameters, whose fish are numbered from 1.
+
+    FinloopError if these are contradictory.
+    """
+    led = leaders(p.follow, len(todo))
+    return [
+        task._replace(follows=led[fish] - 1)
+        if fish in led
+        else task._replace(zones=p.rule == "zones")
+        for fish, task in enumerate(todo, 1)
+    ]
+
+
 class Swimmer:
     """A fish of a shoal: what it has planned so far."""
 
-    def __init__(self, player: Player, task: Task, company: Company) -> None:
+    def __init__(self, player: Player, task: Task, others: Ways) -> None:
         """A fish that begins in company, with a first plan. NoRoom where there is none for it."""
+        company = player.company(list(others.values()), 0)
         self._player, self._task, self._route = player, task, task.route
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._done = 0  # goals
-        self.decide(company)
+        self.decide(others)
 
     @property
     def tick(self) -> int:
@@ -90,9 +113,10 @@ class Swimmer:
         last = self.swim.stretches[-1]
         return last.rest(tick - self.tick + len(last.way))
 
-    def decide(self, company: Company) -> None:
-        """Plan the next stretch."""
-        state, goal = self._state, self._goal()
+    def decide(self, others: Ways) -> None:
+        """Plan the next stretch. others: of every other fish, from the tick on."""
+        state, goal = self._state, self._goal() or self._rule(others)
+        company = self._player.company(list(others.values()), self.tick)
         state = state._replace(fish=replace(state.fish, company=company))
         stretch, self._state = self._player.step(state, goal, self._task.rng)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
@@ -111,6 +135,21 @@ class Swimmer:
         goals = self._task.goals
         return goals[self._done] if self._done < len(goals) else None
 
+    def _rule(self, others: Ways) -> Rule | None:
+        """What it swims by when it has no goal."""
+        task, shoaling = self._task, self._player.shoaling
+        if task.follows is not None and task.follows in others:
+            return Rule.after(others[task.follows][0])
+        if not (task.zones and others):
+            return None
+        if shoaling is None:
+            raise FinloopError(
+                "animate.rule=zones, but no zones are known",
+                "what the stage `calibrate` makes of the film",
+                "dvc repro calibrate; or take another rule (animate.rule)",
+            )
+        return Rule.by_zones(np.stack([way[0, :3] for way in others.values()]), shoaling)
+
 
 def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
     """Put fish into the tank, one after the other, each with a first plan.
@@ -120,7 +159,7 @@ def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
     fish: list[Swimmer] = []
     for task in todo:
         try:
-            fish.append(Swimmer(player, task, player.company([one.way(0) for one in fish], 0)))
+            fish.append(Swimmer(player, task, {k: one.way(0) for k, one in enumerate(fish)}))
         except NoRoom as error:
             raise FinloopError(
                 f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
@@ -141,8 +180,7 @@ def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
     heapq.heapify(queue)
     while queue[0][0] < ticks:
         tick, number = queue[0]
-        others = [one.way(tick) for k, one in enumerate(fish) if k != number]
-        fish[number].decide(player.company(others, tick))
+        fish[number].decide({k: one.way(tick) for k, one in enumerate(fish) if k != number})
         heapq.heapreplace(queue, (fish[number].tick, number))
     for one in fish:
         one.swim.reached[one.swim.reached >= ticks] = -1

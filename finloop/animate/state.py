@@ -21,6 +21,7 @@ from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.social.walls import Walls
 
 
 @dataclass(frozen=True)
@@ -41,6 +42,11 @@ class Waters:
     def ticks(self, time: float) -> int:
         """A time of the settings, in Δ, in ticks."""
         return round(time * self.motion.delta)
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The wall of the tank, as rules between fish have it."""
+        return Walls(self.tank.arena, self.motion.body_length_px)
 
     @property
     def duration(self) -> int:
@@ -107,13 +113,14 @@ class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
     place (2,): where the fish wanders to while it has no goal, for `left` ticks more; along: px of
-    the path that it has swum, where it swims one.
+    the path that it has swum, where it swims one; wished: whether a rule has wished the place.
     """
 
     fish: Fish
     place: Floats
     left: int = 0
     along: float = 0.0
+    wished: bool = False
 
 
 class Decision(NamedTuple):

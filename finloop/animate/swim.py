@@ -26,9 +26,11 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route
+from finloop.animate.rule import Rule, wish
 from finloop.animate.state import Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints
 from finloop.base.errors import FinloopError
+from finloop.social.rule import Shoaling
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
 _PLACES = 200  # a place clear of the other fish is drawn so often
@@ -63,12 +65,16 @@ class Cast:
 
 @dataclass(frozen=True)
 class Player:
-    """Whoever swims. policy: what may be shown next; joins: how pictures follow on others."""
+    """Whoever swims. policy: what may be shown next; joins: how pictures follow on others.
+
+    shoaling: how fish swim by zones; None where nothing was learnt of it.
+    """
 
     policy: Policy
     waters: Waters
     cast: Cast
     joins: Joins
+    shoaling: Shoaling | None = None
 
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
@@ -108,9 +114,9 @@ class Player:
         return Follower(self.policy, self.waters)
 
     def step(
-        self, state: State, goal: Goal | Route | None, rng: np.random.Generator
+        self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
     ) -> tuple[Stretch, State]:
-        """The next stretch on the way to the goal, along a path, or anywhere, and the state then.
+        """The next stretch to the goal, along a path, by a rule, or anywhere, and the state then.
 
         Nothing but `rng` is changed: the same state, goal and draws give the same stretch, and
         whoever keeps a state and the generator's state can swim on from there again.
@@ -122,20 +128,32 @@ class Player:
             # How far along a path a shorter one leads the next step finds from where it was.
             along = along if stretch is whole else state.along
             return stretch, State(after(fish, stretch, waters), place, 0, along)
-        if goal is not None:
+        wished, free = False, False
+        if isinstance(goal, Goal):
             x, y = goal.x_px, goal.y_px
         else:
-            if state.left > 0:
-                left = state.left
-            else:
-                place, left = somewhere(waters, fish, rng)
+            place, left, wished = self._target(state, goal, rng)
             x, y = place
-        free = goal is None and waters.settings.wander == "film"
+            free = not wished and waters.settings.wander == "film"
         spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
         stretch = self._avoidance.kept_clear(fish, self.policy.next(fish, spot, rng), rng)
-        wanders = goal is None and not stretch.touched
-        left = left - len(stretch.way) * (stretch.state != TURN) if wanders else 0
-        return stretch, State(after(fish, stretch, waters), place, left)
+        keeps = not isinstance(goal, Goal) and not stretch.touched
+        turns = stretch.state == TURN and not wished
+        left = max(0, left - len(stretch.way) * (not turns)) if keeps else 0
+        return stretch, State(after(fish, stretch, waters), place, left, wished=wished)
+
+    def _target(
+        self, state: State, rule: Rule | None, rng: np.random.Generator
+    ) -> tuple[Floats, int, bool]:
+        """A place (2,) px that is no goal, for how many ticks, and whether a rule wishes it."""
+        if state.left > 0 and state.wished and rule is not None and rule.leader is None:
+            return state.place, state.left, True
+        wished = None if rule is None else wish(rule, state.fish, self.waters, rng)
+        if wished is not None:
+            return *wished, True
+        if state.left > 0 and not state.wished:
+            return state.place, state.left, False
+        return *somewhere(self.waters, state.fish, rng), False
 
     def is_clear(self, state: State, stretch: Stretch) -> bool:
         """Whether a stretch from a state meets no other fish, now or where it ends."""

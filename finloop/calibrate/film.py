@@ -7,7 +7,7 @@ import pandas as pd
 
 from finloop.base.arrays import Complex, Ints, Mask
 from finloop.features.memory import memory_frames
-from finloop.social.measures import by_frame, shoal_table, slots_of
+from finloop.social.measures import by_frame, middle, shoal_table, slots_of
 from finloop.social.neighbours import Neighbours, seen_from, vectors
 from finloop.social.steps import last_rows
 from finloop.social.walls import Walls
@@ -51,7 +51,7 @@ class FilmShoal:
     @property
     def first_half(self) -> Mask:
         """Which rows (n,) are of the first half of the film, in time."""
-        return self.frame < (int(self.frame.min()) + int(self.frame.max()) + 1) / 2
+        return self.frame < middle(self.frame)
 
     def half(self, first: bool) -> pd.DataFrame:
         """The measures of one half."""

@@ -102,6 +102,17 @@ def beside(films: Mapping[str, pd.DataFrame], shoals: Mapping[str, pd.DataFrame]
     return pd.DataFrame(rows, columns=["shoal", "beside", "measure", "median", "distance"])
 
 
+def halves(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The first and the second half of a film, in time."""
+    first = table["frame"] < middle(table["frame"].to_numpy())
+    return table[first], table[~first]
+
+
+def middle(frame: Ints) -> float:
+    """The middle of the film in time, in frames."""
+    return (int(frame.min()) + int(frame.max()) + 1) / 2
+
+
 def values(table: pd.DataFrame, name: str) -> Floats:
     """The values of a measure."""
     rows = table.drop_duplicates("frame") if name == "polarisation" else table

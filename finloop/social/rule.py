@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.base.arrays import Complex, Reals
+from finloop.base.arrays import Reals
 from finloop.social.neighbours import seen_from, vectors
 from finloop.social.steps import Steps, moved
 from finloop.social.walls import Walls
@@ -37,13 +37,12 @@ class Others(NamedTuple):
 
 
 class Self(NamedTuple):
-    """A fish: place x, y px, heading in degrees, and where it was a step ago."""
+    """A fish: place x, y px, heading in degrees; last: body lengths that it swam in a step."""
 
     x: float
     y: float
     heading_deg: float
-    last_x: float
-    last_y: float
+    last: float
 
 
 def shoaling_place(
@@ -52,25 +51,17 @@ def shoaling_place(
     """The place, px, that a fish swims to next by zones; None if no other is in one of them.
 
     It is that of a step of the film, of a fish that was as near to a wall and had moved alike, and
-    of the pull of the company. Of steps that leave the tank the last one's place is given all the
-    same: whoever swims there moves it into the tank.
+    of the pull of the company: the first of several steps drawn that stays in the tank, or the last
+    of them. Whoever swims there moves that into the tank.
     """
-    (place,), (heading,) = _vector([own.x], [own.y], own.heading_deg, walls)
+    place, heading = vectors(np.array([[own.x, own.y]]), np.array([own.heading_deg]), walls.length)
     company = vectors(others.places, others.headings_deg, walls.length)
-    wish = pull(seen_from(place, heading, company), shoaling.zones)
-    if wish == 0:
+    wish = pull(seen_from(place[:, None], heading[:, None], company), shoaling.zones)
+    if wish[0] == 0:
         return None
-    (before,), _ = _vector([own.last_x], [own.last_y], own.heading_deg, walls)
-    last = (place - before) * np.conj(heading)
-    near = walls.near(np.array([place]), np.array([heading]))
-    moves, _ = shoaling.steps.draw(near, np.array([last]), shoaling.alike, rng)
+    last = np.array([own.last + 0j])
+    moves, _ = shoaling.steps.draw(walls.near(place, heading), last, shoaling.alike, rng)
     ways = place + heading * moved(moves[0], wish, shoaling.steps)
     inside = walls.inside(ways)
     to = ways[int(inside.argmax()) if inside.any() else -1] * walls.length
     return float(to.real), float(-to.imag)
-
-
-def _vector(
-    x: list[float], y: list[float], heading_deg: float, walls: Walls
-) -> tuple[Complex, Complex]:
-    return vectors(np.stack([x, y], axis=-1), np.array([heading_deg]), walls.length)

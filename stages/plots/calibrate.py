@@ -7,7 +7,7 @@ from pathlib import Path
 from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.calibrate import distributions
-from finloop.social.measures import SHOAL
+from finloop.social.measures import SHOAL, halves
 
 FOLDER = Path("data/calibrate")
 NAMES = {"zones": "points that swim by the zones", "alone": "points without company"}
@@ -16,11 +16,7 @@ NAMES = {"zones": "points that swim by the zones", "alone": "points without comp
 def main() -> None:
     """Draw distributions.png."""
     film = load_table(FOLDER / "film.parquet", SHOAL)
-    middle = (int(film["frame"].min()) + int(film["frame"].max()) + 1) / 2
-    shoals = {
-        "film, first half": film[film["frame"] < middle],
-        "film, second half": film[film["frame"] >= middle],
-    }
+    shoals = dict(zip(("film, first half", "film, second half"), halves(film), strict=True))
     for name, words in NAMES.items():
         if (path := FOLDER / f"{name}.parquet").exists():
             shoals[words] = load_table(path, SHOAL)

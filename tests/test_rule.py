@@ -1,0 +1,177 @@
+"""Fish that swim by rules: in company by zones, after a leader; contradictory rules are refused."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from toy_film import LENGTH, players_of, waters_of
+
+from finloop.animate.arena import tank
+from finloop.animate.edit_list import MODES, Goal
+from finloop.animate.listing import edit_lists
+from finloop.animate.planner import Planner
+from finloop.animate.rule import Rule, wish
+from finloop.animate.shoal import by_rule, shoal, tasks
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
+from finloop.social.measures import shoal_table
+from finloop.social.rule import Shoaling
+from finloop.social.steps import Steps
+from finloop.social.zones import NO_ZONES, Zones
+
+NEAR = Zones(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 3.0)  # attraction alone
+FAR = Zones(30.0, 30.0, 30.0, 0.0, 3.0, 0.0, 0.0)  # repulsion alone
+TICKS = 500
+
+
+def steps(count=200):
+    """Own steps of about two body lengths ahead."""
+    rng = np.random.default_rng(1)
+    turn = np.exp(1j * rng.normal(0, 0.5, count))
+    return Steps(np.full(count, 0.2 + 0j), np.full(count, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
+
+
+@cache
+def water(rule="zones", fish=5, follow=(), overlap=False):
+    """A tank of twenty lengths."""
+    arena = np.zeros((900, 900), bool)
+    arena[50:-50, 50:-50] = True
+    room_ = tank(arena, 0.6 * LENGTH)
+    return waters_of(
+        room_=room_, rule=rule, fish=fish, follow=[list(one) for one in follow], overlap=overlap
+    )
+
+
+def player_of(mode, zones, **by):
+    return replace(players_of(water(**by))[mode], shoaling=Shoaling(zones, steps(), 15, 10))
+
+
+def swum(player, ticks=TICKS, seed=0, goals=()):
+    p = player.waters.settings
+    plans = Planner(player.waters, {"": player}, None, 1.0, 1.0)
+    todo = plans._tasks(goals, np.random.default_rng(seed))
+    assert len(todo) == p.fish
+    return edit_lists(shoal(player, todo, ticks), ticks, player)
+
+
+def gaps(player, edit):
+    """Nearest-neighbour distances in the second half, body lengths."""
+    later = edit[edit["tick"] > TICKS // 2]
+    places, heading = later[["x_px", "y_px"]].to_numpy(), later["heading_deg"].to_numpy()
+    table = shoal_table(later["tick"].to_numpy(), places, heading, player.waters.walls)
+    return float(table["neighbour_distance"].median())
+
+
+# --- by zones
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_fish_that_attract_each_other_come_together_and_others_part(mode):
+    near, far = (player_of(mode, zones) for zones in (NEAR, FAR))
+    together, apart = gaps(near, swum(near)), gaps(far, swum(far))
+    assert together < 0.6 * apart
+    assert set(swum(near)["goal"]) >= {"company"}
+
+
+def test_a_fish_of_which_nothing_is_wished_swims_as_without_a_rule():
+    by, alone = player_of("hybrid", NO_ZONES), player_of("hybrid", NO_ZONES, rule="none")
+    one, other = swum(by, 100), swum(alone, 100)
+    assert one.drop(columns="goal").equals(other.drop(columns="goal"))
+
+
+@pytest.mark.parametrize("overlap", [False, True])
+def test_company_is_known_whether_or_not_fish_keep_clear(overlap):
+    player = player_of("hybrid", NEAR, overlap=overlap)
+    edit = swum(player, 200)
+    assert (edit[edit["tick"] > 50]["goal"] == "company").mean() > 0.9
+    assert edit["x_px"].between(50, 850).all() and edit["y_px"].between(50, 850).all()
+
+
+def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
+    player = player_of("hybrid", NEAR)
+    rng = np.random.default_rng(0)
+    state = player.begin(rng)
+    rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
+    places, ticks = [], 0
+    while ticks < 60:
+        stretch, state = player.step(state, rule, rng)
+        assert state.wished and 0 <= state.left < 15
+        places.append(tuple(state.place))
+        ticks += len(stretch.way)
+    assert 2 <= len(set(places)) <= len(places)
+    assert wish(rule, state.fish, player.waters, rng)[1] == 15
+    begun = state._replace(left=5)
+    _, wanders = player.step(begun, None, rng)
+    assert not wanders.wished and tuple(wanders.place) != tuple(begun.place)
+
+
+def test_the_same_state_and_draws_wish_the_same():
+    player = player_of("hybrid", NEAR)
+    state = player.begin(np.random.default_rng(0))
+    rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
+    one, other = (player.step(state, rule, np.random.default_rng(4)) for _ in range(2))
+    assert one[0].way.tolist() == other[0].way.tolist()
+    assert one[1].place.tolist() == other[1].place.tolist()
+
+
+def test_zones_that_nobody_knows_are_asked_for():
+    player = replace(player_of("hybrid", NEAR), shoaling=None)
+    with pytest.raises(FinloopError, match="no zones are known") as caught:
+        swum(player, 10)
+    assert "calibrate" in caught.value.do
+
+
+# --- after a leader
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_followers_keep_near_their_leader_who_swims_to_its_goals(mode):
+    player = player_of(mode, NEAR, rule="none", fish=3, follow=((2, 1), (3, 1)))
+    goals = [Goal("A", 700.0, 200.0, 20.0), Goal("B", 200.0, 700.0, 20.0)]
+    edit = swum(player, 400, goals=goals)
+    where = edit[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
+    alone = swum(player_of(mode, NEAR, rule="none", fish=3), 400, goals=goals)
+    apart = alone[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
+    for follower in (1, 2):
+        behind = np.hypot(*(where[follower] - where[0]).T)[200:] / LENGTH
+        assert np.median(behind) < 6
+        assert np.median(behind) < np.median(
+            np.hypot(*(apart[follower] - apart[0]).T)[200:] / LENGTH
+        )
+    first, second = (edit[edit["fish"] == fish] for fish in (0, 1))
+    assert {"A", "B"} <= set(first["goal"])
+    assert set(second["goal"]) <= {"leader", ""}
+
+
+def test_a_follower_swims_behind_its_leader():
+    player = player_of("hybrid", NEAR)
+    fish = player.begin(np.random.default_rng(0)).fish
+    place, left = wish(Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.waters, None)
+    assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
+
+
+def test_who_follows_nobody_has_the_goals():
+    waters = water("none", 4, ((2, 1), (4, 3)))
+    plans = Planner(waters, {}, None, 1.0, 1.0)
+    goals = [Goal(name, 100.0, 100.0) for name in "ABC"]
+    names = [[goal.name for goal in lot] for lot in plans.deal(goals)]
+    assert names == [["A", "C"], [], ["B"], []]
+    assert plans.seekers == [0, 2]
+    assert Planner(water("zones"), {}, None, 1.0, 1.0).goals() == []
+
+
+@pytest.mark.parametrize("follow", [((1, 2), (2, 1)), ((1, 1),), ((2, 9),)])
+def test_contradictory_rules_are_refused_before_anything_is_planned(follow):
+    plans = Planner(water("none", 3, follow), {}, None, 1.0, 1.0)
+    with pytest.raises(FinloopError, match="contradictory") as caught:
+        plans.goals()
+    assert "animate.follow" in caught.value.do
+
+
+def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
+    todo = tasks([], 3, np.random.default_rng(0))
+    both = by_rule(todo, settings("animate", rule="zones", follow=[[3, 1]]))
+    assert [(one.zones, one.follows) for one in both] == [(True, None), (True, None), (False, 0)]
+    neither = by_rule(todo, settings("animate"))
+    assert [(one.zones, one.follows) for one in neither] == [(False, None)] * 3
