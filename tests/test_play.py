@@ -412,7 +412,7 @@ def test_along_a_path_too_it_swims_on_from_the_past_as_it_did(mode):
     tank = LiveTank(toy_players(), mode, 1, 4)
     tank.follow(0, circle(140))
     rows = played(tank, 300)
-    begun = [tank.fish[0].errand_at(tick).begun for tick in range(1, 301)]
+    begun = [tank.fish[0].wish_at(tick).errand.begun for tick in range(1, 301)]
     assert begun[-1] and not begun[0]
     for tick in (290, begun.index(True) + 1, 40):
         tank.back_to(tick)

@@ -16,6 +16,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from playwright.sync_api import sync_playwright
 from pydantic import BaseModel
+from toy_film import shoaling
 from toy_tank import read, toy_players, view_of
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -27,6 +28,7 @@ from finloop.live import fish as play_fish
 from finloop.live.message import LONGEST, MOST_PLACES, parsed
 from finloop.live.server import BEHIND, Host, Page, Server, bound
 from finloop.render.gallery import Gallery
+from finloop.social.zones import Zones
 from stages.play import PAGE, _parser
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
@@ -35,6 +37,9 @@ GOOD = [
     {"do": "goal", "fish": None, "x": 0, "y": 0, "drag": False},
     {"do": "path", "fish": None, "places": [[10, 20.5]]},
     {"do": "path", "fish": 1, "places": [[10**5, -(10**5)]] * MOST_PLACES},
+    {"do": "rule", "fish": None, "leader": None},
+    {"do": "rule", "fish": 2, "leader": 7},
+    {"do": "weights", "repulsion": 0, "alignment": 0.5, "attraction": 5},
     {"do": "drop", "fish": 7},
     {"do": "mode", "mode": "loops"},
     {"do": "pause", "on": True},
@@ -509,6 +514,23 @@ def test_in_a_browser_the_fish_is_sent_by_a_click_and_the_past_is_looked_at():
         wait("state.mode === 'hybrid' && state.decision && state.decision.ways.length > 1")
         cells = page.evaluate("[...document.querySelectorAll('#ways tr')].map(r => r.cells.length)")
         assert cells and set(cells) == {8}
+        page.select_option("#count", "2")
+        wait("state.fish[1]")
+        page.select_option("#lead", "1")
+        wait("state.fish[0].rule === 1")
+        assert "follows fish 2" in page.locator("#fish").text_content()
+        page.select_option("#who", "1")
+        page.select_option("#lead", "0")
+        wait("document.getElementById('refused').textContent.includes('fish 2 follows fish 1')")
+        assert page.locator("#shoal").is_disabled()  # no zones are known
+        view.tank.shoaling = shoaling(Zones(0.0, 0.0, 9.0, 0.0, 0.0, 0.0, 1.0))
+        wait("!document.getElementById('shoal').disabled")
+        page.keyboard.press("c")
+        wait("state.fish[1].rule === -1 && state.refused === ''")
+        page.click("#company summary")
+        assert page.locator('[data-weight="0"]').is_disabled()  # there is no zone of repulsion
+        page.locator('[data-weight="2"]').fill("2.5")
+        wait("state.weights[2] === 2.5")
         assert wrong == [] and other == []
         assert view.counts.bad == 0
         browser.close()

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from toy_film import LENGTH, players_of, waters_of
+from toy_film import LENGTH, players_of, shoaling, waters_of
 
 from finloop.animate.arena import tank
 from finloop.animate.edit_list import MODES, Goal
@@ -15,21 +15,15 @@ from finloop.animate.rule import Rule, wish
 from finloop.animate.shoal import by_rule, shoal, tasks
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
+from finloop.live.message import parsed
+from finloop.live.tank import LiveTank
+from finloop.live.view import View
 from finloop.social.measures import shoal_table
-from finloop.social.rule import Shoaling
-from finloop.social.steps import Steps
 from finloop.social.zones import NO_ZONES, Zones
 
 NEAR = Zones(0.0, 0.0, 30.0, 0.0, 0.0, 0.0, 3.0)  # attraction alone
 FAR = Zones(30.0, 30.0, 30.0, 0.0, 3.0, 0.0, 0.0)  # repulsion alone
 TICKS = 500
-
-
-def steps(count=200):
-    """Own steps of about two body lengths ahead."""
-    rng = np.random.default_rng(1)
-    turn = np.exp(1j * rng.normal(0, 0.5, count))
-    return Steps(np.full(count, 0.2 + 0j), np.full(count, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
 
 
 @cache
@@ -44,7 +38,7 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
 
 
 def player_of(mode, zones, **by):
-    return replace(players_of(water(**by))[mode], shoaling=Shoaling(zones, steps(), 15, 10))
+    return replace(players_of(water(**by))[mode], shoaling=shoaling(zones))
 
 
 def swum(player, ticks=TICKS, seed=0, goals=()):
@@ -175,3 +169,115 @@ def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
     assert [(one.zones, one.follows) for one in both] == [(True, None), (True, None), (False, 0)]
     neither = by_rule(todo, settings("animate"))
     assert [(one.zones, one.follows) for one in neither] == [(False, None)] * 3
+
+
+# --- in the live tank
+
+
+def live(mode="hybrid", zones=NEAR, fish=4, known=True):
+    player = player_of(mode, zones, rule="none", fish=fish)
+    return LiveTank({mode: player if known else replace(player, shoaling=None)}, mode, fish, 3)
+
+
+def played(tank, ticks):
+    """Places (ticks, fish, 2) of so many further ticks."""
+    made = []
+    for _ in range(ticks):
+        tank.on()
+        made.append([(row.x_px, row.y_px) for row in (one.at(tank.tick) for one in tank.fish)])
+    return np.array(made)
+
+
+def spread(places):
+    """How far fish are from their middle, body lengths."""
+    return (
+        float(np.hypot(*(places - places.mean(1, keepdims=True)).transpose(2, 0, 1)).mean())
+        / LENGTH
+    )
+
+
+def test_a_fish_is_handed_from_goal_to_path_to_rule_and_wanders_again():
+    tank = live()
+    one = tank.fish[0]
+    tank.send(0, 450.0, 450.0)
+    assert one.goal is not None
+    tank.follow(0, [(200.0, 200.0), (600.0, 300.0), (700.0, 600.0)])
+    played(tank, 3)
+    assert one.errand is not None and one.order is None
+    tank.shoal(0)
+    assert one.goal is None and one.errand is None and one.order.leader is None
+    played(tank, 20)
+    assert {choice.name for choice in one._choices} >= {"company"}
+    tank.lead(0, 2)
+    assert tank.leaders == {1: 3}
+    played(tank, 20)
+    assert one._choices[-1].name == "leader"
+    tank.send(0, 450.0, 450.0)
+    assert one.order is None and one.goal is not None
+    tank.shoal(0)
+    tank.drop(0)
+    assert one.order is None and tank.fish[1].order is None
+
+
+def test_weights_are_changed_while_fish_swim():
+    near, far = live(), live()
+    near.shoal(None)
+    far.shoal(None)
+    far.weigh((0.0, 0.0, 0.0))
+    assert far.shoaling.zones.weights == (0, 0, 0)
+    together, apart = (played(tank, 300)[150:] for tank in (near, far))
+    assert spread(together) < 0.6 * spread(apart)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again(mode):
+    tank = live(mode)
+    tank.shoal(None)
+    tank.lead(3, 1)
+    played(tank, 60)
+    first = played(tank, 80)
+    before = tank.shoaling
+    tank.weigh((1.0, 1.0, 0.1))
+    played(tank, 20)
+    tank.back_to(60)
+    assert tank.shoaling == before and tank.leaders == {4: 2}
+    assert played(tank, 80) == pytest.approx(first)
+
+
+def test_who_would_follow_in_a_circle_is_refused_and_told():
+    view = View(live(), None, None)
+    view.grant(parsed('{"do": "rule", "fish": 0, "leader": 1}'))
+    assert view.tank.leaders == {1: 2} and view.refused == ""
+    view.grant(parsed('{"do": "rule", "fish": null, "leader": 0}'))  # everybody, also who leads it
+    assert "fish 2 follows fish 1 follows fish 2" in view.refused
+    assert view.tank.leaders == {1: 2}
+    view.grant(parsed('{"do": "rule", "fish": null, "leader": 1}'))
+    assert view.tank.leaders == {1: 2, 3: 2, 4: 2} and view.refused == ""
+    view.grant(parsed('{"do": "rule", "fish": 1, "leader": 7}'))  # nobody
+    assert view.tank.leaders == {1: 2, 3: 2, 4: 2}
+
+
+def test_company_of_which_nothing_is_known_is_refused():
+    view = View(live(known=False), None, None)
+    view.grant(parsed('{"do": "rule", "fish": null, "leader": null}'))
+    assert "calibrate" in view.refused and view.tank.fish[0].order is None
+    view.grant(parsed('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}'))
+    assert view.tank.shoaling is None
+
+
+def test_a_follower_whose_leader_is_gone_wanders():
+    tank = live()
+    tank.lead(0, 3)
+    played(tank, 10)
+    tank.count(2)
+    played(tank, 30)
+    assert tank.leaders == {} and tank.fish[0]._choices[-1].goal is None
+
+
+@pytest.mark.parametrize("bad", [
+    '{"do": "rule", "fish": 0}', '{"do": "rule", "fish": 0, "leader": 99}',
+    '{"do": "weights", "repulsion": -1, "alignment": 0, "attraction": 0}',
+    '{"do": "weights", "repulsion": 1, "alignment": 0, "attraction": 99}',
+])  # fmt: skip
+def test_rules_that_make_no_sense_are_no_messages(bad):
+    assert parsed(bad) is None

@@ -107,6 +107,11 @@ def test_a_pull_of_a_zone_is_no_longer_than_one():
     assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
 
 
+def test_zones_have_widths():
+    assert ZONES.widths == (1, 2, 5)
+    assert Zones(2.0, 1.0, 3.0, 0.0, 1.0, 1.0, 1.0).widths == (2, 0, 1)
+
+
 @pytest.mark.parametrize(
     "bad", [{"repulsion": -1.0}, {"blind_deg": 400.0}, {"attraction_weight": np.nan}]
 )

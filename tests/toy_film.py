@@ -28,6 +28,9 @@ from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
+from finloop.social.rule import Shoaling
+from finloop.social.steps import Steps
+from finloop.social.zones import Zones
 
 ORIENTATIONS = 24
 RATE, DELTA, LENGTH = 25.0, 5, 40.0
@@ -297,3 +300,10 @@ def bodies_of(film_: Film) -> Bodies:
 def undecided() -> dict[str, None]:
     """The columns that say why, empty, as on most ticks of an edit list."""
     return dict.fromkeys(Decision._fields)
+
+
+def shoaling(zones: Zones) -> Shoaling:
+    """Steps of about two body lengths ahead, and zones that change them."""
+    turn = np.exp(1j * np.random.default_rng(1).normal(0, 0.5, 200))
+    own = Steps(np.full(200, 0.2 + 0j), np.full(200, 2.0 + 0j), 2 * turn, turn, 2.0, 0.7)
+    return Shoaling(zones, own, 15, 10)

@@ -4,24 +4,26 @@ A stretch is drawn as its edit list says. A new goal cuts the stretch under way 
 screen. What was drawn, and every decision with the state it was made in, is kept for `HISTORY`
 ticks; a player is pure, so the fish can swim on from any of them.
 
-A path is swum from its beginning, to which the fish is sent first as to a goal.
+A path is swum from its beginning, to which the fish is sent first as to a goal. A rule is asked at
+each decision, with the other fish as they are then.
 """
 
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, NamedTuple, get_type_hints
 
 import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.company import Company
-from finloop.animate.edit_list import PATH, Goal
+from finloop.animate.edit_list import Goal
 from finloop.animate.listing import edit_columns
 from finloop.animate.route import Route, place
-from finloop.animate.state import State, Stretch
+from finloop.animate.rule import Rule
 from finloop.animate.swim import Player
+from finloop.live.choice import Choice, Errand, Order, Wish
 
 Floats = NDArray[np.float64]
 
@@ -75,46 +77,8 @@ Ghost = Callable[[Row], bool]
 """Whether the two pictures of a cross-fade, as they are in a row, are too unlike to be mixed."""
 
 
-Others = Callable[["LiveFish", int], list[Floats]]
-"""The ways of the other fish of the tank from a tick on."""
-
-
-class Wish(NamedTuple):
-    """What a fish is asked for at a tick: mode, path, ticks till its plan is cut (0: it is not)."""
-
-    mode: str
-    errand: "Errand | None"
-    cut_after: int
-
-
-class Errand(NamedTuple):
-    """A path to be swum. begun: whether the fish has come to its beginning."""
-
-    route: Route
-    begun: bool = False
-
-
-@dataclass(frozen=True)
-class Choice:
-    """A decision, and all that it was made from.
-
-    tick: the first one that the stretch is swum at; state, draws: of the fish and of the random
-    generator when it was made; goal: or path; None where the fish wandered.
-    """
-
-    tick: int
-    mode: str
-    state: State
-    draws: Mapping[str, Any]
-    goal: Goal | Route | None
-    stretch: Stretch
-
-    @property
-    def name(self) -> str:
-        """Of the goal, or of any path."""
-        if isinstance(self.goal, Route):
-            return PATH
-        return self.goal.name if self.goal else ""
+Others = Callable[["LiveFish", int], dict[str, Floats]]
+"""The ways of the other fish of the tank, by their names, from a tick on."""
 
 
 class LiveFish:
@@ -131,6 +95,7 @@ class LiveFish:
         self.mode, self.born, self.name = mode, born, name
         self.goal: Goal | None = None
         self.errand: Errand | None = None
+        self.order: Order | None = None
         self.reached = False
         self._players, self._rng, self._ghost = players, rng, ghost
         self._others = others
@@ -168,12 +133,13 @@ class LiveFish:
 
     def _company(self, tick: int) -> Company:
         """The other fish, from one of its own ticks on."""
-        return self._player.company(self._others(self, self.born + tick), tick)
+        ways = list(self._others(self, self.born + tick).values())
+        return self._player.company(ways, tick)
 
-    def errand_at(self, tick: int) -> Errand | None:
-        """The path that it was sent along at a tick that is known."""
+    def wish_at(self, tick: int) -> Wish:
+        """What it was asked for at a tick that is known."""
         wish: Wish = self._wishes[tick % HISTORY]
-        return wish.errand
+        return wish
 
     def places(self, ticks: range) -> Floats:
         """Where it was, (n, 2) px, at those of the ticks that are known, all up to now."""
@@ -195,7 +161,7 @@ class LiveFish:
     def send(self, place: tuple[float, float] | None, drag: bool = False) -> None:
         """To a goal from the next tick on, or to none; one that is being moved waits a moment."""
         self.goal = self._goal(*place) if place else None
-        self.errand, self.reached = None, False
+        self.errand, self.order, self.reached = None, None, False
         self._cut_after = self._drag if drag and self._cut_after != 1 else 1
 
     def follow(self, route: Route) -> None:
@@ -203,6 +169,12 @@ class LiveFish:
         x, y = place(route, 0.0)
         self.send((float(x), float(y)))
         self.errand = Errand(route)
+
+    def obey(self, order: Order) -> None:
+        """By a rule from the next tick on."""
+        if order != self.order:
+            self.send(None)
+            self.order = order
 
     def _goal(self, x: float, y: float) -> Goal:
         return Goal(self.name, x, y, self._player.waters.touch_px)
@@ -228,7 +200,7 @@ class LiveFish:
             self._arrive(last)
         goal = self.goal
         self._poses[self.now % HISTORY] = row.pose
-        self._wishes[self.now % HISTORY] = Wish(self.mode, self.errand, self._cut_after)
+        self._wishes[self.now % HISTORY] = Wish(self.mode, self.errand, self.order, self._cut_after)
         self._ring[self.now % HISTORY] = row._replace(
             weight=0.0 if self._was_ghost else row.weight,
             goal_x_px=goal.x_px if goal else math.nan,
@@ -237,10 +209,18 @@ class LiveFish:
             decided=last.tick,
         )[:-1]
 
-    def _target(self) -> Goal | Route | None:
+    def _target(self) -> Goal | Route | Rule | None:
         """Where to, now."""
         if self.errand is not None and self.errand.begun:
             return self.errand.route
+        if self.order is not None:
+            others = self._others(self, self.born + self._state.fish.tick)
+            if self.order.leader in others:
+                return Rule.after(others[self.order.leader][0])
+            if self.order.shoaling is not None and others:
+                here = np.stack([way[0, :3] for way in others.values()])
+                return Rule.by_zones(here, self.order.shoaling)
+            return None
         return None if self.reached else self.goal
 
     def _arrive(self, last: Choice) -> None:
@@ -269,7 +249,7 @@ class LiveFish:
         self._played = tick - choice.tick + 1
         self._was_ghost = self._plan["weight"][self._played - 1] > 0 and row.weight == 0
         self.goal, self.reached = None, row.reached
-        self.mode, self.errand, self._cut_after = self._wishes[tick % HISTORY]
+        self.mode, self.errand, self.order, self._cut_after = self._wishes[tick % HISTORY]
         if not math.isnan(row.goal_x_px):
             self.goal = self._goal(row.goal_x_px, row.goal_y_px)
 
@@ -296,7 +276,7 @@ class LiveFish:
             self._state, self._rng.bit_generator.state = state, draws
             self._plan, self._plan_poses, self._played = planned
 
-    def _decide(self, goal: Goal | Route | None, known: Company | None = None) -> None:
+    def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
         """Plan the next stretch. known: of the other fish, when it was planned before."""
         fish = self._state.fish
         company = self._company(fish.tick) if known is None else known

@@ -7,10 +7,12 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 MOST_FISH = 8
 MOST_PLACES = 500  # of a path
 LONGEST = 16_000  # bytes of a message
+MOST_WEIGHT = 5.0  # of a zone
 SLOWEST, FASTEST = 0.1, 8.0  # times as fast as filmed
 
 Number = Annotated[int, Field(ge=0, lt=2**53)]
 Place = Annotated[float, Field(ge=-1e5, le=1e5, allow_inf_nan=False)]
+Weight = Annotated[float, Field(ge=0, le=MOST_WEIGHT, allow_inf_nan=False)]
 Which = Annotated[int, Field(ge=0, lt=MOST_FISH)] | None  # None: every fish
 
 
@@ -38,8 +40,25 @@ class SetPath(Message):
     places: Annotated[tuple[tuple[Place, Place], ...], Field(min_length=1, max_length=MOST_PLACES)]
 
 
+class SetRule(Message):
+    """Swim by a rule: in company of the others, or after the fish `leader`."""
+
+    do: Literal["rule"]
+    fish: Which
+    leader: Which  # None: in company
+
+
+class Weights(Message):
+    """How strongly company repels, aligns and attracts; 1 = as strong as the own direction."""
+
+    do: Literal["weights"]
+    repulsion: Weight
+    alignment: Weight
+    attraction: Weight
+
+
 class Drop(Message):
-    """Forget the goal, or the path, and wander."""
+    """Forget the goal, the path, or the rule, and wander."""
 
     do: Literal["drop"]
     fish: Which
@@ -110,6 +129,8 @@ class Seen(Message):
 Wish = (
     SetGoal
     | SetPath
+    | SetRule
+    | Weights
     | Drop
     | SetMode
     | Pause

@@ -1,6 +1,7 @@
 """The live tank: fish that swim for ever, are sent by hand, and whose past can be looked at."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,7 +12,9 @@ from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
+from finloop.live.choice import Order
 from finloop.live.fish import Floats, Ghost, LiveFish
+from finloop.social.leader import contradiction
 
 
 def rehearse(players: Mapping[str, Player]) -> None:
@@ -42,6 +45,7 @@ class LiveTank:
                 "take another mode, or let more frames join (loops.threshold)",
             )
         self.players, self.mode, self.tick = players, mode, 0
+        self.shoaling = players[mode].shoaling
         self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.count(fish)
@@ -83,9 +87,9 @@ class LiveTank:
             one.on()
             self.fish.append(one)
 
-    def _others(self, fish: LiveFish, tick: int) -> list[Floats]:
+    def _others(self, fish: LiveFish, tick: int) -> dict[str, Floats]:
         """The ways of all fish but one, from a tick on."""
-        return [other.way(tick) for other in self.fish if other is not fish]
+        return {other.name: other.way(tick) for other in self.fish if other is not fish}
 
     def send(self, which: int | None, x: float, y: float, drag: bool = False) -> None:
         """A fish, or all of them, to the place nearest to (x, y) px that a fish can touch."""
@@ -119,6 +123,51 @@ class LiveTank:
         for number in self._of(which):
             self.fish[number].send(None)
 
+    def shoal(self, which: int | None) -> None:
+        """A fish, or all of them, swim in company. FinloopError where no zones are known."""
+        if self.shoaling is None:
+            raise FinloopError(
+                "no zones are known by which fish swim in company",
+                "what the stage `calibrate` makes of the film",
+                "dvc repro calibrate",
+            )
+        for number in self._of(which):
+            self.fish[number].obey(Order(self.shoaling))
+
+    def lead(self, which: int | None, leader: int) -> None:
+        """A fish, or all others, swim after another one. FinloopError if that is contradictory."""
+        if leader >= len(self.fish):
+            return
+        followers = [one for one in self._of(which) if which is not None or one != leader]
+        for number in followers:
+            if said := contradiction(self.leaders, number + 1, leader + 1):
+                raise FinloopError(
+                    said, "a leader that follows none of its followers", "send the leader elsewhere"
+                )
+        for number in followers:
+            self.fish[number].obey(Order(leader=self.fish[leader].name))
+
+    @property
+    def leaders(self) -> dict[int, int]:
+        """Who swims after whom: the leader of each follower, numbered from 1."""
+        numbers = {fish.name: number for number, fish in enumerate(self.fish, 1)}
+        return {
+            number: numbers[fish.order.leader]
+            for number, fish in enumerate(self.fish, 1)
+            if fish.order is not None and fish.order.leader in numbers
+        }
+
+    def weigh(self, weights: tuple[float, float, float]) -> None:
+        """The weights of repulsion, alignment and attraction, of all that swim in company."""
+        if self.shoaling is None:
+            return
+        names = ("repulsion_weight", "alignment_weight", "attraction_weight")
+        zones = replace(self.shoaling.zones, **dict(zip(names, weights, strict=True)))
+        self.shoaling = replace(self.shoaling, zones=zones)
+        for fish in self.fish:
+            if fish.order is not None and fish.order.shoaling is not None:
+                fish.order = Order(self.shoaling)
+
     def switch(self, mode: str) -> None:
         """All go on in a mode, if the film allows it."""
         if mode in self.players:
@@ -133,6 +182,8 @@ class LiveTank:
         for fish in self.fish:
             fish.back_to(self.tick)
         self.mode = self.fish[0].mode
+        orders = [fish.order.shoaling for fish in self.fish if fish.order is not None]
+        self.shoaling = next((one for one in orders if one is not None), self.shoaling)
 
     def _of(self, which: int | None) -> range:
         if which is None:

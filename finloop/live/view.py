@@ -15,8 +15,9 @@ from finloop.animate.edit_list import VERDICTS
 from finloop.animate.search import moved
 from finloop.animate.state import Options
 from finloop.animate.words import in_words
+from finloop.base.errors import FinloopError
 from finloop.live import message
-from finloop.live.fish import Choice, Errand
+from finloop.live.choice import Choice, Errand, Order
 from finloop.live.tank import LiveTank
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Painter
@@ -42,7 +43,7 @@ class View:
     """The live tank as it is shown, and its wishes come true.
 
     looked: a tick that has been and is shown instead of the present one; explained: the fish whose
-    decisions are shown; frame: number of the last frame.
+    decisions are shown; frame: number of the last frame; refused: why the last wish was, if it was.
     """
 
     tank: LiveTank
@@ -53,6 +54,7 @@ class View:
     looked: int | None = None
     explained: int = 0
     frame: int = 0
+    refused: str = ""
     counts: Counts = field(default_factory=Counts)
 
     @property
@@ -68,7 +70,14 @@ class View:
         return not self.paused and self.looked is None
 
     def grant(self, wish: message.Wish) -> None:
-        """Do what is wished; what makes no sense now is let be."""
+        """Do what is wished; what cannot be is refused, what makes no sense now is let be."""
+        try:
+            self._grant(wish)
+            self.refused = ""
+        except FinloopError as error:
+            self.refused = f"{error.came}: {error.do}"
+
+    def _grant(self, wish: message.Wish) -> None:
         tank = self.tank
         match wish:
             case message.SetGoal():
@@ -77,6 +86,14 @@ class View:
             case message.SetPath():
                 self.looked = None
                 tank.follow(wish.fish, wish.places)
+            case message.SetRule():
+                self.looked = None
+                if wish.leader is None:
+                    tank.shoal(wish.fish)
+                else:
+                    tank.lead(wish.fish, wish.leader)
+            case message.Weights():
+                tank.weigh((wish.repulsion, wish.alignment, wish.attraction))
             case message.Drop():
                 tank.drop(wish.fish)
             case message.SetMode():
@@ -135,7 +152,9 @@ class View:
             "mode": tank.mode, "modes": list(tank.players),
             "touch": round(tank.waters.touch_px, 1),
             "fish": [self._fish(number, tick) for number in range(len(tank.fish))],
-            "explained": self.explained,
+            "explained": self.explained, "refused": self.refused,
+            "weights": tank.shoaling.zones.weights if tank.shoaling else None,
+            "widths": tank.shoaling.zones.widths if tank.shoaling else None,
             "decision": self._decision(choice) if choice else None,
             "bad": self.counts.bad, "dropped": self.counts.dropped,
             "reached": self.counts.reached, "ms": round(took_ms, 1),
@@ -151,15 +170,25 @@ class View:
             x, y = (fish.goal.x_px, fish.goal.y_px) if fish.goal else (math.nan, math.nan)
             reached = fish.reached
         goal = None if math.isnan(x) else [round(x, 1), round(y, 1), reached]
-        errand = fish.errand if tick == self.tank.tick else fish.errand_at(tick)
+        now = tick == self.tank.tick
+        errand = fish.errand if now else fish.wish_at(tick).errand
+        order = fish.order if now else fish.wish_at(tick).order
         trail = range(tick - round(_TRAIL_S * self.tank.rate_hz), tick, _TRAIL_EVERY)
         return {
             "x": round(row.x_px, 1), "y": round(row.y_px, 1),
             "heading": round(row.heading_deg, 1), "speed": round(row.speed, 2),
             "mode": row.mode, "state": row.state, "goal": goal, "path": _shown(errand),
+            "rule": self._told(order),
             "done": reached,
             "trail": np.rint(fish.places(trail)).astype(int).tolist(),
         }  # fmt: skip
+
+    def _told(self, order: Order | None) -> int | None:
+        """A rule: the number of the leader, −1 where fish swim in company; None of none."""
+        if order is None or order.leader is None:
+            return None if order is None else -1
+        names = [fish.name for fish in self.tank.fish]
+        return names.index(order.leader) if order.leader in names else None
 
     def _decision(self, choice: Choice) -> dict[str, Any]:
         fish, stretch, options = choice.state.fish, choice.stretch, choice.stretch.options

@@ -52,6 +52,13 @@ class Zones:
         return self.repulsion, self.alignment, self.attraction
 
     @property
+    def widths(self) -> tuple[float, float, float]:
+        """Of the zones; 0 of one that there is not."""
+        inner, middle, outer = self.radii
+        middle = max(inner, middle)
+        return inner, middle - inner, max(middle, outer) - middle
+
+    @property
     def weights(self) -> tuple[float, float, float]:
         """Weights, of the same zones."""
         return self.repulsion_weight, self.alignment_weight, self.attraction_weight
