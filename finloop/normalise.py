@@ -22,7 +22,14 @@ from finloop.clip.quality import Tally
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
 from finloop.drawn.carp.film import film, fits
 from finloop.drawn.truth import TRUTH
-from finloop.io.footage import Loss, Numbered, Timing, nearest_in_time, open_footage, segments_of
+from finloop.io.footage import (
+    Loss,
+    NumberedFrames,
+    Timing,
+    nearest_in_time,
+    open_footage,
+    segments_of,
+)
 from finloop.io.footage.fields import Order
 from finloop.io.movie import VideoWriter
 from finloop.io.space import refuse_small
@@ -52,7 +59,7 @@ class Source:
     """A clip before it is written: its facts and its frames."""
 
     facts: VideoFacts
-    takes: list[Numbered]  # frames are counted through all takes
+    takes: list[NumberedFrames]  # frames are counted through all takes
     loss: Loss
     truth: list[dict[str, Any]]  # rows of truth about the carp that are not written yet
 
@@ -124,7 +131,7 @@ def _carp(p: Carp) -> Source:
     )  # fmt: skip
     truth: list[dict[str, Any]] = []
 
-    def take() -> Numbered:
+    def take() -> NumberedFrames:
         for number, (frame, rows) in enumerate(film(p)):
             truth.extend(rows)
             yield float(number / rate), (number, frame)
@@ -156,7 +163,7 @@ def _films(p: Zebrafish | File, fields: Order) -> Source:
     return Source(facts, takes, loss, [])
 
 
-def _counted_on(frames: Numbered, start: int) -> Numbered:
+def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
     """The frames of a film, counted from `start`."""
     return ((time_s, (start + number, picture)) for time_s, (number, picture) in frames)
 

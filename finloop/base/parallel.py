@@ -36,8 +36,8 @@ def warm_up(modules: Sequence[str]) -> None:
         forkserver.ensure_running()
 
 
-class Handed(Protocol[B_co]):
-    """A piece of work in a worker's hands."""
+class Task(Protocol[B_co]):
+    """One item that a worker has been given."""
 
     def result(self) -> B_co:
         """Wait for the result; raise the exception of `work`."""
@@ -60,7 +60,7 @@ class Workers(Protocol):
         """Whether the work is done in this process itself."""
         ...
 
-    def employ(self, work: Callable[[A], B]) -> AbstractContextManager[Callable[[A], Handed[B]]]:
+    def employ(self, work: Callable[[A], B]) -> AbstractContextManager[Callable[[A], Task[B]]]:
         """For a block, a function that hands one item out to be worked, and returns at once.
 
         It or `result` raise BrokenProcessPool where all that is handed out is lost.
@@ -144,7 +144,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
     killed = 0
     while todo or pending:
         with workers.employ(work) as hand:
-            results: deque[Handed[B]] = deque()
+            results: deque[Task[B]] = deque()
             while todo or pending:
                 while todo and len(pending) < workers.count + 1:
                     pending.append(todo.popleft())

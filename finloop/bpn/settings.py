@@ -14,11 +14,11 @@ class Settings:
 
     hidden: Count  # units between the 4 inputs and the 2 outputs
     learning_rate: Positive  # per row; the paper: 0.5. A larger `batch_size` wants a smaller one
-    # share of the last change of weight that goes on; the paper: 0.5
+    # share of the last change of weight that is added to the next; the paper: 0.5
     momentum: Annotated[float, Field(ge=0, lt=1)]
-    epochs: Count  # how often every row is learnt from; the paper: 200
-    # rows learnt from; of more so many at random. From 5,000 to 15,000 rows the held-out error of
-    # the area falls by 3 %, that of the type from 26 to 24 %
+    epochs: Count  # passes over all rows; the paper: 200
+    # rows learnt from: the most; a longer film gives a random sample. From 5,000 to 15,000 rows the
+    # held-out error of the area falls by 3 %, that of the type from 26 to 24 %
     most_rows: Annotated[int, Field(ge=20)]
     batch_size: Count  # rows a step, their gradients summed; 1 is the paper's rule, but slower
     seed: Seed  # for the split, the first weights and the order of rows

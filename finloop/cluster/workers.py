@@ -110,12 +110,12 @@ class DaskWorkers:
         return self.client.dashboard_link or ""
 
     @contextmanager
-    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Handed"]]:
+    def employ(self, work: Callable[[A], B]) -> Iterator[Callable[[A], "_Task"]]:
         """As in `base.parallel.Workers`."""
         name, number = uuid4().hex, count()
         with self._shared(work) as path:
 
-            def hand(item: A) -> _Handed:
+            def hand(item: A) -> _Task:
                 call = pickle.dumps(Call(piece, self.home, path, _pickled(item)))
 
                 def submitted() -> Any:
@@ -125,7 +125,7 @@ class DaskWorkers:
                     except (OSError, RuntimeError) as error:
                         raise self.gone() from error
 
-                return _Handed(self, submitted)
+                return _Task(self, submitted)
 
             yield hand
 
@@ -180,14 +180,14 @@ class DaskWorkers:
         )
 
 
-class _Handed:
-    """A piece that Dask's scheduler has. submit: hands it out, and returns its future."""
+class _Task:
+    """One item that Dask's scheduler has. submit: sends it, and returns its future."""
 
     def __init__(self, workers: DaskWorkers, submit: Callable[[], Any]) -> None:
         self._workers, self._submit, self._future = workers, submit, submit()
 
     def result(self) -> Any:
-        """As in `base.parallel.Handed`; FinloopError where nobody is left to work."""
+        """As in `base.parallel.Task`; FinloopError where nobody is left to work."""
         killed = _distributed().KilledWorker
         for _ in range(TRIES - 1):
             try:

@@ -20,8 +20,8 @@ class Settings:
     area_threshold: Annotated[float, Field(ge=0, le=1)]
     # median natural steps; pairs farther apart are not stored; null = all are
     keep: Positive | None
-    # pictures that are compared; of a longer film stretches spread over it, about so many: time and
-    # disk grow with their square
+    # pictures that are compared: the most; of a longer film they are stretches spread over it. Time
+    # and disk grow with their square
     most_pictures: Annotated[int, Field(ge=2)]
-    # at most so many frames in the pictures of both maps (Fig. 9)
+    # the most frames in the pictures of both maps (Fig. 9)
     picture_frames: Annotated[int, Field(ge=2, le=8000)]

@@ -20,10 +20,10 @@ class Settings:
     webp_quality: Quality  # of the colours: 0 = worst, 100 = best; alpha is kept without loss
     # points of tracks.csv along the backbone, between head and tail
     body_points: Annotated[int, Field(ge=0, le=31)]
-    tracks_least_s: NotNegative  # s; animals that are seen more shortly are left out of tracks.csv
-    # the animals seen longest, so many, are in it: each has columns of its own
+    tracks_least_s: NotNegative  # s; shorter tracks are left out of tracks.csv
+    # the most animals in it, those seen longest: each has columns of its own
     tracks_most: Annotated[int, Field(ge=1, le=1000)]
-    # whether they are written as tracks.nc of movement, too; wants `make tracks`
+    # whether tracks.nc of movement is written as well; needs `make tracks`
     tracks_netcdf: bool
-    # whether they are written as nwb/<animal>.nwb, too; wants `make tracks`
+    # whether nwb/<animal>.nwb are written as well; needs `make tracks`
     tracks_nwb: bool

@@ -14,7 +14,7 @@ class Settings:
 
     # The state.
     share: Share  # of the variance of the postures' codes that those of a state explain
-    # the past: states so many Δ ago, from 0
+    # Δ; the ages of the states that make the past, from 0
     lags: Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=1)]
 
     # The network and how it learns.
@@ -22,9 +22,9 @@ class Settings:
     learning_rate: Positive  # of AdamW
     weight_decay: NotNegative  # of AdamW
     batch_size: Count  # rows a step
-    epochs: Count  # at most; learning stops sooner where the error held out no longer falls ...
-    patience: Count  # ... for so many epochs
-    # rows learnt from, and held out; of more so many at random
+    epochs: Count  # at most; learning stops sooner where the held-out error ...
+    patience: Count  # ... has not fallen for this number of epochs
+    # rows learnt from, and held out: the most; a longer film gives a random sample
     most_rows: Annotated[int, Field(ge=20)]
     # standard deviations by which the past is disturbed while the network learns: it then leads a
     # fish whose state the film does not show back to those that it does
@@ -35,14 +35,16 @@ class Settings:
     held_out: Share  # share of the rows that is never learnt from
 
     # The spread: the film's departures from the mean, of rows in similar states.
-    neighbours: Count  # rows of other passages, the most similar ones, that a fish may go over to
-    fade: Positive  # Δ; a state so long ago counts half in how similar two rows are
-    look: Positive  # deviations in light and skin; rows so far apart at most are similar ...
-    seen: Positive  # ... and natural steps, to the eye, the one drawn in the other's pose
+    neighbours: Count  # rows of other passages, the most similar ones, that a fish may jump to
+    fade: Positive  # Δ; the age at which a state counts half in the likeness of two rows
+    look: Positive  # deviations in light and skin: the most between similar rows ...
+    seen: Positive  # ... and natural steps: the greatest visible distance between them
     # Δ, on average, for which the departures of successive rows are taken; longer in a film whose
     # postures last longer
     follow: Positive
-    obey: Positive  # of how much the controls of similar rows differ; so well is a control followed
-    # Δ in which a difference to the row that is followed halves, beside what the network foretells:
+    obey: (
+        Positive  # of the spread of similar rows' controls: that of the rows taken under a control
+    )
+    # Δ in which the difference from the followed row halves, beside what the network foretells:
     settle_pose: Positive  # of the posture
     settle_motion: Positive  # of forward, sideways and turning speed

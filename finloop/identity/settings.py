@@ -12,11 +12,11 @@ from finloop.base.settings import Count, Seed, Share
 class Settings:
     """How tracks are joined to animals, by motion and by appearance."""
 
-    looked_at: Annotated[int, Field(ge=4)]  # pictures of a track, by which it is known
+    looked_at: Annotated[int, Field(ge=4)]  # pictures of a track for its descriptors
     size_px: Annotated[int, Field(ge=8)]  # px, sides of these pictures
     components: Count  # principal components of the pictures, at most
-    # of all ends of tracks; so often an animal comes from nowhere, or goes there. The two zebrafish
-    # films' 79 tracks become 20 animals at 0.01, 22 at 0.05, 26 at 0.2; no made gap is joined wrong
+    # share of the ends of tracks at which an animal comes or goes for good. The zebrafish films' 79
+    # tracks become 20 animals at 0.01, 22 at 0.05, 26 at 0.2; no trial gap is joined wrong
     strangers: Share
     least_probability: Share  # a join that is less probable is not made
-    seed: Seed  # of the noise by which probabilities are found
+    seed: Seed  # of the noise that gives probabilities

@@ -10,19 +10,19 @@ from finloop.base.settings import Count, NotNegative, Positive, Share
 class Settings:
     """Which frames are neighbours."""
 
-    candidates: Count  # so many of every frame are drawn, the nearest, one a passage of the film
-    neighbours: Count  # so many of these are kept, those whose seams are seen least
-    # Δ; film shorter than this is not jumped over, and is left after a jump and between candidates
+    candidates: Count  # nearest frames of every frame that are drawn, one a passage of the film
+    neighbours: Count  # of these, the jumps of a frame: those with the least seams
+    # Δ; the least film that a jump skips, that follows a jump, and that lies between candidates
     least: Positive
-    # what a difference in each counts, 1 = equally: the pose, ...
+    # weights in the signature, 1 = equal: of the pose, ...
     pose: NotNegative
-    change: NotNegative  # ... how the pose changes, ...
-    motion: NotNegative  # ... speed ahead, aside and of turning, ...
-    look: NotNegative  # ... light and skin, drawn in one pose
-    look_px: Count  # across the pictures that are compared, and light and skin in ...
-    look_numbers: Count  # ... by so many principal components
+    change: NotNegative  # ... of its change, ...
+    motion: NotNegative  # ... of speed ahead, aside and of turning, ...
+    look: NotNegative  # ... of light and skin, drawn in one pose
+    look_px: Count  # pixels: side of the pictures of light and skin
+    look_numbers: Count  # principal components of these pictures
     # whether a fish is shown mirrored; auto: if its sides look alike, and it uses them alike
     mirror: Literal["auto", "yes", "no"]
-    # alike: its mirror image is so many times as far from it as its other pictures, at most ...
+    # alike: the distance to its mirror image over that of its pictures is at most this, and ...
     sides_most: Positive
-    handed_most: Share  # ... and the mean of its bends and turns is such a part of them, at most
+    handed_most: Share  # ... the mean of its bends and turns over their size at most this

@@ -13,7 +13,7 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.distance.picture import SPAN, apart
 from finloop.pose.film import FilmPoses
 from finloop.puppet import draw
-from finloop.puppet.pairs import Posed, apart_in_pose, nearest_in_pose
+from finloop.puppet.pairs import PictureSet, apart_in_pose, nearest_in_pose
 from finloop.reel import Reel
 
 _LOT = 1000  # pictures at a time
@@ -54,7 +54,7 @@ class VisibleDistance:
         """Natural steps (k,) from rows (k,) to rows `to`, mirrored or not, in the former's pose."""
         rows, to = np.asarray(rows, np.int64), np.asarray(to, np.int64)
         mirrored = np.asarray(mirrored, bool)
-        film = Posed(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
+        film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
         parts = np.array_split(np.arange(len(rows)), numba.get_num_threads())
         return self._of_all(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
 
@@ -67,7 +67,7 @@ class VisibleDistance:
         """
         rows, to = (near[name].to_numpy(np.int64) for name in ("row", "to"))
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
-        film = Posed(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
+        film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
 
         def of_some(k: Ints) -> Floats:
             to_rows = to[k], mirrored[k], far[k]

@@ -12,7 +12,7 @@ from finloop.puppet.lay import How, paint, plan
 from finloop.puppet.strip import Line
 
 
-class Posed(NamedTuple):
+class PictureSet(NamedTuple):
     """Pictures (n, s, s, c) premultiplied, each in its own posture (n, d), headed right.
 
     Its mass centre is in the middle; size_px: typical length of the animals in them.
@@ -24,7 +24,7 @@ class Posed(NamedTuple):
 
 
 @finite_kernel
-def apart_in_pose(film: Posed, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
+def apart_in_pose(film: PictureSet, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
     """Eq. 5 (k,) from pictures `rows` (k,) to pictures `to` (k,), mirrored (k,) or not.
 
     The pictures `to` are drawn in the postures of `rows`. Where they are nearer
@@ -40,7 +40,7 @@ def apart_in_pose(film: Posed, rows: Ints, to: Ints, mirrored: Mask) -> Floats:
 
 @finite_kernel
 def nearest_in_pose(
-    film: Posed, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
+    film: PictureSet, rows: Ints, to: tuple[Ints, Mask, Floats], unit: float, count: int
 ) -> Floats:
     """As `apart_in_pose`, but only for pairs that can be among the `count` best of their row.
 

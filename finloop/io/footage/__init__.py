@@ -12,11 +12,11 @@ from pathlib import Path
 from finloop.base.errors import FinloopError
 from finloop.io.footage.film import open_film
 from finloop.io.footage.pictures import open_pictures
-from finloop.io.footage.source import WANTED, Footage, Loss, Numbered, limited
+from finloop.io.footage.source import WANTED, Footage, Loss, NumberedFrames, limited
 from finloop.io.footage.timing import Timing, nearest_in_time, segments_of
 
 __all__ = [
-    "Footage", "Loss", "Numbered", "Timing", "nearest_in_time", "open_footage", "segments_of",
+    "Footage", "Loss", "NumberedFrames", "Timing", "nearest_in_time", "open_footage", "segments_of",
 ]  # fmt: skip
 
 TIFF_SUFFIXES = {".tif", ".tiff"}

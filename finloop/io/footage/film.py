@@ -27,7 +27,7 @@ from finloop.io.footage.source import (
     WANTED,
     Footage,
     Loss,
-    Numbered,
+    NumberedFrames,
     in_range,
     other_size,
     thinned,
@@ -245,7 +245,7 @@ def decoded(
             yield frame if good else None
 
 
-def film_frames(footage: Footage, loss: Loss) -> Numbered:
+def film_frames(footage: Footage, loss: Loss) -> NumberedFrames:
     """Stream a film; see `Footage.numbered`."""
     step = 1 / float(footage.frame_rate)
     size = footage.height_px, footage.width_px

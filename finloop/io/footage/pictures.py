@@ -20,7 +20,7 @@ from finloop.io.footage.source import (
     SAMPLES,
     Footage,
     Loss,
-    Numbered,
+    NumberedFrames,
     in_range,
     other_size,
     thinned,
@@ -179,7 +179,7 @@ def _to_uint8(picture: np.ndarray, colour: bool, levels: tuple[float, float] | N
     return picture
 
 
-def picture_frames(footage: Footage, _: Loss) -> Numbered:
+def picture_frames(footage: Footage, _: Loss) -> NumberedFrames:
     """Stream a folder or stack; see `Footage.numbered`."""
     size = footage.width_px, footage.height_px
     with _album(footage.path) as album:

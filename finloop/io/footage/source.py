@@ -20,7 +20,7 @@ WANTED_TWO = "at least 2 frames: without motion there is nothing to follow"
 
 Frames = Iterator[tuple[float, np.ndarray]]
 """Time (s, 0 = first frame of the source) and picture, uint8 grey or RGB."""
-Numbered = Iterator[tuple[float, tuple[int, np.ndarray]]]
+NumberedFrames = Iterator[tuple[float, tuple[int, np.ndarray]]]
 """Time, and the picture with its number in the source: 0 = first frame of the source."""
 
 
@@ -60,7 +60,7 @@ class Footage:
     frame_rate: Fraction
     colour: bool  # whether `frames` gives RGB
     frames_expected: int  # ticks of `frame_rate` in the range of time, as far as the file says
-    reader: Callable[["Footage", Loss], Numbered]  # streams the frames of the range
+    reader: Callable[["Footage", Loss], NumberedFrames]  # streams the frames of the range
     frames_in_source: int  # of the whole source, as far as the file says
     turn: Turn = UPRIGHT  # turns the coded picture upright
     # levels of a source of more than 8 bits that become 0 and 255; None for 8 bits
@@ -82,7 +82,7 @@ class Footage:
         """Stream the frames of the range, upright; loss and errors as for `numbered`."""
         return ((time_s, picture) for time_s, (_, picture) in self.numbered(loss))
 
-    def numbered(self, loss: Loss) -> Numbered:
+    def numbered(self, loss: Loss) -> NumberedFrames:
         """Stream the frames of the range, upright, with their numbers in the source.
 
         FinloopError if frames change their size, or a picture of a folder cannot be read.
