@@ -18,10 +18,10 @@ from finloop.base.stretches import spread
 
 MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 numbers, 3 s in cells
 RECALL = 0.99  # the least, of the `_NEAREST` nearest
-_NEAREST, _TRIED = 20, 500  # of so many vectors the neighbours are found exactly, to compare
-_TAUGHT = 64  # vectors of each cell that say where it is; faiss warns below 39, takes 256 at most
+_NEAREST, _SAMPLE = 20, 500  # neighbours, and vectors, of the exact search that measures recall
+_PER_CELL = 64  # vectors that train each cell; faiss warns below 39, takes 256 at most
 _ROUNDS = 4  # of k-means; with ten not one neighbour in a hundred more is found in as many cells
-_MORE = 4  # times as many nearest vectors are looked at where these are not enough
+_MORE = 4  # times as many nearest vectors are examined where these are not enough
 Vectors = NDArray[np.float32]
 Choice = Callable[[Ints, Ints], tuple[tuple[NDArray[Any], ...], Mask]]
 """A rule: numbers of queries (k,) and the vectors nearest to each (k, l), −1: none → arrays (k, …)
@@ -46,10 +46,10 @@ class Nearest:
             return cls(flat, 1.0)
         cells = round(4 * m**0.5)
         index = faiss.IndexIVFFlat(faiss.IndexFlatL2(d), d, cells)
-        index.cp.max_points_per_centroid, index.cp.niter = _TAUGHT, _ROUNDS
+        index.cp.max_points_per_centroid, index.cp.niter = _PER_CELL, _ROUNDS
         index.train(vectors)
         index.add(vectors)
-        some = vectors[spread(np.arange(m), _TRIED)]
+        some = vectors[spread(np.arange(m), _SAMPLE)]
         true = faiss.knn(some, vectors, _NEAREST + 1)[1]
         recall, index.nprobe = 0.0, 4
         while recall < RECALL and index.nprobe < cells:

@@ -49,7 +49,7 @@ from finloop.io.video import (
 )
 from finloop.io.wheel import TANK_PX, cache_folder, zebrafish_clips
 
-_LOOKED_AT = 2 * KEY_FRAME_EVERY  # frames by which the size of the clip is estimated
+_SAMPLE = 2 * KEY_FRAME_EVERY  # frames from which the size of the clip is estimated
 _ROWS = 512  # of truth that gather before they are written
 WriteRows = Callable[[pd.DataFrame], None]
 
@@ -181,7 +181,7 @@ def _record(
             writer.write(frame)
             source_frames.append(number)
             tally.add(frame)
-            if tally.frames == _LOOKED_AT:
+            if tally.frames == _SAMPLE:
                 _refuse_small_disk(writer, source.facts.frames)
             if truth and len(source.truth) >= _ROWS:
                 source.flush(truth)

@@ -25,7 +25,7 @@ from finloop.io.several import FILMS, Part, frames_at, parts_of
 from finloop.io.table import load_table, table_writer
 from finloop.io.video import FACTS_NAME, VideoFacts, load_facts
 
-_LOOKED_AT = 200  # cut-outs of a film, by which its light is measured
+_SAMPLE = 200  # cut-outs of a film, from which its light is measured
 Rows = NDArray[np.intp]
 
 
@@ -137,7 +137,7 @@ def _load(part: Part, clip: Path, folder: Path, whole: VideoFacts) -> Film:
 
 def _some(store: CutoutStore, rows: Rows) -> Iterator[Cutout]:
     """Cut-outs spread over these rows."""
-    for row in np.unique(np.linspace(0, len(rows) - 1, _LOOKED_AT).astype(int)):
+    for row in np.unique(np.linspace(0, len(rows) - 1, _SAMPLE).astype(int)):
         yield store[int(rows[row])]
 
 

@@ -14,7 +14,7 @@ from finloop.base.errors import FinloopError
 from finloop.clip.check import Quality
 from finloop.clip.quality import psnr_db
 from finloop.clip.settings import File, Settings
-from finloop.clip.verdict import MENDED, findings
+from finloop.clip.verdict import REPAIRS, findings
 from finloop.io.atomic import whole_folder
 from finloop.io.footage.listed import listed, names, refuse_grown, stamps
 from finloop.io.several import FILMS, Part, folders, join_clips
@@ -83,7 +83,7 @@ def say(numbers: dict[str, float]) -> None:
     rows = []
     for name, _ in folders(CLIP):
         prefix = f"{name}_" if name else ""
-        mended = {word for word in MENDED if numbers[f"{prefix}mended_{word}"]}
+        mended = {word for word in REPAIRS if numbers[f"{prefix}mended_{word}"]}
         now, filmed = (Quality.of(numbers, prefix + part) for part in ("", "filmed_"))
         for finding in findings(now, filmed, mended):
             rows.append({"film": name} | finding.row if name else finding.row)

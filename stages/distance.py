@@ -23,12 +23,12 @@ from stages.settings import load
 CUTOUTS = Path("data/extract/cutouts.arrow")
 FEATURES_TABLE = Path("data/features/features.parquet")
 FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
-CHECKED = 1000  # pairs measured again in float64
+SAMPLE = 1000  # pairs measured again in float64
 
 
 def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
-    """How many of CHECKED pairs are off by EXACT, the same pictures made anew and in float64."""
-    some = pairs.sample(min(CHECKED, len(pairs)), random_state=0)
+    """The number of SAMPLE pairs that are off by EXACT, against new pictures and float64."""
+    some = pairs.sample(min(SAMPLE, len(pairs)), random_state=0)
     count = 0
     for start in range(0, len(some), 50):
         few = some.iloc[start : start + 50]

@@ -37,7 +37,7 @@ from stages.settings import load
 
 CLIP, OUT, REPORT = DATA / "clip", DATA / "realism", Path("reports/realism")
 WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "stages.gallery"]
-WELL_FOLLOWED = 0.8  # share of ticks; of fewer it is said
+LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it there is a note
 PANEL_PX, CRF = 320, 20  # of the film of examples
 
 
@@ -64,7 +64,7 @@ def swimming_of(
         if any(map(len, own)):
             swum[name] = swimming([edit for edit, _ in part], own, instrument.rate_hz)
             share = share_of(swum[name].row, part)
-        if share < WELL_FOLLOWED:
+        if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
                   "ticks, and the numbers are of these; look at the film that "
                   f"render.mode={name} makes", file=sys.stderr)  # fmt: skip

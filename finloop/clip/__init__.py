@@ -1,4 +1,4 @@
-"""The clip stage: where animals can be, and how good film and clip are (fish paper §2.1).
+"""The clip stage: arena, check and repair of the film (fish paper §2.1).
 
 Reading film of any kind is `io.footage`; writing the clip is `io.movie`.
 """

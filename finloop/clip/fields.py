@@ -10,7 +10,7 @@ import numpy as np
 from finloop.base.arrays import Picture
 
 _THIN = 4  # every 4th column is enough
-_MOVED = 12  # grey levels from frame to frame, from which a pixel counts as moved
+_MOTION = 12  # grey levels from frame to frame, from which a pixel counts as moved
 _FEW = 50  # moved pixels from which a frame is judged
 
 
@@ -21,7 +21,7 @@ def field_order(before: Picture, frame: Picture) -> float:
     up to ±0.8 of woven ones. NaN where too little moved.
     """
     last, here = (picture[:, ::_THIN].astype(np.float64) for picture in (before, frame))
-    motion = np.abs(here - last) >= _MOVED
+    motion = np.abs(here - last) >= _MOTION
     rows = (len(last) - 1) // 2 * 2
     near = motion[:rows:2] | motion[1:rows:2] | motion[2 : rows + 1 : 2]
     if near.sum() < _FEW:

@@ -36,7 +36,7 @@ class Finding(NamedTuple):
         return {"what": self.word, "verdict": good, "measured": self.text, "what to do": self.do}
 
 
-MENDED = {
+REPAIRS = {
     "deinterlace": (("interlaced",), "The later rows were filled in from their neighbours."),
     "undouble": (("doubled",), "The repeats were left out, and the rest keeps its time."),
     "even_light": (("flicker", "drift"), "Every frame was brought to one light."),
@@ -53,7 +53,7 @@ def findings(
     filmed: of the film before it was `mended`, by these parameters.
     """
     remedies = {
-        word: text for name in mended for word in MENDED[name][0] for text in MENDED[name][1:]
+        word: text for name in mended for word in REPAIRS[name][0] for text in REPAIRS[name][1:]
     }
     before = {now.word: now for now in _all(filmed)} if filmed and remedies else {}
     return [

@@ -33,7 +33,7 @@ _BACK_S = 120.0  # for one to come back where none is left
 _LOOK_S = 5.0  # between two looks whether somebody still works
 # A worker that is begun anew on a busy machine takes longer than the 15 s that are usual here.
 _LOCAL = {"distributed.deploy.lost-worker-timeout": "1 hour"}
-_SHARED = "data"  # below the stage's folder: where the work lies for the workers
+_FOLDER = "data"  # below the stage's folder: where the work lies for the workers
 
 
 @contextmanager
@@ -147,7 +147,7 @@ class DaskWorkers:
     @contextmanager
     def _shared(self, work: Callable[[A], B]) -> Iterator[str]:
         """A file in the shared folder that holds `work` for the workers."""
-        with passing_file(Path(self.home.folder) / _SHARED / f"cluster-{uuid4().hex}") as path:
+        with passing_file(Path(self.home.folder) / _FOLDER / f"cluster-{uuid4().hex}") as path:
             path.write_bytes(_pickled(work))
             yield str(path)
 

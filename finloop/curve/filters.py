@@ -16,7 +16,7 @@ are built on the quadratic spline, its bior4.4 on none."""
 LOSSLESS = 1e-13  # how exactly filters must reconstruct a curve
 
 _FREE = 1e-9  # singular values below, of the largest: moving that way mends nothing (coif10 and on)
-_ROUNDED = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more
+_TOLERANCE = 1e-9  # tables of filters (sym*, bior4.4, …) are; dmey is cut off and loses far more
 
 
 @cache
@@ -36,7 +36,7 @@ def filter_bank(wavelet: str) -> Floats:
             f"{CUBIC} or a discrete wavelet of PyWavelets",
             "choose db4, coif2, sym8, bior4.4, …: pywt.wavelist(kind='discrete') lists them",
         )
-    if _loss(bank) < _ROUNDED:
+    if _loss(bank) < _TOLERANCE:
         bank = _exact(bank)
     loss = _loss(bank)
     if loss > LOSSLESS:
@@ -71,7 +71,7 @@ def _exact(bank: Floats) -> Floats:
     images; of a biorthogonal one the analysis is mended, so that the spline of synthesis stays.
     """
     taps = bank.shape[1]
-    orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_ROUNDED)
+    orthogonal = np.allclose(bank[2], bank[0, ::-1], rtol=0, atol=_TOLERANCE)
     shift = 2 * np.arange(-(taps // 2 - 1), taps // 2)[:, None] + np.arange(taps)
     inside = (shift >= 0) & (shift < taps)
     unit = (np.arange(-(taps // 2 - 1), taps // 2) == 0).astype(float)

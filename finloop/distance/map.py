@@ -27,7 +27,7 @@ EXACT = 1e-4
 _SIDE = 1024  # of a block of the full map; smaller ones suffer where threads wait for each other
 _BAND = 128  # frames of a band; more would compute more pairs that differ too much in area
 _LOSS = 16 * np.finfo(np.float32).eps  # in a squared distance, of ‖a‖² + ‖b‖²; half of it occurs
-_GATHERED = 2**22  # numbers gathered at a time for pairs measured one by one
+_CHUNK = 2**22  # numbers gathered at a time for pairs measured one by one
 _MANY = 1 / 64  # of a block: if more pairs are close, the whole block again is cheaper
 
 Ints = NDArray[np.intp]
@@ -90,7 +90,7 @@ def about_mean(pictures: Picture) -> Picture:
 def between(x: Picture, a: Ints, b: Ints) -> NDArray[np.float32]:
     """Eq. 5 between pictures a[k] and b[k], one by one."""
     distances = np.empty(len(a), np.float32)
-    lot = max(1, _GATHERED // x.shape[1])
+    lot = max(1, _CHUNK // x.shape[1])
     for start in range(0, len(a), lot):
         here = slice(start, start + lot)
         distances[here] = np.linalg.norm(x[a[here]] - x[b[here]], axis=1)

@@ -1,4 +1,4 @@
-"""What other programs take (no section of the papers): pictures with alpha, edit lists, tracks.
+"""Exports for other programs (no section of the papers): pictures with alpha, edit lists, tracks.
 
 Films of the fish alone, sprite cycles, the edit list in plain columns, and tracks as poses in
 DeepLabCut's layout.

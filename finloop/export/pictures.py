@@ -1,4 +1,4 @@
-"""What other programs take: fish alone, without their tank, and an edit list that needs no store.
+"""Exports for other programs: fish without their tank, and an edit list that needs no store.
 
 Coordinates in px, x right, y down, pixel centres at integers.
 """
@@ -21,7 +21,7 @@ _WHITE = 255
 RIM = 3  # px that colour is bled under the edge of the fish, and beyond
 _FAINT = 16  # alpha below which a pixel is too coarse to tell its own colour
 
-_SHOWN = (
+_SOURCE = (
     Column("track_id", "int32", "1"),
     Column("frame", "int32", "1"),
     Column("atlas", "string", "1", nullable=True),
@@ -29,10 +29,10 @@ _SHOWN = (
 _MM = ("x_mm", "y_mm", "aim_x_mm", "aim_y_mm")
 READABLE = Schema(
     *EDIT.columns,
-    *_SHOWN,
+    *_SOURCE,
     *(
         Column(f"partner_{column.name}", column.dtype, column.unit, nullable=True)
-        for column in _SHOWN
+        for column in _SOURCE
     ),
     *columns("float64", "mm", *_MM, nullable=True),
     Column("speed_mm_s", "float64", "mm/s", nullable=True),

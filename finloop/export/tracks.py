@@ -34,8 +34,8 @@ def poses(
     track, and the largest number of tracks, the longest first; animals (rows,): names of animals;
     with them an individual is an animal, else a track.
     """
-    who = tracks["track_id"] if animals is None else animals
-    length = who.groupby(who).size()
+    individual = tracks["track_id"] if animals is None else animals
+    length = individual.groupby(individual).size()
     longest_first = (
         length[length >= least_frames].sort_values(ascending=False, kind="stable").index[:most]
     )
@@ -47,8 +47,8 @@ def poses(
             "lower export.tracks_least_s",
         )
     ids = np.sort(longest_first)
-    rows = pd.concat([tracks, features], axis=1).assign(who=who)[who.isin(ids)]
-    rows = rows.sort_values(["frame", "who"], ignore_index=True)
+    rows = pd.concat([tracks, features], axis=1).assign(individual=individual)[individual.isin(ids)]
+    rows = rows.sort_values(["frame", "individual"], ignore_index=True)
     line = lists_to_points(rows, "backbone").astype(float)
     line = np.where(tail_first(line, rows)[:, None, None], line[:, ::-1], line)
     places = at_places(line, np.linspace(0, line.shape[1] - 1, body_points + 2))
@@ -59,7 +59,7 @@ def poses(
         tuple(f"track_{number}" if animals is None else str(number) for number in ids),
         (HEAD, *body, TAIL, CENTRE),
         frames,
-        np.searchsorted(ids, rows["who"].to_numpy()),
+        np.searchsorted(ids, rows["individual"].to_numpy()),
         rows["frame"].to_numpy(np.int64),
         np.concatenate([places, centre[:, None]], axis=1),
         np.concatenate([sure.repeat(body_points + 2, 1), np.ones_like(sure)], axis=1),

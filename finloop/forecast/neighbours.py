@@ -23,9 +23,9 @@ from finloop.forecast.settings import Settings
 from finloop.nearest import Nearest
 
 _LOT = 512  # rows at a time
-_DRAWN = 2  # times `count` rows of different passages are drawn for `count` that look alike
-_NEAR = 8  # times as many nearest rows that look alike are looked at for these ...
-_MOST = 16_384  # ... among so many at most
+_SPARE = 2  # times `count`: rows of different passages that are drawn for `count` that look alike
+_NEAR = 8  # times as many nearest rows that look alike are examined for these, ...
+_MOST = 16_384  # ... among this number of nearest rows at most
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
@@ -83,16 +83,16 @@ def similar_rows(
 def _similar(film: FilmStates, look: Reals, p: Settings) -> Ints:
     """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
-    The rows after a pair look alike. A row has up to `_DRAWN` · `p.neighbours` of them, each of
+    The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
     another passage.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
-    passage, near = max(film.delta, round(film.memory)), _NEAR * _DRAWN * count
+    passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
     space, looks = (
         (values - values.mean(0)).astype(np.float32)
         for values in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
     )
-    index, limits = Nearest.of(space), (near, passage, _DRAWN * count)
+    index, limits = Nearest.of(space), (near, passage, _SPARE * count)
     pairs = [np.empty((0, 2), np.int64)]
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))

@@ -26,7 +26,7 @@ _FASTEST = 0.4  # of the frame rate: nearer to one half a beat is no longer told
 _STEADY = 0.6  # share of a window explained from which on its frame is part of a steady motion
 _LEAST_CYCLES = 1.8  # of steady motion: a cycle can only be compared with another one
 _HARMONICS = 2  # of the cycle that others are foretold from
-_SMOOTHED = 0.75  # cycles before and after a frame that its course is taken from
+_HALF_WINDOW = 0.75  # cycles before and after a frame that its course is taken from
 
 
 @dataclass(frozen=True)
@@ -197,10 +197,10 @@ def course(values: Floats, phase: Floats) -> Floats:
     steady turn or drift remains, and the beat is removed completely.
     """
     out = np.empty_like(values)
-    span = 2 * _SMOOTHED
+    span = 2 * _HALF_WINDOW
     low, high = phase.min(), phase.max()
     for t, moment in enumerate(phase):
-        start = min(max(moment - _SMOOTHED, low), max(high - span, low))
+        start = min(max(moment - _HALF_WINDOW, low), max(high - span, low))
         near = np.flatnonzero((phase >= start) & (phase <= start + span))
         turn = 2 * np.pi * phase[near]
         terms = np.stack([np.ones(len(near)), near - t, np.cos(turn), np.sin(turn)], axis=1)

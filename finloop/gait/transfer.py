@@ -20,7 +20,7 @@ from finloop.morph.folds import folds, stays_simple
 from finloop.morph.layers import check_pairs, check_sizes, fitted
 
 LEAST_FRAMES = 4  # one a key
-LIFTED = 0.02  # of a limb's height
+LIFT = 0.02  # of a limb's height
 DIGITS = 5  # of the larger side of the drawing: a hundredth of a pixel where that is 1000 px
 
 
@@ -152,7 +152,7 @@ def _lifted(key2: dict[str, Points], gait: Gait, offsets: Mapping[str, Points]) 
     for name in down & key2.keys():
         if (twin := partner(name, key2)) not in down and twin in gait.support:
             lower = key2[twin][:, 1].max() - key2[name][:, 1].max()
-            if lower + offsets.get(name, np.zeros(2))[1] > LIFTED * np.ptp(key2[twin][:, 1]):
+            if lower + offsets.get(name, np.zeros(2))[1] > LIFT * np.ptp(key2[twin][:, 1]):
                 out.append(name)
     return tuple(sorted(out))
 

@@ -24,7 +24,7 @@ IDENTITIES = Schema(
     Column("gap_frames", "int32", "1"),  # from the end of that one; 0 where there is none
     Column("probability", "float32", "1"),  # that it is that animal; 1 where there is none before
 )
-_LEAST_HALF = 10  # frames on either side of a gap that is made: a track of twice as many is long
+_LEAST_HALF = 10  # frames on either side of a trial gap: a track of twice as many is long
 _EVERY = 4  # of a backbone's points, one at which its width is taken
 USED = ["backbone_x_px", "backbone_y_px", "half_width_px", "length_px", "area_px", "contrast"]
 

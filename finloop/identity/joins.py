@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components, min_weight_full_bipartite
 
 from finloop.base.arrays import Floats, Reals
 
-_DRAWS = 500  # a probability is a share of so many
+_DRAWS = 500  # best sets under noise; a probability is a share of them
 # The candidates for a join: the tracks that begin soonest after an end. The zebrafish's trial gaps
 # are joined the same from 16 on. In a film of hours all pairs would be too many.
 _SOONEST = 64

@@ -25,7 +25,7 @@ _GEOMETRY = ("d", "points", "transform")
 _SVG = "{http://www.w3.org/2000/svg}"
 _HREFS = ("href", "{http://www.w3.org/1999/xlink}href")
 # Nothing of these is a contour of its own.
-_LEFT_OUT = {
+_NO_CONTOURS = {
     *("image", "text", "script", "foreignObject", "metadata", "animate", "filter"),
     *("marker", "mask", "clipPath", "pattern", "linearGradient", "radialGradient"),
 }
@@ -113,7 +113,7 @@ def _tidy(root: ElementTree.Element) -> None:
     hidden = ElementTree.Element(f"{_SVG}defs")
     for parent in list(root.iter()):
         for child in list(parent):
-            if _tag(child) in _LEFT_OUT:
+            if _tag(child) in _NO_CONTOURS:
                 parent.remove(child)
             elif _tag(child) == "symbol":
                 child.tag = f"{_SVG}{'svg' if 'viewBox' in child.attrib else 'g'}"

@@ -13,7 +13,7 @@ from finloop.base.kernel import kernel
 from finloop.jumps.table import JUMPS
 from finloop.nearest import Nearest
 
-_LOOKED_AT = 8  # times as many nearest rows are looked at, at first, for `count` passages
+_SPARE = 8  # times as many nearest rows are looked at, at first, for `count` passages
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Search:
     def __call__(self, rows: Ints) -> pd.DataFrame:
         """Neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
         to, far = self.index.choose(
-            self.targets[rows], _LOOKED_AT * self.count, partial(self._passages, rows)
+            self.targets[rows], _SPARE * self.count, partial(self._passages, rows)
         )
         at, place = np.nonzero(np.isfinite(far))
         to, n = to[at, place], len(self.track)

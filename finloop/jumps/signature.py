@@ -18,7 +18,7 @@ from finloop.reel import Reel
 
 _SPAN = 1.25  # lengths of a straight fish across a picture
 _LOT = 1000  # pictures at a time
-_FITTED = 600  # pictures at most that the principal components are fitted to
+_SAMPLE = 600  # pictures at most that the principal components are fitted to
 
 
 class Parts(NamedTuple):
@@ -60,7 +60,7 @@ class Straight:
 def _components(straight: Straight, count: int) -> Floats:
     """Principal components (2, n, count) of straight pictures and of their mirror images."""
     n = len(straight.reel)
-    sample = straight(spread(np.arange(n), _FITTED))
+    sample = straight(spread(np.arange(n), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     count = min(count, min(both.shape) - 1)

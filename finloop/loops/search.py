@@ -39,7 +39,7 @@ LOOPS = Schema(
     Column("length_s", "float64", "s", nullable=True),
     Column("group", "int32", "1"),
 )
-MOVED = 0.05  # body lengths from which a fish has a direction of travel
+TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
 RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
 
 Rows = NDArray[np.integer]
@@ -221,7 +221,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     Played between its ends, a loop within one track travels from a to b, whatever the fish does on
     the way; its heading is the mean over it (none where the fish turns round). And at either end of
     any loop the fish must swim the way it is headed: head and tail may be swapped, or the fish
-    adrift. A fish that moved less than `MOVED` body lengths has no direction of travel.
+    adrift. A fish that moved less than `TRAVEL` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
     x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
@@ -232,7 +232,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     def against(low: Rows, high: Rows, towards: NDArray[np.complex128]) -> Mask:
         way = (x[high] - x[low]) + 1j * (y[high] - y[low])
         off = np.abs(wrap_deg(np.degrees(np.angle(way) - np.angle(towards))))
-        return (np.abs(way) >= MOVED * length[low]) & (off > most_deg)
+        return (np.abs(way) >= TRAVEL * length[low]) & (off > most_deg)
 
     total = np.r_[0, np.cumsum(unit)]
     mean = (total[b + 1] - total[a]) / (b + 1 - a)
@@ -286,7 +286,7 @@ def groups(a: Rows, b: Rows, track: Rows) -> NDArray[np.int32]:
 
 def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Settings) -> NoLoops:
     """The reason why there are no loops, and the parameter that would give some."""
-    goal = "at least one pair of similar frames at which the film can go on as the other"
+    goal = "at least one pair of similar frames between which the film can jump"
     track = features["track_id"].to_numpy()
     longest = int(np.unique(track, return_counts=True)[1].max())
     least = least_frames(delta_of(features), settings)

@@ -22,7 +22,7 @@ from finloop.morph.flow import area, ears_off, joined, resized, retracted, short
 from finloop.morph.folds import count_folds, folds, no_contact, stays_simple
 from finloop.morph.match import matched, misfit
 
-PARTS = 16  # a straight way is followed in so many steps: small boxes, few pairs to look at
+PARTS = 16  # steps of a straight way: small boxes, few pairs to compare
 SMOOTHING = (1 / 6, 1 / 12, 1 / 18, 1 / 25, 1 / 40)  # of the whole time, widest first
 REACH = 10  # edges: of the mean along a curve
 NUDGE = 0.1  # edges: how far a proof may stray from the straight way between two frames

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 
-_SHOWN = 0.999  # quantile of the difference that is drawn black
+_QUANTILE = 0.999  # quantile of the difference that is drawn black
 
 
 def film_check(
@@ -27,7 +27,7 @@ def film_check(
     )
     panels["frame"].imshow(frame, cmap="gray", vmin=0, vmax=255)
     panels["frame"].set_title(title)
-    most = max(float(np.quantile(difference, _SHOWN)), 1.0)
+    most = max(float(np.quantile(difference, _QUANTILE)), 1.0)
     panels["difference"].imshow(difference, cmap="gray_r", vmin=0, vmax=most)
     panels["difference"].set_title("its difference from the still tank")
     for name in ("frame", "difference"):

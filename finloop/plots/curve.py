@@ -12,7 +12,7 @@ from scipy.sparse import csr_array
 from finloop.curve.contour import Curve
 from finloop.curve.wavelet import scales, truncated
 
-SHOWN = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
+LEVELS = (0, 3, 4, 5, 6)  # the paper leaves out 1 and 2, which look like the curve
 INK, REST = "#0072B2", "#B0B0B0"
 
 Array = NDArray[np.float64]
@@ -47,11 +47,11 @@ def _name(ax: Axes, text: str) -> None:
 def figure2(curve: Curve, wavelets: Sequence[tuple[str, str]]) -> Figure:
     """Fig. 2: the curve (n points) from 1/2^k of its samples, a row per (wavelet, its title)."""
     n = len(curve.points)
-    figure = Figure(figsize=(2.1 * len(SHOWN), 2.9 * len(wavelets)), layout="constrained")
-    rows = figure.subplots(len(wavelets), len(SHOWN), squeeze=False)
+    figure = Figure(figsize=(2.1 * len(LEVELS), 2.9 * len(wavelets)), layout="constrained")
+    rows = figure.subplots(len(wavelets), len(LEVELS), squeeze=False)
     for row, (wavelet, title) in zip(rows, wavelets, strict=True):
-        shapes = [truncated(curve.points, wavelet, k, curve.closed) for k in SHOWN]
-        for ax, k, points in zip(row, SHOWN, shapes, strict=True):
+        shapes = [truncated(curve.points, wavelet, k, curve.closed) for k in LEVELS]
+        for ax, k, points in zip(row, LEVELS, shapes, strict=True):
             _draw(ax, points, curve.closed)
             _bare(ax, np.stack(shapes))
             ax.set_title(f"({k})  {n >> k} samples", fontsize=9)

@@ -6,7 +6,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-SKIPPED = "#F0DFA8"  # no shade of grey: nothing was measured there
+BLANK = "#F0DFA8"  # no shade of grey: nothing was measured there
 
 
 def picture_rows(features: pd.DataFrame, most: int) -> NDArray[np.intp]:
@@ -28,7 +28,7 @@ def figure9(
     """
     figure = Figure(figsize=(13, 6.8), layout="constrained")
     axes = figure.subplots(1, 2, sharex=True, sharey=True)
-    shades = colormaps["gray"].with_extremes(bad=SKIPPED)
+    shades = colormaps["gray"].with_extremes(bad=BLANK)
     # Few pairs are far: without them the shades tell more.
     top = float(np.quantile(distance, 0.99)) / unit
     steps = distance / unit

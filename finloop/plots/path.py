@@ -8,7 +8,7 @@ from finloop.animate.path_measures import rms
 from finloop.base.arrays import Picture
 from finloop.plots.animate import COLOURS
 
-_ASKED = "0.2"
+_GOAL = "0.2"
 
 
 def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
@@ -24,7 +24,7 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     tank = figure.add_subplot(grid[:, 0])
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
     goal = _goal_path(swum)
-    tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_ASKED, lw=3.5, alpha=0.5,
+    tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_GOAL, lw=3.5, alpha=0.5,
               label="asked for")  # fmt: skip
     shared = None
     for row, (colour, (mode, way)) in enumerate(zip(COLOURS, modes.items(), strict=False)):

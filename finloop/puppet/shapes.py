@@ -16,7 +16,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread
 from finloop.puppet.pose import bends, mirrored, steps
 
-_ASKED = 50_000  # postures whose nearest others say how far these are; a quantile needs no more
+_SAMPLE = 50_000  # postures whose nearest neighbours are searched; a quantile needs no more
 _EXACT = 1e-5  # of codes, which files hold as float32
 _ROUNDING = 1e-6  # of the greatest component of a shape
 
@@ -85,7 +85,7 @@ class PoseShapes:
         total = float(variance.sum())
         enough = int(np.searchsorted(variance.cumsum(), min(share, 1 - 1e-12) * total)) + 1
         codes = apart @ shapes[:enough].T
-        some = codes[spread(np.arange(len(codes)), _ASKED)]
+        some = codes[spread(np.arange(len(codes)), _SAMPLE)]
         nearest = scipy.spatial.cKDTree(codes).query(some, k=2)[0][:, 1]
         gap = float(np.quantile(nearest, gap_quantile))
         return cls(mean, shapes[:enough], weights, variance[:enough], total, codes, gap)
@@ -122,7 +122,7 @@ class PoseShapes:
         """The nearest postures (…, d) that the film shows, or nearly.
 
         A posture whose codes are within `gap` of a filmed one stays as it is. Any other one is
-        moved straight towards the nearest filmed one until it is so near.
+        moved straight towards the nearest filmed one until it is within `gap`.
         """
         codes, clamped = self.nearest_codes(self.encode(postures))
         return Nearest(np.where(clamped[..., None], self.decode(codes), postures), clamped)

@@ -25,7 +25,7 @@ import scipy
 from finloop.base.arrays import Floats, Ints, Mask
 
 _Z = 1.959964  # normal deviate of a 95 % interval
-_SHARED = 2.0  # the variance, where each two blocks test each other
+_INFLATION = 2.0  # the variance, where each two blocks test each other
 
 
 class Auc(NamedTuple):
@@ -74,7 +74,7 @@ def auc(scores: Scores) -> Auc:
     value = float(weight @ values)
     weighed = pd.concat([w * part for w, part in zip(weight, parts, strict=True)])
     sums = weighed.groupby(level=0).sum().to_numpy()
-    clusters, shared = max(len(sums), 2), _SHARED if len(values) > 1 else 1.0
+    clusters, shared = max(len(sums), 2), _INFLATION if len(values) > 1 else 1.0
     error = float(np.sqrt(shared * clusters / (clusters - 1) * (sums**2).sum()))
     return Auc(value, *_interval(value, error))
 

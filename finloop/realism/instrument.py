@@ -131,7 +131,7 @@ class Swimming:
 def swimming(
     edits: Sequence[pd.DataFrame], tables: Sequence[pd.DataFrame], rate: float
 ) -> Swimming:
-    """Edit lists and what was measured of each, put together."""
+    """Edit lists and their feature tables, put together."""
     parts, before, tracks_before = [], 0, 0
     for number, (edit, table) in enumerate(zip(edits, tables, strict=True)):
         tick = table["frame"].to_numpy(np.int64)

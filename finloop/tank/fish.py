@@ -38,10 +38,10 @@ class Fish:
         return points[0] + self.place[tick], normals[0], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
-        """The skin worn at a tick."""
+        """The skin at a tick."""
         first, second, weight = self.poses.first, self.poses.second, self.poses.weight[tick]
         flips = bool(first.mirrored[tick]), bool(second.mirrored[tick])
-        return self.skins.worn(int(first.row[tick]), int(second.row[tick]), weight, flips)
+        return self.skins.blend(int(first.row[tick]), int(second.row[tick]), weight, flips)
 
     def points(self) -> NDArray[np.float32]:
         """The surface at every tick, (ticks, rings · around, 3), relative to the mass centre."""

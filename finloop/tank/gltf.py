@@ -20,7 +20,7 @@ from finloop.tank.light import SUN, WATER
 Floats = NDArray[np.floating]
 
 MODES = 8  # readers on the web mix eight at most
-_SAMPLE = 400  # shapes that the components are found from
+_SAMPLE = 400  # shapes from which the components are computed
 _SIDE = AROUND // 4  # the column of a grid that is the fish's side
 _LIFT = 0.01  # of the shadow above the floor, in body lengths
 _LINES, _FACES = 1, 4

@@ -67,7 +67,7 @@ class Skins:
             skin += share[..., None] * (level - skin)
         return skin
 
-    def worn(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
+    def blend(self, row: int, partner: int, weight: float, flips: tuple[bool, bool]) -> Picture:
         """The skin (AROUND, LENGTHWISE, 3) at a tick; `flips`: whether either is mirrored."""
         skin = self.skin(row)[:: -1 if flips[0] else 1]
         if weight > 0:

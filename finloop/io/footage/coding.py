@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 CHROMA_LEVELS = 12.0  # a pixel this far from the film's own tint is coloured
-CHROMA_FRACTION = 5e-4  # so many such pixels make a colour film: a goldfish is 3e-3 of 1 megapixel
+CHROMA_FRACTION = 5e-4  # of the pixels: the least of a colour film; a goldfish is 3e-3 of 1 MP
 DEEP_PERCENTILES = (0.01, 99.99)  # black and white of a deep film: hot pixels lie outside
 # Y of the limited ("studio") range: 16 is black and 235 white (BT.601).
 FULL_FROM_LIMITED = np.clip(np.rint((np.arange(256) - 16) * (255 / 219)), 0, 255).astype(np.uint8)
