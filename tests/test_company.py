@@ -16,6 +16,7 @@ from finloop.animate.company import (
     company_of,
     discs_of,
     lasting_ticks,
+    near_first,
     round_others,
 )
 from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK
@@ -156,6 +157,31 @@ def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
         ends.add((n, most))
     assert any(0 < most < n for n, most in ends)
     assert min(ends)[0] < 3 and max(ends)[0] == 40
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed):
+    rng, pace = np.random.default_rng(seed), 5.0
+    ways = [
+        np.column_stack([
+            np.cumsum(rng.normal(0, 4, (n, 2)), axis=0) + rng.uniform(200, 600, 2),
+            rng.uniform(-180, 180, n), np.zeros(n),
+        ])
+        for n in rng.integers(1, 12, 20)
+    ]  # fmt: skip
+    company = company_of(ways, 7, discs_of(NEEDLE[None], []), 6)
+    some = near_first(company, 400.0, 400.0, pace)
+    assert company.near == 20 > some.near > 0
+    assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
+    met = 0
+    for _ in range(2000):
+        tick, angle = int(rng.integers(7, company.until + 1)), rng.uniform(0, 2 * np.pi)
+        far = rng.uniform(0, pace * (tick - 6))  # as far as it comes by then
+        place = 400 + far * np.cos(angle), 400 + far * np.sin(angle), rng.uniform(-180, 180)
+        free = clear(company, 0, *place, tick)
+        assert clear_ahead(some, 0, *place, tick) == free == clear(some, 0, *place, tick)
+        met += not free
+    assert met
 
 
 def test_alone_every_place_is_clear():

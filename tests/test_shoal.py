@@ -16,7 +16,7 @@ import stages.export
 import stages.plots.animate
 import stages.plots.render
 import stages.render
-from finloop.animate import encounters
+from finloop.animate import avoidance, encounters
 from finloop.animate.arena import tank
 from finloop.animate.edit_list import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
@@ -106,6 +106,23 @@ def test_the_live_tank_swims_the_same(mode):
     for own, one in zip(by_fish(table), shown, strict=True):
         theirs = pd.DataFrame(one, columns=live.fish[0].at(0)._fields[:12])
         assert own[columns].values.tolist() == theirs[columns].values.tolist()
+
+
+@pytest.mark.parametrize("mode", [LOOPS, NETWORK])
+def test_a_jam_dissolves_as_fish_make_way_aside(mode, monkeypatch):
+    arena = np.zeros((400, 400), bool)
+    arena[50:210, 50:250] = True  # eight fish in four lengths by five
+    player, ticks = players_of(waters_of(room_=tank(arena, 0.6 * LENGTH), wander="film"))[mode], 500
+    rests = []
+    for directions in (avoidance._ASIDE_DEG, (0.0,)):  # and back to back alone
+        monkeypatch.setattr(avoidance, "_ASIDE_DEG", directions)
+        table = swum(player, 8, ticks)
+        assert not overlaps(table, player).any()
+        steps = np.hypot(*np.diff(encounters.places(table), axis=1).transpose(2, 0, 1))
+        still = np.pad(steps < 0.05 * LENGTH / RATE, ((0, 0), (1, 1)))
+        edges = [np.flatnonzero(np.diff(one.astype(int))) for one in still]
+        rests.append(max((one[1::2] - one[::2]).max(initial=0) for one in edges))
+    assert rests[0] < 0.6 * rests[1] and rests[0] < 0.4 * ticks
 
 
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():

@@ -15,6 +15,7 @@ from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats
 
 _AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
+_ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
 _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
@@ -55,21 +56,34 @@ class Avoidance:
     ) -> Iterator[Stretch]:
         """What a fish can do that is blocked by another at x, y, the best first.
 
-        It swims away, if that is quicker than a drift; drifts away, turning away; drifts, not
-        turning; drifts with the same picture; stays with the same picture.
+        It swims away, if that is quicker than a drift; drifts away, or more and more aside: turning
+        there, not turning, with the same picture; stays with the same picture.
         """
-        far = _AWAY * self._waters.motion.body_length_px
-        angle = np.arctan2(fish.y - y, fish.x - x)
-        to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
-        to_x, to_y = self._waters.tank.into(float(to_x), float(to_y))
-        away = Spot(to_x, to_y, 0.0, 0.0)
+        away = self._beyond(fish, x, y, 0.0)
         leaves = self._policy.next(fish, away, rng)
         # Who is blocked all round may swim, too, and gain nothing: a drift is quicker.
         gains = np.hypot(*(leaves.way[:, :2] - (x, y)).T) - np.hypot(fish.x - x, fish.y - y)
         ticks = self.ticks(fish, leaves)
         if ticks and gains[ticks - 1] > ticks * self._drift_px:
             yield replace(leaves, touched=False)
-        drift = self._drift(fish, away)
+        for aside_deg in _ASIDE_DEG:
+            there = self._beyond(fish, x, y, aside_deg)
+            drift, ways = self._drift(fish, there), self._staying(fish, there)
+            for one in ways:
+                moved = one.way.copy()
+                moved[:, :2] = drift[: len(moved)]
+                yield replace(one, way=moved, decision=Decision(WAITING))
+        yield replace(self._staying(fish, away)[-1], decision=Decision(WAITING))
+
+    def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Spot:
+        """A place to make way to for a fish at x, y: away from it, or so much aside of that."""
+        far = _AWAY * self._waters.motion.body_length_px
+        angle = np.arctan2(fish.y - y, fish.x - x) + np.radians(aside_deg)
+        to_x, to_y = fish.x + far * np.cos(angle), fish.y + far * np.sin(angle)
+        return Spot(*self._waters.tank.into(float(to_x), float(to_y)), 0.0, 0.0)
+
+    def _staying(self, fish: Fish, away: Spot) -> list[Stretch]:
+        """What a fish can show in its place: turning, not turning, the same picture."""
         if fish.row < 0:
             stays = self._policy.sprites.stay(fish, away)
             same, phase = (np.full(len(stays.way), one) for one in (fish.sprite, fish.phase))
@@ -78,20 +92,15 @@ class Avoidance:
                 stays, state=fish.state, number=same, phase=None if turns else phase, new=False,
                 whole=not turns,
             )  # fmt: skip
-            ways = [stays, frozen]
-        else:
-            stays = self._film.stay(fish, away, turns=False)
-            rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
-            same = np.full(len(rot), fish.row)
-            frozen = replace(stays, number=same, rot=rot, new=False)
-            ways = [self._film.stay(fish, away), stays, frozen]
-            if fish.state == FORECAST:
-                *ways, frozen = (replace(one, state=FORECAST) for one in (*ways, frozen))
-        for one in ways:
-            moved = one.way.copy()
-            moved[:, :2] = drift[: len(moved)]
-            yield replace(one, way=moved, decision=Decision(WAITING))
-        yield replace(frozen, decision=Decision(WAITING))
+            return [stays, frozen]
+        stays = self._film.stay(fish, away, turns=False)
+        rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
+        same = np.full(len(rot), fish.row)
+        frozen = replace(stays, number=same, rot=rot, new=False)
+        ways = [self._film.stay(fish, away), stays, frozen]
+        if fish.state == FORECAST:
+            return [replace(one, state=FORECAST) for one in ways]
+        return ways
 
     def _drift(self, fish: Fish, away: Spot) -> Floats:
         """Places (n, 2) of a fish that drifts away while it waits; at a wall, along it."""

@@ -39,13 +39,14 @@ class Company(NamedTuple):
 
     start: the first tick that is known, as the deciding fish counts; places (n, m, 4): x, y px,
     heading in degrees and the number of the picture at every tick from then on, the last ones for
-    ever; until: the last tick for which a search takes them into account.
+    ever; until, near: a search takes them into account until a tick, and of them the first `near`.
     """
 
     start: int
     places: Floats
     discs: Discs
     until: int = 0
+    near: int = 0
 
 
 ALONE = Company(0, np.zeros((1, 0, 4)), Discs(np.zeros((0, _DISCS, 3)), 0, 0.0))
@@ -59,9 +60,37 @@ def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> 
     if not ways:
         return ALONE
     ticks = np.array([len(way) for way in ways])
-    most = int(ticks.max())
+    most, count = int(ticks.max()), len(ways)
     rows = np.cumsum(ticks) - ticks + np.minimum(np.arange(most)[:, None], ticks - 1)
-    return Company(start, np.concatenate(ways, dtype=float)[rows], discs, start + most - 1 + stays)
+    places = np.concatenate(ways, dtype=float)[rows]
+    return Company(start, places, discs, start + most - 1 + stays, count)
+
+
+@kernel
+def near_first(company: Company, x: float, y: float, pace: float) -> Company:
+    """The company of a fish at a place, first those that it can come near while a search looks.
+
+    pace: px that a fish swims in a tick at most.
+    """
+    ticks, count = company.places.shape[:2]
+    first, last, order = 0, count, np.empty(count, np.int64)
+    for k in range(count):
+        near = False
+        for t in range(ticks):
+            later = t if t < ticks - 1 else company.until - company.start
+            far = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
+            near = near or far < 2 * company.discs.reach + pace * (later + 1)
+        if near:
+            order[first] = k
+            first += 1
+        else:
+            last -= 1
+            order[last] = k
+    places = np.empty_like(company.places)
+    for t in range(ticks):
+        for k in range(count):
+            places[t, k] = company.places[t, order[k]]
+    return Company(company.start, places, company.discs, company.until, first)
 
 
 def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:
@@ -101,11 +130,17 @@ def _discs(hulls: Floats) -> Floats:
 @kernel
 def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
     """Whether a picture shown at a place, at a tick, meets no other fish."""
-    others, near = company.places, 4.0 * company.discs.reach**2
-    if others.shape[1] == 0:
+    return _clear(company, company.places.shape[1], picture, (x, y, heading), tick)
+
+
+@kernel
+def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def]
+    """Whether a picture shown at a place (x, y, heading) meets none of the first `count` fish."""
+    others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, place
+    if count == 0:
         return True
     t = min(max(tick - company.start, 0), others.shape[0] - 1)
-    for k in range(others.shape[1]):
+    for k in range(count):
         dx, dy = others[t, k, 0] - x, others[t, k, 1] - y
         if dx * dx + dy * dy < near:
             second = int(others[t, k, 3]), others[t, k, 2]
@@ -116,9 +151,9 @@ def clear(company: Company, picture: int, x: float, y: float, heading: float, ti
 
 @kernel
 def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
-    """`clear` for a search, which knows where the others are from `start` to `until` alone."""
+    """`clear` for a search: of fish that may come near, from `start` to `until` alone."""
     unknown = tick < company.start or tick > company.until
-    return unknown or clear(company, picture, x, y, heading, tick)
+    return unknown or _clear(company, company.near, picture, (x, y, heading), tick)
 
 
 @kernel

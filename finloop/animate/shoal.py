@@ -108,10 +108,11 @@ class Swimmer:
         """The first tick for which nothing is planned."""
         return self._state.fish.tick
 
-    def way(self, tick: int) -> Floats:
-        """Its way (n, 4) from a tick on, as far as it is planned, n ≥ 1, as `Company` has it."""
+    @property
+    def plan(self) -> tuple[int, Floats]:
+        """The tick at which its last stretch begins, and its way (n, 4) as `Company` has it."""
         last = self.swim.stretches[-1]
-        return last.rest(tick - self.tick + len(last.way))
+        return self.tick - len(last.way), last.shown
 
     def decide(self, others: Ways) -> None:
         """Plan the next stretch. others: of every other fish, from the tick on."""
@@ -159,7 +160,7 @@ def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
     fish: list[Swimmer] = []
     for task in todo:
         try:
-            fish.append(Swimmer(player, task, {k: one.way(0) for k, one in enumerate(fish)}))
+            fish.append(Swimmer(player, task, {k: one.plan[1] for k, one in enumerate(fish)}))
         except NoRoom as error:
             raise FinloopError(
                 f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
@@ -176,11 +177,16 @@ def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
     FinloopError if there is no room for all of them.
     """
     fish = settle(player, todo)
+    plans = [one.plan for one in fish]
     queue = [(one.tick, number) for number, one in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:
         tick, number = queue[0]
-        fish[number].decide({k: one.way(tick) for k, one in enumerate(fish) if k != number})
+        fish[number].decide({
+            k: way[min(tick - begins, len(way) - 1) :]
+            for k, (begins, way) in enumerate(plans) if k != number
+        })  # fmt: skip
+        plans[number] = fish[number].plan
         heapq.heapreplace(queue, (fish[number].tick, number))
     for one in fish:
         one.swim.reached[one.swim.reached >= ticks] = -1

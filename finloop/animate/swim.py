@@ -1,7 +1,7 @@
 """Who swims, and the next stretch: to a goal, along a path, or anywhere (Figs. 16-18)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +18,7 @@ from finloop.animate.company import (
     can_stay,
     company_of,
     discs_of,
+    near_first,
 )
 from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
 from finloop.animate.follower import Follower
@@ -105,6 +106,18 @@ class Player:
         return company_of(ways, start, self.cast.discs, self.waters.ticks(p.give_way))
 
     @cached_property
+    def _pace(self) -> float:
+        """The longest step of the film, px."""
+        return float(np.hypot(self.waters.film.dx, self.waters.film.dy).max())
+
+    def _looking_round(self, fish: Fish) -> Fish:
+        """A fish that looks for those alone that it can come near."""
+        company = fish.company
+        if company.near == 0:
+            return fish
+        return replace(fish, company=near_first(company, fish.x, fish.y, self._pace))
+
+    @cached_property
     def _avoidance(self) -> Avoidance:
         return Avoidance(self.policy, self.waters)
 
@@ -121,7 +134,8 @@ class Player:
         Nothing but `rng` is changed: the same state, goal and draws give the same stretch, and
         whoever keeps a state and the generator's state can swim on from there again.
         """
-        waters, fish, place, left = self.waters, state.fish, state.place, 0
+        waters, place, left = self.waters, state.place, 0
+        fish = self._looking_round(state.fish)
         if isinstance(goal, Route):
             whole, along = self.follower.next(fish, state.along, goal, rng)
             stretch = self._avoidance.kept_clear(fish, whole, rng)

@@ -1,0 +1,94 @@
+"""Several fish planned together by `animate`: overlaps, goals, rests, and the time that it takes.
+
+`python -m benchmarks.shoal FOLDER …` takes working copies in which the pipeline was run, of a film
+each (none: the one that it is called in), and writes benchmarks/shoal.csv. Eight fish swim for ten
+minutes of film in the tank of the film, with a random goal every half minute each; 64 for two
+minutes in a tank three times as wide and high, in which they are a third as large, with a goal a
+minute. A fish that moves less than a twentieth of a body length in a second is still. Goals that
+were not reached for want of time count as not reached.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from benchmarks.company import summary
+from finloop.animate.encounters import nearest, overlaps, places
+from finloop.animate.listing import edit_lists
+from finloop.animate.planner import Material, Planner, planner
+from finloop.animate.settings import Settings
+from finloop.animate.shoal import shoal, tasks
+from finloop.animate.swim import random_goals
+from stages.animate import material
+from stages.settings import load
+
+SHOALS = ((8, 1, 600.0, 30.0), (64, 3, 120.0, 60.0))
+"""Fish, how many times as wide the tank is, s, s a goal."""
+WARM_UP = 20  # ticks, after which everything is compiled
+
+
+def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
+    """What fish do in a mode."""
+    waters, player = plans.waters, plans.players[mode]
+    p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
+    goals = random_goals(waters, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
+    shoal(player, tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
+    todo = tasks(goals, p.fish, np.random.default_rng(p.seed))
+    begin = time.process_time()
+    swims = shoal(player, todo, ticks)
+    planned = time.process_time()
+    edit = edit_lists(swims, ticks, player)
+    listed = time.process_time()
+    where, length = places(edit), waters.motion.body_length_px
+    near = np.concatenate([nearest(tick) for tick in where.transpose(1, 0, 2)]) / length
+    speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
+    return {
+        "mode": mode, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
+        "overlapping_pairs": int(overlaps(edit, player).sum()),
+        "goals_reached_pct": 100 * np.concatenate([one.reached >= 0 for one in swims]).mean(),
+        **summary(near, speeds, rate), "planned_real_times": p.seconds / (planned - begin),
+        "with_edit_list_real_times": p.seconds / (listed - begin),
+    }  # fmt: skip
+
+
+def widened(made: Material, times: int) -> Material:
+    """The same in a tank so many times as wide and as high."""
+    return made._replace(arena=np.kron(made.arena, np.ones((times, times), bool)))
+
+
+def film_rows(film: str) -> Iterator[dict[str, object]]:
+    """All modes on the film in the present folder."""
+    p: Settings = replace(load("animate"), path=None)
+    with material(p) as made:
+        for fish, times, seconds, goal_s in SHOALS:
+            tank = p.tank if times == 1 else "arena"
+            own = replace(p, fish=fish, seconds=seconds, tank=tank, overlap=False)
+            plans = planner(widened(made, times), own)
+            for mode in plans.players:
+                row = swum(mode, plans, goal_s)
+                print(row, flush=True)
+                yield {"film": film, "tank_times": times, **row}
+
+
+def main() -> None:
+    """Print and write the table."""
+    rows: list[dict[str, object]] = []
+    for folder in map(Path, sys.argv[1:] or ["."]):
+        name = folder.resolve().name
+        with chdir(folder):
+            rows += list(film_rows(name))
+    table = pd.DataFrame(rows)
+    print(table.round(3).to_string())
+    table.to_csv(Path(__file__).with_name("shoal.csv"), index=False, float_format="%.3g")
+
+
+if __name__ == "__main__":
+    main()
