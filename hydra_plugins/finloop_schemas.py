@@ -8,8 +8,8 @@ While `dvc exp run` or `make params` composes conf/, this registers
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
   the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
   of range, groups left out;
-- the resolvers `${film_stamp:}`, `${tracks_stamp:}` and `${path_stamp:}`, of the files that the
-  parameters name.
+- the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
+  the files that the parameters name.
 
 There is no `__init__.py`: `hydra_plugins` is a namespace that installed plugins share.
 """
@@ -25,7 +25,7 @@ from omegaconf import DictConfig, OmegaConf
 from finloop.base.settings import GROUPS, variants
 from stages.experiment import Experiment
 from stages.settings import STAMPS, all_problems, refusal, stamp
-from stages.stamps import film_stamp, path_stamp, tracks_stamp
+from stages.stamps import film_stamp, path_stamp, retarget_stamp, tracks_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 
@@ -81,10 +81,15 @@ def stamp_of_path(*, _root_: DictConfig) -> str | None:
     return path_stamp(plain(_root_, "animate"))
 
 
+def stamp_of_retarget(*, _root_: DictConfig) -> str | None:
+    """The stamp of the tracks whose motion is swum, of a composed config."""
+    return retarget_stamp(plain(_root_, "retarget"))
+
+
 for word in GROUPS:
     for name, option in variants(word).items():
         ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
-stamps = checked_stamp, stamp_of_films, stamp_of_tracks, stamp_of_path
+stamps = checked_stamp, stamp_of_films, stamp_of_tracks, stamp_of_path, stamp_of_retarget
 for name, resolver in zip(STAMPS, stamps, strict=True):
     OmegaConf.register_new_resolver(name, resolver, replace=True)

@@ -8,11 +8,12 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import EDIT, SPRITE
+from finloop.animate.edit_list import EDIT, RETARGET, SPRITE, Goal
+from finloop.base.errors import FinloopError
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.edit_list import load_edit
-from finloop.io.record import load_record
+from finloop.io.record import load_record, load_records
 from finloop.io.table import load_table
 from finloop.sprites.orient import SPRITES
 from stages.poses import load_poses
@@ -48,13 +49,34 @@ def load_drawn(
     """
     scene = load_record(DATA / "extract/scene.json", SceneFacts, "extract")
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(scene.points), columns)
-    edit = load_edit(DATA / "animate", mode, stage, EDIT)
+    edit = (
+        _load_retargeted(stage)
+        if mode == RETARGET
+        else load_edit(DATA / "animate", mode, stage, EDIT)
+    )
     wanted = sprites or SPRITE in {*edit["kind"], *edit["partner_kind"]}
     table = load_table(DATA / "sprites/sprites.parquet", SPRITES) if wanted else None
     bends = bool(
         edit["pose"].notna().any() or edit[["mirrored", "partner_mirrored"]].any(axis=None)
     )
     return Drawn(edit, scene, tracks, table, _bodies(table) if bends or bodies else None)
+
+
+def load_goals(mode: str) -> list[Goal]:
+    """The goals that the edit list of a mode leads to; a recorded track has none."""
+    return [] if mode == RETARGET else load_records(DATA / "animate/goals.json", Goal, "animate")
+
+
+def _load_retargeted(stage: str) -> pd.DataFrame:
+    """The edit list of a recorded track; FinloopError if none is asked for."""
+    edit = load_table(DATA / "retarget/retargeted.parquet", EDIT)
+    if edit.empty:
+        raise FinloopError(
+            f"{stage}.mode is retarget, and no track is retargeted",
+            "a track whose motion is swum",
+            f"name one (retarget.tracks), or another mode: {stage}.mode=hybrid",
+        )
+    return edit
 
 
 def _bodies(sprites: pd.DataFrame | None) -> Bodies:

@@ -13,18 +13,17 @@ from finloop.animate.edit_list import Goal
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
-from finloop.io.record import load_records
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import Marks
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import Settings
 from finloop.render.steps import Steps, film_steps, step_numbers
-from stages.edit import DATA, load_drawn
+from stages.edit import DATA, load_drawn, load_goals
 from stages.gallery import open_gallery
 from stages.settings import load
 
-CLIP, GOALS = DATA / "clip", DATA / "animate/goals.json"
+CLIP = DATA / "clip"
 OUT, REPORT = Path("data/render"), Path("reports/render")
 
 
@@ -71,7 +70,7 @@ def main() -> None:
     p: Settings = load("render")
     facts = load_facts(CLIP / FACTS_NAME)
     background = load_picture(DATA / "extract/background.png")
-    drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
+    drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
     ticks = drawn.edit["tick"].nunique()
     shadow = Shadow(p.shadow, p.shadow_blur * drawn.scene.typical_length_px)
     with open_gallery(drawn) as gallery, progress("render", ticks) as advance:

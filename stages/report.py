@@ -104,6 +104,16 @@ def facts_in_words(facts: VideoFacts, source: str, features: Mapping[str, float]
     )
 
 
+def film_in_words(mode: str, marks: bool) -> str:
+    """What the film shows."""
+    if mode == "retarget":
+        does, shown = "The fish swims as another animal did", "The line is its way"
+    else:
+        does = f"The fish swims to its goals in turn ({mode} mode), then wanders"
+        shown = "Rings are goals, the line is its way"
+    return f"{does}. No sound." + (f" {shown}." if marks else "")
+
+
 def main() -> None:
     """Make reports/index.html, reports/report/."""
     p: Settings = load("report")
@@ -121,8 +131,7 @@ def main() -> None:
         "facts": facts_in_words(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
         "poster": webp(poster, p.picture_width_px, p.picture_quality),
-        "film_text": f"The fish swims to its goals in turn ({mode} mode), then wanders. No sound."
-        + (" Rings are goals, the line is its way." if film_path == marked_film else ""),
+        "film_text": film_in_words(mode, film_path == marked_film),
         "headline": headline(numbers["animate"] | numbers["realism"], mode),
         "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,

@@ -24,6 +24,7 @@ FILES = (
     "film_stamp",
     "tracks_stamp",
     "path_stamp",
+    "retarget_stamp",
 )  # those of the files that it names (`stages.stamps`)
 STAMPS = (STAMP, *FILES)
 

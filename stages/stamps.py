@@ -45,7 +45,21 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 
 def path_stamp(animate: Mapping[str, Any]) -> str | None:
     """The stamp of the file with the path, by `animate`; None where it is missing."""
-    path = animate.get("path")
+    return _stamp_at(animate.get("path"))
+
+
+def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
+    """The stamp of the tracks whose motion is swum, by `retarget`; None where they are missing.
+
+    The stamp of another film is that of its folder `extract`.
+    """
+    path = retarget.get("tracks")
+    if path and (Path(path).expanduser() / "extract").is_dir():
+        path = str(Path(path) / "extract")
+    return _stamp_at(path)
+
+
+def _stamp_at(path: str | None) -> str | None:
     if not path:
         return None
     try:
@@ -81,7 +95,12 @@ def main() -> None:
     """Renew the stamps in params.yaml where they are of other files."""
     values = read()
     clip, extract = values.get("clip", {}), values.get("extract", {})
-    stamps = film_stamp(clip), tracks_stamp(clip, extract), path_stamp(values.get("animate", {}))
+    stamps = (
+        film_stamp(clip),
+        tracks_stamp(clip, extract),
+        path_stamp(values.get("animate", {})),
+        retarget_stamp(values.get("retarget", {})),
+    )
     text = old = PARAMS.read_text(encoding="utf-8")
     for name, new in zip(FILES, stamps, strict=True):
         line = yaml.safe_dump({name: new}).strip()

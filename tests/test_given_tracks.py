@@ -408,10 +408,10 @@ def test_common_names_of_head_and_tail_are_known(names, expected):
 
 def test_a_named_keypoint_is_taken_or_missed():
     poses = poses_of(("x",), ("a", "b"), np.arange(3), np.full((3, 1, 2, 2), 50.0))
-    assert keypoint(poses, "b", (), "tracks_head") == "b"
-    assert keypoint(poses, "none", ("a",), "tracks_head") is None
+    assert keypoint(poses.keypoints, "b", (), "tracks_head") == "b"
+    assert keypoint(poses.keypoints, "none", ("a",), "tracks_head") is None
     with pytest.raises(FinloopError, match="no keypoint 'nose'"):
-        keypoint(poses, "nose", (), "tracks_head")
+        keypoint(poses.keypoints, "nose", (), "tracks_head")
 
 
 def test_which_end_is_told_to_be_the_head():

@@ -13,6 +13,7 @@ PLACES = {  # column and row of every stage
     "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
     "identity": (3, 5), "calibrate": (3, 6), "morph": (3, 7),
     "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), "animate": (6, 1),
+    "retarget": (6, 2),
     "render": (7, 0), "tank": (7, 1), "export": (7, 2), "realism": (7, 3), "report": (8, 1),
 }  # fmt: skip
 TIP = (

@@ -26,6 +26,9 @@ NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
 """The modes: what a network learnt moves sprites or, by its forecast, frames in any pose; the film,
 jumping at loops; both in turn."""
 
+RETARGET = "retarget"
+"""What names the edit list of the stage `retarget` in place of a mode: a recorded track."""
+
 INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 

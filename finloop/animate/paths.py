@@ -35,8 +35,11 @@ class Path(NamedTuple):
     asked: Route
 
 
-def track_line(features: pd.DataFrame, name: str) -> Line:
-    """A track of the film, `track:8`, with times and headings; FinloopError if there is none."""
+def track_line(features: pd.DataFrame, name: str, parameter: str = "animate.path") -> Line:
+    """A track of the film, `track:8`, with times and headings; FinloopError if there is none.
+
+    parameter: that names it.
+    """
     numbers = features["track_id"]
     text = name.removeprefix(TRACK).strip()
     rows = np.flatnonzero(numbers == int(text)) if text.isdecimal() else np.zeros(0, int)
@@ -45,7 +48,7 @@ def track_line(features: pd.DataFrame, name: str) -> Line:
         raise FinloopError(
             f"{name} is no track of the film",
             f"one of its {numbers.nunique()} tracks; the longest: {', '.join(map(str, longest))}",
-            "correct animate.path (data/features/features.parquet has all tracks)",
+            f"correct {parameter} (data/features/features.parquet has all tracks)",
         )
     columns = ("x_px", "y_px", "time_s", "heading_deg")
     x, y, time, heading = (features[column].to_numpy(float)[rows] for column in columns)

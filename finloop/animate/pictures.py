@@ -220,6 +220,8 @@ def _expected(before: Any, now: Any, pictures: Pictures) -> Picture:
 
 def film_next(sprites: pd.DataFrame) -> Ints:
     """For every sprite the sprite of the film's next frame, −1 where there is none."""
+    if not len(sprites):
+        return np.zeros(0, np.int64)
     step = sprites["step"].to_numpy()
     follows = np.append((np.diff(sprites["frame"]) == 1) & (np.diff(step) == 1), False)
     return np.where(follows, np.arange(1, len(sprites) + 1), -1)

@@ -36,8 +36,8 @@ Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
 WORDS = (
     "clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "bpn", "forecast",
-    "sprites", "distance", "loops", "gateways", "animate", "render", "realism", "tank", "export",
-    "morph", "gait", "report",
+    "sprites", "distance", "loops", "gateways", "animate", "retarget", "render", "realism", "tank",
+    "export", "morph", "gait", "report",
 )  # fmt: skip
 """The stage words that have parameters, in the order of conf/config.yaml."""
 GROUPS = (*WORDS, "cluster")

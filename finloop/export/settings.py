@@ -12,7 +12,7 @@ from finloop.base.settings import NotNegative, Quality
 class Settings:
     """Which edit list and which tracks are handed on, and how fine."""
 
-    mode: Literal["nn", "loops", "hybrid"]  # the edit list that is exported and filmed
+    mode: Literal["nn", "loops", "hybrid", "retarget"]  # the edit list that is exported and filmed
     # quality of the films with alpha, VP9: 0 = best, 63 = worst
     webm_crf: Annotated[int, Field(ge=0, le=63)]
     # s, of the animated WebP, shorter than the WebM; 0 = none of the animation

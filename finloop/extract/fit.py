@@ -39,8 +39,8 @@ def given_of(
     that is named is missing, the file says places beyond the film's end or none in the clip, or the
     places are not in px of the picture.
     """
-    head = keypoint(poses, p.tracks_head, HEADS, "tracks_head")
-    tail = keypoint(poses, p.tracks_tail, TAILS, "tracks_tail")
+    head = keypoint(poses.keypoints, p.tracks_head, HEADS, "extract.tracks_head")
+    tail = keypoint(poses.keypoints, p.tracks_tail, TAILS, "extract.tracks_tail")
     sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: not said
     points = np.where(sure[..., None], poses.places * p.tracks_scale, np.nan)
     there: Mask = np.all(np.isfinite(points), axis=2)
@@ -67,20 +67,22 @@ def given_of(
     return given, head, tail
 
 
-def keypoint(poses: Poses, name: str, common: Sequence[str], parameter: str) -> str | None:
+def keypoint(
+    keypoints: Sequence[str], name: str, common: Sequence[str], parameter: str
+) -> str | None:
     """The keypoint of that name, or by `auto` the one with a common name; None if there is none.
 
-    FinloopError if a keypoint that is named is not there.
+    FinloopError if a keypoint that is named, by that parameter, is not there.
     """
     if name == "auto":
-        plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(poses.keypoints)}
+        plain = {re.sub(r"[^a-z]", "", one.lower()): one for one in reversed(keypoints)}
         return next((plain[one] for one in common if one in plain), None)
-    if name == "none" or name in poses.keypoints:
+    if name == "none" or name in keypoints:
         return None if name == "none" else name
     raise FinloopError(
         f"the tracks have no keypoint {name!r}",
-        f"one of {', '.join(poses.keypoints)}; or auto, or none",
-        f"correct extract.{parameter}",
+        f"one of {', '.join(keypoints)}; or auto, or none",
+        f"correct {parameter}",
     )
 
 

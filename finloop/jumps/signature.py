@@ -77,9 +77,9 @@ def parts(reel: Reel, poses: FilmPoses, settings: Settings) -> Parts:
     """The parts of all rows; poses: of the reel's rows."""
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
-    change = np.stack([_slope(codes, reel.goes_on, span) for codes in pose])
+    change = np.stack([slope(codes, reel.goes_on, span) for codes in pose])
     look = _components(Straight(reel, poses, settings.look_px), settings.look_numbers)
-    return Parts(pose, change, _motion(reel, span), look)
+    return Parts(pose, change, film_motion(reel, span), look)
 
 
 def signatures(row_parts: Parts, ends: tuple[Ints, Ints], settings: Settings) -> Floats:
@@ -98,13 +98,17 @@ def signatures(row_parts: Parts, ends: tuple[Ints, Ints], settings: Settings) ->
 
 def scaled(part: Floats, each: bool = False) -> Floats:
     """Deviations from the mean; in units of the part's deviation, or of each of its numbers'."""
-    apart = part - part.mean((0, 1))
-    square = (apart**2).mean((0, 1))
-    total = square * len(square) if each else square.sum()
-    return apart / np.sqrt(np.maximum(total, 1e-24))
+    return (part - part.mean((0, 1))) / deviation(part, each)
 
 
-def _slope(values: Floats, goes_on: Mask, span: int) -> Floats:
+def deviation(part: Floats, each: bool = False) -> Floats:
+    """The deviation (k,) of a part (2, n, k), of all its numbers together or of each of them."""
+    square = ((part - part.mean((0, 1))) ** 2).mean((0, 1))
+    total = square * len(square) if each else np.full_like(square, square.sum())
+    return np.sqrt(np.maximum(total, 1e-24))
+
+
+def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
     """Change (n, k) per row of values, over `span` rows before and after, within a track."""
     last = np.flatnonzero(~goes_on)
     rows = np.arange(len(values))
@@ -114,15 +118,19 @@ def _slope(values: Floats, goes_on: Mask, span: int) -> Floats:
     return (values[b] - values[a]) / np.maximum(b - a, 1)[:, None]
 
 
-def _motion(reel: Reel, span: int) -> Floats:
+def film_motion(reel: Reel, span: int) -> Floats:
     """Speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows and mirror images."""
     features = reel.features
     place = features[["x_px", "y_px"]].to_numpy(float) / reel.lengths_px[:, None]
-    heading = features["heading_deg"].to_numpy(float)
+    speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
+    return np.stack([speed, speed * (1, -1, -1)])
+
+
+def motion(place: Floats, heading_deg: Floats, goes_on: Mask, span: int) -> Floats:
+    """Speeds (n, 3) per row, ahead, aside and of turning. place (n, 2): in body lengths."""
     unwrapped = np.concatenate([
         np.unwrap(track, period=360)
-        for track in np.split(heading, np.flatnonzero(~reel.goes_on)[:-1] + 1)
+        for track in np.split(heading_deg, np.flatnonzero(~goes_on)[:-1] + 1)
     ])  # fmt: skip
-    velocity = _slope(np.column_stack([place, unwrapped]), reel.goes_on, span)
-    speed = np.column_stack([ahead_left(velocity[:, :2], np.radians(heading)), velocity[:, 2]])
-    return np.stack([speed, speed * (1, -1, -1)])
+    velocity = slope(np.column_stack([place, unwrapped]), goes_on, span)
+    return np.column_stack([ahead_left(velocity[:, :2], np.radians(heading_deg)), velocity[:, 2]])

@@ -12,7 +12,7 @@ from finloop.base.settings import Crf, NotNegative, Positive, Quality
 class Settings:
     """Which edit list is filmed, and how."""
 
-    mode: Literal["nn", "loops", "hybrid"]  # the edit list
+    mode: Literal["nn", "loops", "hybrid", "retarget"]  # the edit list
     marks: bool  # a second film, with goals, way, state and time
     crf: Crf  # quality of the films, H.264
     # of a fish on one that it swims over (animate.overlap): share of the light that it takes away

@@ -54,6 +54,10 @@ SWIM = Chapter(
                "cause is stands in reports/animate/left.csv.",
                "The tank from above with the path asked for and the ways of the modes; curves of "
                "the error along them."),
+        Figure("retarget/pictures/backbones.png", "", "Motion of another animal",
+               "A recorded track, swum by the film's fish: blue the asked line, red the "
+               "backbone that is drawn, at some moments; last the one that is farthest off.",
+               "Twelve pictures of the fish with two lines along its body."),
         Figure("realism/auc.png", "", "Told from film by a classifier",
                "The animations are measured again as the film was, and a classifier is asked which "
                "second of swimming is film. An area of 0.5: it cannot tell. Beside each mode: one "

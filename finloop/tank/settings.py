@@ -12,7 +12,7 @@ from finloop.base.settings import Crf, Positive
 class Settings:
     """Which edit list is filmed in three dimensions, from where, and how large."""
 
-    mode: Literal["nn", "loops", "hybrid"]  # the edit list
+    mode: Literal["nn", "loops", "hybrid", "retarget"]  # the edit list
     # of tank.mp4; tour: all of them, one after the other
     camera: Literal["top", "side", "corner", "follow", "orbit", "tour"]
     seconds: Positive  # s of the edit list, at most

@@ -4,25 +4,23 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.animate.edit_list import Goal
 from finloop.io.picture import load_picture, save_figure, save_picture
-from finloop.io.record import load_records
 from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
-from stages.edit import DATA, load_drawn
+from stages.edit import DATA, load_drawn, load_goals
 from stages.gallery import open_gallery
 from stages.settings import load
 
-GOALS, REPORT = DATA / "animate/goals.json", Path("reports/render")
+REPORT = Path("reports/render")
 
 
 def main() -> None:
     """Draw trajectory.png, contact_sheet.png and switches.png."""
     p: Settings = load("render")
     background = load_picture(DATA / "extract/background.png")
-    drawn, goals = load_drawn(p.mode, "render"), load_records(GOALS, Goal, "animate")
+    drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
     half_px = round(0.75 * drawn.scene.typical_length_px)
     edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
     with open_gallery(drawn) as gallery:

@@ -19,7 +19,9 @@ __all__ = ["load_poses"]
 _OWN: dict[Software, Callable[[Path], Poses]] = {"idtracker.ai": idtracker.read, "TRex": trex.read}
 
 
-def load_poses(path: Path, software: Software | None, rate_hz: float) -> Poses:
+def load_poses(
+    path: Path, software: Software | None, rate_hz: float, parameter: str = "extract.tracks_path"
+) -> Poses:
     """The poses of a file, or of a folder with a file for each animal.
 
     Frames are those of the film that the program saw, from 0. FinloopError if there is nothing, the
@@ -27,13 +29,13 @@ def load_poses(path: Path, software: Software | None, rate_hz: float) -> Poses:
     holds no animal.
 
     software: that made it; None = as the file shows.
-    rate_hz: of the film, for a file that says times and no rate.
+    rate_hz: of the film, for a file that says times and no rate; parameter: that names the file.
     """
     if not path.exists():
         raise FinloopError(
             f"there is nothing at {path.absolute()}",
             f"tracks of {', '.join(get_args(Software))}",
-            "correct extract.tracks_path; give it whole, a temporary experiment starts elsewhere",
+            f"correct {parameter}; give it whole, a temporary experiment starts elsewhere",
         )
     software = software_of(path) if software is None else software
     own = _OWN.get(software)

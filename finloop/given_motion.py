@@ -1,0 +1,76 @@
+"""The track whose motion is asked for: of a file, of another film, or of this film itself.
+
+The door from `retarget` to files.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.paths import track_line
+from finloop.base.arrays import Ints
+from finloop.base.errors import FinloopError
+from finloop.base.line import TRACK
+from finloop.base.schema import lists_to_points
+from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.features.head import tail_first
+from finloop.features.table import FEATURES
+from finloop.io.poses import load_poses
+from finloop.io.record import load_record
+from finloop.io.table import load_table
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.retarget.film import Material, own_track
+from finloop.retarget.settings import Settings
+from finloop.retarget.track import Track, chosen, of_lines, track_of
+
+_LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
+
+
+def given_motion(made: Material, p: Settings) -> Track:
+    """The track of `retarget.tracks`; FinloopError as of whatever reads it.
+
+    made: of the film that is drawn.
+    """
+    assert p.tracks is not None
+    steps = made.poses.pose.posture.shape[1] // 2 - 1
+    if p.tracks.startswith(TRACK):
+        rows = track_line(made.reel.features, p.tracks, "retarget.tracks").rows
+        assert rows is not None
+        return own_track(made, rows, p.tracks)
+    path = Path(p.tracks).expanduser()
+    folder = path.parent if path.name == "extract" else path
+    if (folder / "extract/tracks.parquet").exists():
+        return _of_film(folder, steps, p)
+    rate = p.rate_hz or made.rate_hz
+    software = None if p.software == "auto" else p.software
+    return track_of(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
+
+
+def _of_film(folder: Path, steps: int, p: Settings) -> Track:
+    """A track of another film, whose folder data/ this is."""
+    scene = load_record(folder / "extract/scene.json", SceneFacts, "extract")
+    features = load_table(folder / "features/features.parquet", FEATURES)
+    rate = p.rate_hz or load_facts(folder / "clip" / FACTS_NAME).frame_rate_hz
+    tracks = load_table(folder / "extract/tracks.parquet", tracks_schema(scene.points), _LINES)
+    if len(tracks) != len(features):
+        raise FinloopError(
+            f"{folder} holds {len(tracks)} rows of tracks, and {len(features)} of features",
+            "tables of one film",
+            "make that film's again: `dvc repro features`",
+        )
+    rows = _rows(features, p)
+    line = lists_to_points(tracks.iloc[rows], "backbone").astype(float)
+    first = tail_first(line, features.iloc[rows])
+    line = np.where(first[:, None, None], line[:, ::-1], line)
+    frame = features["frame"].to_numpy(np.int64)[rows]
+    name = f"track {features['track_id'].iloc[rows[0]]} of {folder}"
+    return of_lines(name, rate, frame, line, steps)
+
+
+def _rows(features: pd.DataFrame, p: Settings) -> Ints:
+    """The rows of the track that is named, or of the longest."""
+    counts = features["track_id"].value_counts().sort_index()
+    names = [str(one) for one in counts.index]
+    number = chosen(p.animal, names, counts.to_numpy())
+    return np.flatnonzero((features["track_id"] == counts.index[number]).to_numpy())

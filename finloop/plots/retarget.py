@@ -1,0 +1,67 @@
+"""Picture of `retarget`: lines as asked for and backbones as drawn, at some moments."""
+
+from collections.abc import Iterable, Sequence
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Picture, Points
+from finloop.base.schema import lists_to_points
+from finloop.plots.parts import Colour, coloured, in_rows, write
+from finloop.render.painter import Painter, Placed
+
+_ASKED, _DRAWN, _INK = (86, 180, 233), (213, 94, 0), (150, 30, 30)
+_HALO = (255, 255, 255)
+_ACROSS = 4  # tiles
+MOMENTS = 11  # spread over the track; one more, the last, is the worst
+
+
+def moments(asked: pd.DataFrame) -> list[int]:
+    """Ticks of `retarget.ASKED`, spread over all; then the one that is farthest off."""
+    some = np.linspace(0, len(asked) - 1, min(MOMENTS, len(asked))).astype(int).tolist()
+    far = asked["apart"].to_numpy(float)
+    return [*some, int(np.nanargmax(far))] if np.isfinite(far).any() else some
+
+
+def sheet(
+    asked: pd.DataFrame,
+    ticks: Sequence[int],
+    fish: Iterable[Placed],
+    painter: Painter,
+    size_px: int,
+    tile_px: int = 300,
+) -> Picture:
+    """A tile a tick: the fish as drawn, the asked points wide and blue, its backbone thin and red.
+
+    asked: columns of `retarget.ASKED`; fish: of these ticks; size_px: of the tank across a tile.
+    """
+    tiles = []
+    for tick, one in zip(ticks, fish, strict=True):
+        painter.show(one)
+        row = asked.iloc[[tick]]
+        wanted, drawn = (lists_to_points(row, name)[0].astype(float) for name in ("asked", "drawn"))
+        corner = np.array([one.x_px, one.y_px]) - size_px / 2
+        scale = tile_px / size_px
+        to_tile = np.column_stack([scale * np.eye(2), -scale * corner])
+        tile = cv2.warpAffine(
+            coloured(painter.frame), to_tile, (tile_px, tile_px), flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_REPLICATE,
+        )  # fmt: skip
+        _line(tile, scale * (wanted - corner), _ASKED, 5)
+        _line(tile, scale * (drawn - corner), _DRAWN, 1)
+        apart = float(row["apart"].iloc[0])
+        off = "" if np.isnan(apart) else f", {100 * apart:.1f} % off"
+        for colour, wide in ((_HALO, 4), (_INK, 1)):
+            write(tile, f"{row['file_s'].iloc[0]:.2f} s{off}", (6, 16), colour, 0.45, wide)
+        tiles.append(tile)
+    return np.vstack(in_rows(tiles, _ACROSS))
+
+
+def _line(tile: Picture, points: Points, colour: Colour, wide: int) -> None:
+    """Draw a line through points (k, 2), or a dot."""
+    at = np.round(16 * points).astype(np.int32)
+    if len(at) == 1:
+        cv2.circle(tile, tuple(at[0].tolist()), 16 * wide, colour, -1, cv2.LINE_AA, 4)
+    else:
+        cv2.polylines(tile, [at], False, colour, wide, cv2.LINE_AA, 4)

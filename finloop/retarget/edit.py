@@ -1,0 +1,96 @@
+"""A retargeted track as an edit list: rows of the film, each in the posture that is asked for."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.bodies import Bodies
+from finloop.animate.edit_list import EDIT, FRAME, INERTIAL, JUMP, LOOPS, PLAY
+from finloop.animate.joins import Joins, Shown, cross_fades, inertialized
+from finloop.animate.motion import FILM, STATES
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.features.table import wrap_deg
+from finloop.puppet import Pose
+
+
+@dataclass(frozen=True)
+class Sources:
+    """Rows (T,) of the film, whether each is mirrored, and the ticks from 1 on at which the film
+    does not go on as before.
+    """
+
+    row: Ints
+    mirrored: Mask
+    switch: Ints
+
+    @classmethod
+    def of(cls, numbers: Ints, follows: Ints, count: int) -> "Sources":
+        """Of `FilmRows`: numbers (T,), what each goes on with (m,), the film's rows."""
+        switch = np.flatnonzero(numbers[1:] != follows[numbers[:-1]]) + 1
+        return cls(numbers % count, numbers >= count, switch)
+
+    def shown(self, heading_deg: Floats, bodies: Bodies) -> Shown:
+        """As `animate.joins` takes them, headed (T,) on screen."""
+        turn = wrap_deg(heading_deg - bodies.heading_deg[self.row])
+        return Shown(np.ones(len(self.row), bool), self.row, turn, self.mirrored)
+
+
+def film_codes(sources: Sources, heading_deg: Floats, how: Joins) -> Floats:
+    """The codes (T, c) of the rows themselves, which go on over jumps as all joins do."""
+    own = sources.shown(heading_deg, how.bodies)
+    codes = how.bodies.codes(how.bodies.of(own.frame, own.number, own.rot, own.mirrored))
+    if how.kind != INERTIAL:
+        return codes
+    made = inertialized(own, heading_deg, how)
+    return np.where(made.posed[:, None], made.codes, codes)
+
+
+def edit_list(
+    sources: Sources, pose: Pose, codes: Floats, scale: Floats, how: Joins, rate_hz: float
+) -> pd.DataFrame:
+    """Columns of `EDIT`. pose (T): as drawn; codes (T, c): of it; scale (n,): of rows."""
+    ticks, bodies = len(sources.row), how.bodies
+    heading = wrap_deg(np.degrees(pose.heading_rad))
+    shown = sources.shown(heading, bodies)
+    begins = sources.switch
+    goes_on = bodies.goes_on
+    if len(begins):  # within one passage light and skin are the same
+        here = bodies.of(shown.frame, shown.number, shown.rot, shown.mirrored)
+        old = bodies.after(here.some(begins - 1))
+        begins = begins[~bodies.same_moment(old, here.some(begins), how.fade)]
+    partner, weight = cross_fades(shown, begins, how.fade, lambda _, row: row + int(goes_on[row]))
+    fades = weight > 0
+    speed = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) * rate_hz / pose.size_px[1:]
+    new = np.zeros(ticks, bool)
+    new[sources.switch] = True
+    reason = pd.Series(JUMP, range(ticks), dtype=object).where(new, None)
+    reason[0] = PLAY
+    table = pd.DataFrame({
+        "fish": 0,
+        "tick": np.arange(ticks),
+        "time_s": np.arange(ticks) / rate_hz,
+        "kind": FRAME,
+        "source": sources.row,
+        "rotation_deg": shown.rot,
+        "scale": scale[sources.row],
+        "mirrored": sources.mirrored,
+        "x_px": pose.x_px,
+        "y_px": pose.y_px,
+        "partner_kind": pd.Series(FRAME, range(ticks), dtype=object).where(fades, None),
+        "partner": pd.Series(partner.number).where(fades),
+        "partner_rotation_deg": np.where(fades, partner.rot, np.nan),
+        "partner_scale": np.where(fades, scale[partner.number], np.nan),
+        "partner_mirrored": fades & partner.mirrored,
+        "weight": weight,
+        "pose": pd.Series(list(codes.astype(np.float32)), dtype=object),
+        "heading_deg": heading,
+        "speed": np.append(speed[:1], speed),
+        "mode": LOOPS,
+        "state": STATES[FILM],
+        "goal": "",
+        "aim_x_px": pose.x_px,
+        "aim_y_px": pose.y_px,
+        "reason": reason,
+    })  # fmt: skip
+    return table.reindex(columns=EDIT.names).astype(EDIT.kinds)

@@ -1,0 +1,91 @@
+"""A recorded track at the film's rate: gaps filled, the longest stretch, which way it swims."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+from scipy.ndimage import gaussian_filter1d
+
+from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
+from finloop.retarget.settings import Settings
+from finloop.retarget.track import Track
+
+_LEAST = 4  # ticks
+_BACKWARDS = 0.25  # of the way; an animal that swims head first for less has head and tail swapped
+
+
+class Motion(NamedTuple):
+    """A stretch of a track at the film's rate.
+
+    time_s: (T,) of the file; points: (T, m, 2) px; codes: (T, c) of postures of this film, or None;
+    numbers: what was filled and left out.
+    """
+
+    time_s: Floats
+    points: Floats
+    codes: Floats | None
+    numbers: dict[str, float]
+
+
+def motion_of(track: Track, rate_hz: float, p: Settings) -> Motion:
+    """The longest stretch of a track without a longer gap, by splines at another rate.
+
+    FinloopError if it lasts less than some ticks, or the animal swims tail first.
+    """
+    time = track.frame / track.rate_hz
+    asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
+    given = np.flatnonzero(track.whole & asked)
+    breaks = np.diff(track.frame[given]) > 1 + round(p.gap_s * track.rate_hz)
+    parts = np.split(given, np.flatnonzero(breaks) + 1)
+    longest = max(parts, key=lambda part: np.ptp(time[part]) if len(part) else -1.0)
+    lasts = float(np.ptp(time[longest])) if len(longest) else 0.0
+    ticks = int(lasts * rate_hz + 1e-6) + 1
+    if ticks < _LEAST or len(longest) < 2:
+        raise FinloopError(
+            f"the longest stretch of {track.name} without a gap has {len(longest)} frames, "
+            f"{lasts:.2f} s, of {int(asked.sum())} frames that were asked for",
+            f"{_LEAST / rate_hz:.2g} s at least, {_LEAST} frames of this film",
+            "a longer gap (retarget.gap_s), another animal, or another part of the track "
+            "(retarget.start_s, end_s)",
+        )
+    at = time[longest[0]] + np.arange(ticks) / rate_hz
+    points = CubicSpline(time[longest], track.points[longest])(at)
+    codes = None
+    if track.codes is not None:
+        codes = CubicSpline(time[longest], track.codes[longest])(at)
+    if p.smooth_s:
+        points, codes = (
+            None if one is None else gaussian_filter1d(one, p.smooth_s * rate_hz, 0, mode="nearest")
+            for one in (points, codes)
+        )
+    forward = forward_share(points)
+    if forward < _BACKWARDS and not p.backwards:
+        raise FinloopError(
+            f"{track.name} swims tail first for {1 - forward:.0%} of its way",
+            "points from head to tail; most animals swim head first",
+            "exchange retarget.head and retarget.tail, turn retarget.points round, or let it swim "
+            "so: retarget.backwards=true",
+        )
+    span = int(track.frame[longest[-1]] - track.frame[longest[0]] + 1)
+    every = len(track.frame[asked])
+    return Motion(at, points, codes, {
+        "file_frames": every,
+        "file_frames_used_pct": 100 * len(longest) / max(every, 1),
+        "gaps_filled_frames": span - len(longest),
+        "left_out_s": (every - len(longest)) / track.rate_hz,
+        "stretches_left_out": len(parts) - 1,
+        "forward_pct": 100 * forward,
+    })  # fmt: skip
+
+
+def forward_share(points: Floats) -> float:
+    """The share of the way that points (T, m, 2), head first, move head first; 1 of one point."""
+    if points.shape[1] < 2:
+        return 1.0
+    ahead = points[:, 0] - points[:, -1]
+    ahead /= np.maximum(np.hypot(*ahead.T), 1e-9)[:, None]
+    step = np.diff(points.mean(1), axis=0)
+    along = (step * (ahead[1:] + ahead[:-1]) / 2).sum(1)
+    whole = np.abs(along).sum()
+    return float(np.maximum(along, 0).sum() / whole) if whole > 0 else 1.0

@@ -1,0 +1,127 @@
+"""Asked-for lines as postures of this film: probabilistic principal components, and alignment.
+
+A body keeps its proportions: only the bends of a recorded animal are taken, not the lengths of its
+parts. Bends are some of the components of a posture; with the film's principal shapes as a
+probabilistic model (Tipping and Bishop, Probabilistic Principal Component Analysis, 1999) its codes
+are the most probable ones given these:
+
+    c = argmin |W (b − m − S c)|² / σ² + Σ c² / λ,
+
+with b the bends, m, S, W mean, shapes and weights of theirs, λ the variance of the codes and σ² of
+what the shapes leave. Place and heading are those at which the drawn backbone is nearest to the
+asked line (Kabsch 1976, in the plane).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Mask, Points
+from finloop.puppet import Pose, PoseShapes
+from finloop.puppet.pose import bends, steps
+
+_ROUNDS = 4  # of bends against a heading, and a heading by the posture of these
+_FLOOR = 1e-9  # of the variance, where the shapes leave nothing
+_HEAD = 1 / 3  # of the body, whose chord is the first heading
+
+
+class Asked(NamedTuple):
+    """Postures (T) as they are drawn: their poses, codes (T, c), and whether they were changed."""
+
+    pose: Pose
+    codes: Floats
+    clamped: Mask
+
+
+def asked_postures(
+    points: Points, at: Floats, shapes: PoseShapes, size_px: float, codes: Floats | None = None
+) -> Asked:
+    """The postures of lines (T, m, 2) px, their points at shares (m,) of the body, m > 2.
+
+    size_px: of the animal to be drawn; codes (T, c): where they are known.
+    """
+    rounds = _ROUNDS if codes is None else 1
+    first = _head_rad(points, at)
+    directions = _directions(points, first)
+    turned = np.zeros(len(points))
+    for _ in range(rounds):
+        likely = likely_codes(directions - turned[:, None], at, shapes) if codes is None else codes
+        near, clamped = shapes.nearest_codes(likely)
+        pose = aligned(shapes.decode(near), points, at, size_px)
+        turned = np.angle(np.exp(1j * (pose.heading_rad - first)))
+    return Asked(pose, near, clamped)
+
+
+def _head_rad(points: Points, at: Floats) -> Floats:
+    """The direction (T,) of the head: of the chord from a third of the body to the first point."""
+    third = max(1, int(np.argmin(np.abs(at - _HEAD))))
+    way = points[:, 0] - points[:, third]
+    return np.arctan2(-way[:, 1], way[:, 0])
+
+
+def _directions(points: Points, head_rad: Floats) -> Floats:
+    """The directions (T, m − 1) of the steps, towards the head, against those of the head (T,)."""
+    way = points[:, :-1] - points[:, 1:]
+    angles = np.arctan2(-way[..., 1], way[..., 0]) - head_rad[:, None]
+    angles[:, 0] = np.angle(np.exp(1j * angles[:, 0]))  # the others follow from the head on
+    return np.unwrap(angles, axis=1)
+
+
+def likely_codes(directions: Floats, at: Floats, shapes: PoseShapes) -> Floats:
+    """The most probable codes (T, c) of directions (T, m − 1) of steps, against the heading.
+
+    at (m,): where along the body the points lie that the steps lead between, on the film's points.
+    """
+    count = bends(shapes.mean).size
+    first = round(at[0] * count)
+    which = np.zeros(len(shapes.mean), bool)
+    bends(which)[first : first + directions.shape[1]] = True
+    away = (directions - shapes.mean[which]) * shapes.weights[which]
+    parts = shapes.shapes[:, which]
+    left = max(shapes.total_variance - float(shapes.variance.sum()), 0.0)
+    spare = max(len(shapes.mean) - len(shapes.shapes), 1)
+    noise = max(left / spare, _FLOOR * shapes.total_variance)
+    prior = np.diag(noise / np.maximum(shapes.variance, 1e-30))
+    return np.linalg.solve(parts @ parts.T + prior, parts @ away.T).T
+
+
+def aligned(
+    postures: Floats, points: Points, at: Floats, size_px: float, heading_rad: Floats | None = None
+) -> Pose:
+    """Postures (T, d), placed and turned so that they are nearest to points (T, m, 2) px.
+
+    at (m,): shares of the body, NaN: its mass centre. heading_rad (T,): where one point alone
+    says no heading.
+    """
+    none = np.zeros(len(postures))
+    bare = Pose(none, none, none, none + size_px, postures)
+    own = on_body(bare, at)
+    z, w = own[..., 0] - 1j * own[..., 1], points[..., 0] - 1j * points[..., 1]
+    z0, w0 = z.mean(1), w.mean(1)
+    if heading_rad is None:
+        heading_rad = np.angle(((z - z0[:, None]).conj() * (w - w0[:, None])).sum(1))
+    centre = w0 - z0 * np.exp(1j * heading_rad)
+    return bare.at(centre.real, -centre.imag, heading_rad, size_px)
+
+
+def on_body(pose: Pose, at: Floats) -> Points:
+    """The places (T, m, 2) px at shares (m,) of poses' backbones; NaN: the mass centre."""
+    line = pose.backbone_px()
+    place = np.nan_to_num(at) * (line.shape[1] - 1)
+    low = np.minimum(place.astype(int), line.shape[1] - 2)
+    part = (place - low)[:, None]
+    made = (1 - part) * line[:, low] + part * line[:, low + 1]
+    centre = np.stack([pose.x_px, pose.y_px], -1)[:, None]
+    return np.where(np.isnan(at)[:, None], centre, made)
+
+
+def body_share(shapes: PoseShapes) -> float:
+    """How long a backbone is, in sizes of the animal: that of the mean posture."""
+    return float(steps(shapes.mean).sum())
+
+
+def chord_share(shapes: PoseShapes, at: Floats) -> float:
+    """How far two points at shares (2,) of the body are apart in the mean posture, in sizes."""
+    none = np.zeros(1)
+    ends = on_body(Pose(none, none, none, none + 1, shapes.mean[None]), at)[0]
+    return float(np.hypot(*(ends[-1] - ends[0])))

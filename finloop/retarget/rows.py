@@ -1,0 +1,136 @@
+"""Which frames of the film a track is drawn from: the cheapest sequence of rows (Viterbi).
+
+A tick costs what its row is farther from what is asked for, in natural steps, for each Δ; going on
+with the film costs nothing, going over to another row `switch` natural steps and what light and
+skin of the two differ.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints, Reals
+from finloop.base.errors import FinloopError
+from finloop.features.table import delta_of
+from finloop.jumps.settings import Settings as Weights
+from finloop.jumps.signature import deviation, film_motion, motion, slope
+from finloop.nearest import Nearest
+from finloop.pose.film import FilmPoses
+from finloop.reel import Reel
+
+_BEAM = 4  # times the candidates of a tick are kept
+
+
+@dataclass(frozen=True)
+class FilmRows:
+    """What the n rows of a film and, where they may be shown, their mirror images are compared in.
+
+    A mirror image has the number of its row and n more. values: (m, d) posture, its change, motion,
+    of a track that says no posture motion alone; seen: (m, q) what is seen at a jump; both in
+    natural steps. follows: (m,) the number that the film goes on with, −1: none. scales: of the
+    parts of `values`; span: rows, of a change.
+    """
+
+    count: int
+    values: Floats
+    seen: Floats
+    follows: Ints
+    scales: list[Floats]
+    span: int
+
+    @classmethod
+    def of(
+        cls, reel: Reel, poses: FilmPoses, look: Reals, weights: Weights, bent: bool
+    ) -> "FilmRows":
+        """The rows of a film. look: of the stage `jumps`; bent: whether postures are asked for."""
+        n, span = len(reel), max(1, round(delta_of(reel.features) / 4))
+        sides = len(look) // n
+        pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
+        change = np.stack([slope(one, reel.goes_on, span) for one in pose])
+        speed = film_motion(reel, span)
+        scales = [
+            weights.pose / deviation(pose),
+            weights.change / deviation(change),
+            weights.motion / deviation(speed, each=True),
+        ]
+        parts = [
+            one[:sides] * scale for one, scale in zip((pose, change, speed), scales, strict=True)
+        ]
+        light = weights.look * np.asarray(look, float).reshape(sides, n, -1)
+        first, later = reel.step_ends
+        whole = np.concatenate([*parts, light], axis=-1)[0]
+        step = max(float(np.median(np.linalg.norm(whole[later] - whole[first], axis=-1))), 1e-12)
+        used = slice(0 if bent else 2, 3)
+        goes = np.where(reel.goes_on, np.arange(n) + 1, -1)
+        return cls(
+            n,
+            _flat(parts[used]) / step,
+            _flat([light] if bent else [parts[0], light]) / step,
+            np.concatenate([goes, np.where(goes < 0, -1, goes + n)][:sides]),
+            [scale / step for scale in scales[used]],
+            span,
+        )
+
+    def without(self, rows: Ints) -> "FilmRows":
+        """Without some rows of the film, and their mirror images: they are infinitely far.
+
+        FinloopError if these are all.
+        """
+        gone = np.isin(np.arange(len(self.values)) % self.count, rows)
+        if gone.all():
+            raise FinloopError(
+                "the film has no frames but those of the track that is asked for",
+                "other frames of the film to draw it from",
+                "retarget.own_frames=true, or a film with more tracks",
+            )
+        values = np.where(gone[:, None], np.inf, self.values)
+        follows = np.where(np.isin(self.follows, np.flatnonzero(gone)), -1, self.follows)
+        return replace(self, values=values, follows=follows)
+
+    def asked(self, place: Floats, heading_rad: Floats, codes: Floats | None) -> Floats:
+        """The same numbers (T, d) of what is asked for.
+
+        place (T, 2): body lengths; codes (T, c): of postures, None where none are asked for.
+        """
+        goes_on = np.arange(len(place)) < len(place) - 1
+        parts = [motion(place, np.degrees(heading_rad), goes_on, self.span)]
+        if codes is not None:
+            parts = [codes, slope(codes, goes_on, self.span), *parts]
+        scaled = [one * scale for one, scale in zip(parts, self.scales, strict=True)]
+        return np.concatenate(scaled, axis=-1)
+
+
+def _flat(parts: list[Floats]) -> Floats:
+    """Parts (sides, n, …) side by side, the mirror images below the film."""
+    whole = np.concatenate(parts, axis=-1)
+    return whole.reshape(-1, whole.shape[-1])
+
+
+def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delta: int) -> Ints:
+    """The numbers (T,) of rows that follow what is asked for (T, d) at the least cost."""
+    there = np.flatnonzero(np.isfinite(rows.values).all(1))
+    near = Nearest.of(rows.values[there].astype(np.float32)).search(
+        asked, min(candidates, len(there))
+    )
+    numbers, costs, before, every = np.zeros(0, np.int64), np.zeros(0), [], []
+    for tick, wanted in enumerate(asked):
+        goes = rows.follows[numbers]
+        plays = np.flatnonzero(goes >= 0)
+        now = np.union1d(there[near[tick][near[tick] >= 0]], goes[plays])
+        far = np.linalg.norm(rows.values[now] - wanted, axis=1) / delta
+        back = np.full(len(now), -1)
+        if tick:
+            shown = np.where(goes >= 0, goes, numbers)
+            apart = np.linalg.norm(rows.seen[shown][:, None] - rows.seen[now], axis=-1)
+            price = costs[:, None] + switch + apart
+            price[plays, np.searchsorted(now, goes[plays])] = costs[plays]
+            back = price.argmin(0)
+            far += price[back, np.arange(len(now))]
+        kept = np.sort(np.argsort(far, kind="stable")[: _BEAM * candidates])
+        numbers, costs = now[kept], far[kept]
+        before.append(back[kept])
+        every.append(numbers)
+    best = [int(costs.argmin())]
+    for back in before[:0:-1]:
+        best.append(int(back[best[-1]]))
+    return np.array([one[k] for one, k in zip(every, best[::-1], strict=True)])

@@ -1,0 +1,196 @@
+"""A recorded track: the points of one animal along its body, frame by frame, as a file has them."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.interpolate import make_interp_spline
+
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.errors import FinloopError
+from finloop.base.poses import Poses
+from finloop.extract.backbone import resample
+from finloop.extract.fit import HEADS, TAILS, keypoint
+from finloop.features.area import at_places
+from finloop.retarget.settings import Settings
+
+_CENTRES = ("centre", "center", "centroid", "mass", "wcentroid")
+"""Names of points that are at no place of the body's line."""
+_BESIDE = 0.05  # of the distance from head to tail; farther beside that line are fins, eyes
+_FINE = 4  # samples of a spline for a point of the line
+_ZIGZAG = 1.5  # times as long as from head to tail is a line whose points are in a wrong order
+
+
+class Track(NamedTuple):
+    """Points of one animal along its body, head first.
+
+    frame: (t,) rising; points: (t, m, 2) px, NaN where not given; at: (m,) their shares of the body
+    from the head, NaN: the middle of the animal; length_px: of its body, None where one point says
+    none. Of a track of this film: codes (t, c) of its postures, and its rows (t,).
+    """
+
+    name: str
+    rate_hz: float
+    frame: Ints
+    points: Floats
+    at: Floats
+    length_px: float | None
+    codes: Floats | None = None
+    rows: Ints | None = None
+
+    @property
+    def whole(self) -> Mask:
+        """The frames (t,) in which all points are given."""
+        return np.asarray(np.isfinite(self.points).all((1, 2)))
+
+    @property
+    def bent(self) -> bool:
+        """Whether the points say how the animal is bent."""
+        return len(self.at) > 2
+
+
+def track_of(poses: Poses, rate_hz: float, steps: int, p: Settings) -> Track:
+    """The track of an animal of a file; steps: of a backbone of this film.
+
+    FinloopError if there is no such animal, no such point, or nothing is given of them.
+    """
+    name, frame, points = _animal(poses, p)
+    order = body_points(poses.keypoints, points, p)
+    if len(order) > 2:
+        inner = np.arange(steps + 1) / steps
+        at = inner[(inner >= p.first_share - 1e-9) & (inner <= p.last_share + 1e-9)]
+        share = (at - p.first_share) / (p.last_share - p.first_share)
+        line = lines(points[:, order], share, name)
+    else:
+        heads = [keypoint(poses.keypoints, p.head, HEADS, "retarget.head")]
+        single = 0.0 if poses.keypoints[order[0]] in heads else np.nan
+        at = np.array([p.first_share, p.last_share] if len(order) == 2 else [single])
+        line = points[:, order]
+    there = np.isfinite(line).all((1, 2))
+    if not there.any():
+        raise FinloopError(
+            f"{name} has no frame in which {', '.join(poses.keypoints[one] for one in order)} are "
+            f"given with a confidence of {p.least_confidence:g} or more",
+            "one frame at least with all of them",
+            "name points that are seen (retarget.points), or lower retarget.least_confidence",
+        )
+    return Track(name, rate_hz, frame, line, at, _length_px(line[there], at))
+
+
+def of_lines(name: str, rate_hz: float, frame: Ints, line: Floats, steps: int) -> Track:
+    """A track of whole backbones (t, k, 2) px, head first; steps: of a backbone of this film."""
+    at = np.arange(steps + 1) / steps
+    place = at * (line.shape[1] - 1)
+    points = at_places(line, place)
+    return Track(name, rate_hz, frame, points, at, _length_px(line, np.array([0.0, 1.0])))
+
+
+def _animal(poses: Poses, p: Settings) -> tuple[str, Ints, Floats]:
+    """Name, frames (t,) and points (t, keypoints, 2), NaN where not given, of the animal."""
+    sure = ~(poses.confidence < p.least_confidence)  # NaN: not said
+    points = np.where(sure[..., None], poses.places, np.nan)
+    seen = np.asarray(np.isfinite(points).all(2)).any(1)
+    if not seen.any():
+        raise FinloopError(
+            f"no point of the tracks has a confidence of {p.least_confidence:g} or more",
+            "points that the program is sure of",
+            "lower retarget.least_confidence",
+        )
+    counts = np.bincount(poses.individual[seen], minlength=len(poses.individuals))
+    number = chosen(p.animal, poses.individuals, counts)
+    rows = seen & (poses.individual == number)
+    return poses.individuals[number], poses.frame[rows], points[rows]
+
+
+def chosen(animal: str | None, names: Sequence[str], counts: Ints) -> int:
+    """The number of an animal of that name; None: of the one that most frames show."""
+    if animal is None:
+        return int(np.argmax(counts))
+    if animal not in names:
+        longest = [names[one] for one in np.argsort(-counts, kind="stable")[:8]]
+        raise FinloopError(
+            f"the tracks have no animal {animal!r}",
+            f"one of their {len(names)} animals; seen longest: {', '.join(longest)}",
+            "correct retarget.animal",
+        )
+    return list(names).index(animal)
+
+
+def body_points(keypoints: Sequence[str], points: Floats, p: Settings) -> Ints:
+    """The numbers of the keypoints along the body, head first; of one that is not known, one.
+
+    By themselves: head, tail, and what lies between them near their line, in the median of all
+    frames: eyes and fins lie beside it.
+    """
+    if p.points is not None:
+        missing = [one for one in p.points if one not in keypoints]
+        if missing or not p.points:
+            raise FinloopError(
+                f"the tracks have no keypoint {', '.join(missing) or '(none is named)'}",
+                f"some of {', '.join(keypoints)}",
+                "correct retarget.points",
+            )
+        return np.array([keypoints.index(one) for one in p.points])
+    head = keypoint(keypoints, p.head, HEADS, "retarget.head")
+    tail = keypoint(keypoints, p.tail, TAILS, "retarget.tail")
+    if head is None or tail is None or head == tail:
+        one = next((k for k, name in enumerate(keypoints) if _plain(name) in _CENTRES), 0)
+        return np.array([one if head is None else keypoints.index(head)])
+    first, last = keypoints.index(head), keypoints.index(tail)
+    others = [k for k, name in enumerate(keypoints) if _plain(name) not in _CENTRES]
+    chord = points[:, last] - points[:, first]
+    square = (chord**2).sum(-1)
+    between = {}
+    for k in others:
+        off = points[:, k] - points[:, first]
+        along = (off * chord).sum(-1) / square
+        beside = (off[:, 0] * chord[:, 1] - off[:, 1] * chord[:, 0]) / square
+        if np.isfinite(along).any():
+            middle = float(np.nanmedian(along)), abs(float(np.nanmedian(beside)))
+            if 0.02 < middle[0] < 0.98 and middle[1] < _BESIDE and k not in (first, last):
+                between[k] = middle[0]
+    return np.array([first, *sorted(between, key=lambda k: between[k]), last])
+
+
+def _plain(name: str) -> str:
+    return "".join(one for one in name.lower() if one.isalpha())
+
+
+def lines(points: Floats, share: Floats, name: str) -> Floats:
+    """Points (t, m, 2) at shares (m,) of the arc through the k points of every frame (t, k, 2).
+
+    The curve is a cubic spline through those that are given, by the length of the chords between
+    them; NaN where an end is missing, or more than all but three.
+    """
+    there = np.asarray(np.isfinite(points).all(2))
+    usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)
+    made = np.full((len(points), len(share), 2), np.nan)
+    ratio = []
+    for t in np.flatnonzero(usable):
+        some = points[t, there[t]]
+        chords = np.hypot(*np.diff(some, axis=0).T)
+        some = some[np.append(True, chords > 0)]
+        if len(some) < 3:
+            continue
+        way = np.append(0.0, np.cumsum(chords[chords > 0]))
+        curve = make_interp_spline(way, some, min(3, len(some) - 1))
+        dense = curve(np.linspace(0, way[-1], _FINE * len(share) + 1))
+        ratio.append(way[-1] / max(float(np.hypot(*(some[-1] - some[0]))), 1e-9))
+        even = resample(dense, _FINE * len(share) + 1)
+        made[t] = at_places(even[None], share * (len(even) - 1))[0]
+    if ratio and np.median(ratio) > _ZIGZAG:
+        raise FinloopError(
+            f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
+            "way from the first to the last of them: they go back and forth",
+            "points in their order along the body, from head to tail",
+            "name them in that order (retarget.points)",
+        )
+    return made
+
+
+def _length_px(points: Floats, at: Floats) -> float | None:
+    """The length of the body of points (t, m, 2), all given, the first and last at such shares."""
+    if len(at) == 1:
+        return None
+    way = np.hypot(*np.moveaxis(np.diff(points, axis=1), -1, 0)).sum(1)
+    return float(np.median(way) / (at[-1] - at[0]))

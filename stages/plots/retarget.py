@@ -1,0 +1,39 @@
+"""Picture of `retarget`: the lines that were asked for and the backbones that are drawn."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+
+from finloop.animate.edit_list import RETARGET
+from finloop.io.atomic import whole_folder
+from finloop.io.picture import load_picture, save_picture
+from finloop.io.table import load_table
+from finloop.plots.retarget import moments, sheet
+from finloop.render.gallery import placed
+from finloop.render.painter import Painter
+from finloop.retarget import ASKED
+from stages.edit import DATA, load_drawn
+from stages.gallery import open_gallery
+
+REPORT = Path("reports/retarget")
+_SPAN = 1.6  # body lengths across a tile
+
+
+def main() -> None:
+    """Draw pictures/backbones.png, where a track is retargeted."""
+    asked = load_table(DATA / "retarget/asked.parquet", ASKED)
+    with whole_folder(REPORT / "pictures") as folder:
+        if asked.empty:
+            return
+        drawn = load_drawn(RETARGET, "plots-retarget")
+        ticks = moments(asked)
+        some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
+        painter = Painter(load_picture(DATA / "extract/background.png"))
+        with open_gallery(drawn) as gallery:
+            size = round(_SPAN * drawn.scene.typical_length_px)
+            picture = sheet(asked, ticks, placed(some, gallery), painter, size)
+        save_picture(folder / "backbones.png", picture)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,484 @@
+"""Motion of one animal, looks of another: laws, ground truth of drawn carp, bad input."""
+
+import json
+import shutil
+from dataclasses import replace
+from importlib.util import find_spec
+
+import numpy as np
+import pandas as pd
+import pytest
+from conftest import TINY_CARP
+from scipy.interpolate import CubicSpline
+from scratch import prepare
+
+import stages.clip
+import stages.plots.retarget
+import stages.render
+import stages.retarget
+from finloop.animate.edit_list import EDIT
+from finloop.base.errors import FinloopError
+from finloop.base.poses import poses_of
+from finloop.base.schema import lists_to_points
+from finloop.base.settings import settings
+from finloop.drawn.truth import TRUTH
+from finloop.export.keypoints import deeplabcut
+from finloop.given_motion import given_motion
+from finloop.io.table import load_table, save_csv_in_blocks
+from finloop.plots.retarget import MOMENTS, moments
+from finloop.puppet import Pose
+from finloop.retarget import Parts, Track, retargeted, track_of
+from finloop.retarget.motion import forward_share, motion_of
+from finloop.retarget.place import moved, outside, shift_into
+from finloop.retarget.posture import aligned, asked_postures, likely_codes, on_body
+from finloop.retarget.rows import FilmRows, cheapest
+from finloop.retarget.track import body_points, lines
+from stages.stamps import retarget_stamp
+
+OTHERS = Parts(settings("jumps"), settings("animate"))
+NAMES = ("centre", "tail_tip", "b2", "left_eye", "Nose", "b1", "b3")
+ALONG = (None, 1.0, 0.5, None, 0.0, 0.25, 0.75)  # of the body, of these points
+STEPS = 32  # of a backbone
+
+
+def how(**changes):
+    return settings("retarget", **({"tracks": "x", "place": "given"} | changes))
+
+
+@pytest.fixture(scope="module")
+def folder(tiny_run, tmp_path_factory):
+    """A drawn carp of a hundred frames, up to what `retarget` reads."""
+    path = tmp_path_factory.mktemp("retarget")
+    prepare(path, *TINY_CARP)
+    tiny_run.bring(path, ["distance", "jumps"])
+    return path
+
+
+@pytest.fixture(scope="module")
+def made(folder):
+    """The same as `Material`, with mirror images."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        with stages.retarget.material() as whole:
+            look = whole.look[: len(whole.reel)]
+            yield whole._replace(look=np.concatenate([look, look]))
+
+
+@pytest.fixture(scope="module")
+def carp(tmp_path_factory):
+    """The true midlines (frames, 65, 2) of another drawn carp, smaller, of another skin."""
+    path = tmp_path_factory.mktemp("carp")
+    prepare(path, *TINY_CARP, "clip.seed=9", "clip.body_length_px=50", "clip.frames=60")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(path)
+        stages.clip.main()
+    truth = load_table(path / "data/clip/truth.parquet", TRUTH)
+    return lists_to_points(truth, "backbone").astype(float)
+
+
+def tracked(line):
+    """What a program that never errs says of midlines (frames, 65, 2): an eye and the middle, too."""
+    places = np.stack(
+        [line[:, round(64 * along)] if along is not None else line.mean(1) for along in ALONG], 1
+    )
+    way = line[:, 4] - line[:, 0]
+    places[:, NAMES.index("left_eye")] = line[:, 4] + way[:, ::-1] * (1, -1)
+    return poses_of(("anna",), NAMES, np.arange(len(line)), places[:, None])
+
+
+def of_poses(poses, made, rate_hz=25.0, **changes):
+    p = how(**changes)
+    return retargeted(track_of(poses, rate_hz, STEPS, p), made, p, OTHERS)
+
+
+def drawn(swum):
+    return lists_to_points(swum.asked, "drawn").astype(float)
+
+
+# --- laws
+
+
+def test_a_film_s_own_track_is_the_film_again(made):
+    features = made.reel.features
+    number = features["track_id"].value_counts().index[0]
+    own = given_motion(made, how(tracks=f"track:{number}"))
+    swum = retargeted(own, made, how(scale=1.0), OTHERS)
+    rows = np.flatnonzero(features["track_id"] == number)
+    edit = swum.edit
+    assert edit["source"].tolist() == rows.tolist()
+    assert not edit["mirrored"].any() and not edit["weight"].any()
+    assert np.abs(np.stack(edit["pose"]) - made.poses.codes[rows]).max() < 1e-5
+    assert np.allclose(edit["rotation_deg"], 0, atol=1e-3)
+    for axis in ("x_px", "y_px"):
+        assert np.allclose(edit[axis], features[axis].to_numpy()[rows], atol=0.02)
+    told = swum.numbers
+    assert told["switches"] == 0 and told["clamped_pct"] == 0 and told["apart_p95_pct"] < 0.1
+    assert told["ticks"] == len(rows) and told["file_frames_used_pct"] == 100
+
+
+def test_without_its_own_frames_it_is_drawn_in_others_at_the_same_places(made):
+    n = len(made.reel)
+    half = np.arange(n // 2)
+    own = given_motion(made, how(tracks="track:0"))
+    part = own._replace(
+        frame=own.frame[half], points=own.points[half], codes=own.codes[half], rows=half
+    )
+    swum = retargeted(part, made, how(own_frames=False, scale=1.0), OTHERS)
+    assert (swum.edit["source"] >= len(half)).all()
+    assert swum.numbers["apart_p95_pct"] < 0.1
+    with pytest.raises(FinloopError, match="no frames but those"):
+        retargeted(own, made, how(own_frames=False), OTHERS)
+
+
+def test_a_mirrored_track_gives_the_mirrored_animation(made, carp):
+    plain, other = (of_poses(tracked(carp), made, mirrored=flag) for flag in (False, True))
+    width = made.arena.shape[1]
+    assert np.allclose(other.edit["x_px"], width - 1 - plain.edit["x_px"], atol=1e-6)
+    assert np.allclose(other.edit["y_px"], plain.edit["y_px"], atol=1e-6)
+    assert (other.edit["source"] == plain.edit["source"]).all()
+    assert (other.edit["mirrored"] != plain.edit["mirrored"]).all()
+    codes, flipped = (np.stack(one.edit["pose"]) for one in (plain, other))
+    assert np.allclose(codes @ made.poses.shapes.mirror, flipped, atol=1e-4)
+    own = given_motion(made, how(tracks="track:0"))
+    again = retargeted(own, made, how(scale=1.0, mirrored=True), OTHERS).edit
+    assert again["source"].tolist() == own.rows.tolist() and again["mirrored"].all()
+    assert np.allclose(np.stack(again["pose"]), own.codes @ made.poses.shapes.mirror, atol=1e-5)
+
+
+def test_twice_the_rate_and_twice_the_size_are_the_same_motion(made, carp):
+    plain = of_poses(tracked(carp), made, scale=1.4)
+    ticks = np.arange(len(carp))
+    fine = CubicSpline(ticks, carp)(np.arange(0, len(carp) - 0.5, 0.5))
+    quick = of_poses(tracked(fine), made, 50.0, scale=1.4)
+    assert len(quick.edit) == len(plain.edit)
+    assert np.abs(drawn(quick) - drawn(plain)).max() < 1e-2
+    assert (quick.edit["source"] == plain.edit["source"]).all()
+    own, large = (of_poses(tracked(size * carp), made, place="shrink") for size in (1, 2))
+    assert large.numbers["scale"] == pytest.approx(own.numbers["scale"] / 2)
+    assert np.abs(drawn(large) - drawn(own)).max() < 1e-3
+    assert (large.edit["source"] == own.edit["source"]).all()
+
+
+def test_another_carp_is_where_it_was_and_bent_as_it_was(made, carp):
+    swum = of_poses(tracked(carp), made)
+    arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
+    assert swum.numbers["scale"] == pytest.approx(made.reel.length_px / np.median(arc), rel=0.03)
+    true = swum.numbers["scale"] * carp[:, ::2]
+    off = np.hypot(*np.moveaxis(drawn(swum) - true, -1, 0)).mean(1) / made.reel.length_px
+    assert np.median(off) < 0.01 and np.quantile(off, 0.95) < 0.02
+    asked = lists_to_points(swum.asked, "asked")
+    assert np.abs(asked - true).max() < 0.02 * made.reel.length_px  # the spline through points
+    assert 100 * np.median(off) == pytest.approx(swum.numbers["apart_median_pct"], abs=0.3)
+
+
+@pytest.mark.skipif(find_spec("movement") is None, reason="the extra `tracks` is not installed")
+def test_a_csv_of_deeplabcut_gives_what_its_poses_give(made, carp, tmp_path):
+    poses = tracked(carp)
+    path = tmp_path / "tracks.csv"
+    save_csv_in_blocks(path, deeplabcut(poses), decimals=3)
+    p = how(tracks=str(path))
+    swum = retargeted(given_motion(made, p), made, p, OTHERS)
+    assert np.abs(drawn(swum) - drawn(of_poses(poses, made))).max() < 0.05
+
+
+# --- few points
+
+
+@pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",), ("Nose",)])
+def test_few_points_say_where_and_the_film_says_how_it_is_bent(made, carp, points):
+    changes = {} if len(points) > 1 else {"scale": 1.4}
+    poses = tracked(carp)
+    head = "auto" if "Nose" in points else "none"
+    swum = of_poses(poses, made, points=points, head=head, **changes)
+    scale = swum.numbers["scale"]
+    assert scale == pytest.approx(1.4, rel=0.1)
+    asked = scale * poses.places[:, [NAMES.index(one) for one in points]]
+    line, edit = drawn(swum), swum.edit
+    if points == ("centre",):
+        assert np.abs(edit[["x_px", "y_px"]].to_numpy() - asked[:, 0]).max() < 1e-6
+    elif points == ("Nose",):
+        assert np.abs(line[:, 0] - asked[:, 0]).max() < 1e-3
+    else:
+        middle, sought = line[:, [0, -1]].mean(1), asked.mean(1)
+        assert np.abs(middle - sought).max() < 1e-3
+        assert swum.numbers["apart_median_pct"] < 10
+    assert not made.poses.shapes.far(0.99 * made.poses.codes[edit["source"]]).all()
+    codes = np.stack(edit["pose"]).astype(float)
+    near = made.poses.shapes.nearest_codes(codes).codes
+    assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
+    assert swum.numbers["with_postures"] == 0
+    notes = stages.retarget.notes(swum.numbers)
+    assert any("no posture" in one for one in notes)
+    with pytest.raises(FinloopError, match=r"no body length[\s\S]*retarget.scale"):
+        of_poses(poses, made, points=("centre",))
+
+
+def test_postures_of_the_film_go_on_over_a_switch(made, carp):
+    p = how(points=("Nose", "tail_tip"))
+    track = track_of(tracked(carp), 25.0, STEPS, p)
+    cut = Parts(OTHERS.weights, settings("animate", join="cut"))
+    jumps = []
+    for others in (OTHERS, cut):
+        swum = retargeted(track, made, p, others)
+        at = np.flatnonzero(swum.asked["switch"])
+        codes = np.stack(swum.edit["pose"]).astype(float)
+        jumps.append(np.linalg.norm(codes[at] - codes[at - 1], axis=1).mean())
+    assert len(at) and jumps[0] < 0.8 * jumps[1]
+
+
+def test_points_of_the_body_are_told_from_eyes_and_ordered_from_head_to_tail(carp):
+    poses = tracked(carp)
+    order = body_points(NAMES, poses.places, how())
+    assert [NAMES[one] for one in order] == ["Nose", "b1", "b2", "b3", "tail_tip"]
+    named = body_points(NAMES, poses.places, how(points=("b1", "b2", "b3")))
+    assert [NAMES[one] for one in named] == ["b1", "b2", "b3"]
+    assert [NAMES[one] for one in body_points(NAMES, poses.places, how(tail="none"))] == ["Nose"]
+
+
+def test_points_that_reach_part_of_the_body_leave_the_rest_to_the_film(made, carp):
+    whole = of_poses(tracked(carp), made)
+    share = {"points": ("Nose", "b1", "b2", "b3"), "last_share": 0.75}
+    part = of_poses(tracked(carp), made, **share)
+    assert part.numbers["scale"] == pytest.approx(whole.numbers["scale"], rel=0.02)
+    off = np.hypot(*np.moveaxis(drawn(part) - drawn(whole), -1, 0)) / made.reel.length_px
+    assert np.median(off[:, :24]) < 0.01 and np.median(off[:, -1]) < 0.12
+
+
+# --- time
+
+
+def straight(frames, gaps=()):
+    """A track of an animal that swims to the right, straight, 2 px a frame."""
+    kept = np.setdiff1d(np.arange(frames), gaps)
+    at = np.linspace(0, 1, 9)
+    x = 2.0 * kept[:, None] - 20 * at
+    points = np.stack([x, np.full_like(x, 50.0)], -1)
+    return Track("a", 25.0, kept, points, at, 20.0)
+
+
+def test_short_gaps_are_filled_and_long_ones_end_a_stretch():
+    motion = motion_of(straight(40, (5, 6, 20)), 25.0, how())
+    assert np.allclose(motion.points, straight(40).points)
+    assert motion.numbers["gaps_filled_frames"] == 3 and motion.numbers["left_out_s"] == 0
+    motion = motion_of(straight(60, range(20, 30)), 25.0, how())
+    assert motion.time_s[[0, -1]] == pytest.approx([30 / 25, 59 / 25])
+    assert motion.numbers["left_out_s"] == pytest.approx(20 / 25)
+    assert motion.numbers["stretches_left_out"] == 1
+    assert any("0.8 s are left out" in one for one in stages.retarget.notes(
+        motion.numbers | {"with_postures": 1, "duration_s": 1.2, "outside_ticks": 0}
+    ))  # fmt: skip
+    motion = motion_of(straight(60), 25.0, how(start_s=0.4, end_s=1.2))
+    assert motion.time_s[[0, -1]] == pytest.approx([0.4, 1.2])
+
+
+def test_smoothing_takes_tremble_and_leaves_a_straight_way():
+    track = straight(80)
+    plain = motion_of(track, 25.0, how(smooth_s=0.1)).points
+    assert np.allclose(plain[15:-15], track.points[15:-15])
+    tremble = np.where(np.arange(80) % 2, 0.5, -0.5)[:, None, None]
+    shaken = motion_of(track._replace(points=track.points + tremble), 25.0, how(smooth_s=0.1))
+    assert np.abs(shaken.points - plain)[15:-15].max() < 0.01
+
+
+# --- postures
+
+
+def test_codes_come_back_from_bends_alone_and_poses_from_points(made):
+    shapes = made.poses.shapes
+    exact = replace(shapes, total_variance=float(shapes.variance.sum()))
+    rng = np.random.default_rng(1)
+    codes = made.poses.codes[rng.choice(len(made.poses.codes), 30)]
+    pose = Pose(*rng.uniform(50, 200, (2, 30)), rng.uniform(-3, 3, 30), np.full(30, 40.0),
+                exact.decode(codes))  # fmt: skip
+    at = np.linspace(0, 1, pose.posture.shape[1] // 2)
+    line = pose.backbone_px()
+    again = aligned(pose.posture, line, at, 40.0)
+    assert np.allclose(again.backbone_px(), line)
+    assert np.allclose(np.exp(1j * again.heading_rad), np.exp(1j * pose.heading_rad))
+    asked = asked_postures(line, at, exact, 40.0)
+    off = np.hypot(*np.moveaxis(asked.pose.backbone_px() - line, -1, 0))
+    assert off.max() < 0.6 and np.median(off) < 0.1 and not asked.clamped.any()
+    bare = pose.angles_rad - pose.heading_rad[:, None]
+    size = np.abs(codes).max()
+    assert np.abs(likely_codes(bare, at, exact) - codes).max() < 0.05 * size
+    assert np.allclose(
+        likely_codes(-bare, at, exact), likely_codes(bare, at, exact) @ shapes.mirror, atol=1e-6
+    )
+
+
+def test_a_posture_that_the_film_never_shows_is_drawn_to_the_nearest(made):
+    shapes, at = made.poses.shapes, np.linspace(0, 1, STEPS + 1)
+    angle = np.linspace(0, 2 * np.pi, STEPS)  # a ring
+    way = np.stack([-np.cos(angle), np.sin(angle)], -1) * made.reel.length_px / STEPS
+    ring = np.concatenate([np.zeros((1, 2)), np.cumsum(way, 0)])[None]
+    asked = asked_postures(ring, at, shapes, made.reel.length_px)
+    assert asked.clamped.all()
+    assert not shapes.nearest_codes(asked.codes).clamped.any()
+
+
+def test_points_lie_on_the_line_that_they_were_taken_from(carp):
+    at = np.linspace(0, 1, STEPS + 1)
+    made = lines(carp[:, ::8], at, "a")
+    arc = np.hypot(*np.moveaxis(np.diff(carp, axis=1), -1, 0)).sum(1)
+    assert np.abs(made - carp[:, ::2]).max() < 0.01 * np.median(arc)
+    fewer = carp[:, ::8].copy()
+    fewer[3, 2] = np.nan  # an inner point is not given
+    fewer[4, 0] = np.nan  # the head is not
+    again = lines(fewer, at, "a")
+    assert np.abs(again[3] - carp[3, ::2]).max() < 0.02 * np.median(arc)
+    assert np.isnan(again[4]).all()
+
+
+def test_the_middle_and_both_ends_of_a_body_are_found_on_it():
+    posture = np.array([[0.4, 0.0, 0.0, 0.0, 0.5, 0.5]])
+    pose = Pose(*(np.array([one]) for one in (10.0, 20.0, np.pi / 2, 8.0)), posture)
+    found = on_body(pose, np.array([0.0, np.nan, 1.0]))[0]
+    assert np.allclose(found, [[10, 20 - 3.2], [10, 20], [10, 20 + 4.8]])
+
+
+# --- rows
+
+
+def test_the_cheapest_rows_are_those_of_all_sequences():
+    rng = np.random.default_rng(2)
+    n, ticks, switch, delta = 12, 7, 0.7, 2
+    values, seen = rng.normal(size=(n, 3)), 0.2 * rng.normal(size=(n, 2))
+    follows = np.where(np.arange(n) % 6 == 5, -1, np.arange(n) + 1)
+    asked = rng.normal(size=(ticks, 3))
+    found = cheapest(FilmRows(n, values, seen, follows, [], 1), asked, n, switch, delta)
+
+    def step(a, b):
+        if follows[a] == b:
+            return 0.0
+        shown = follows[a] if follows[a] >= 0 else a
+        return switch + np.linalg.norm(seen[shown] - seen[b])
+
+    def price(way):
+        far = sum(np.linalg.norm(values[r] - w) for r, w in zip(way, asked, strict=True)) / delta
+        return far + sum(step(a, b) for a, b in zip(way[:-1], way[1:], strict=True))
+
+    least = np.linalg.norm(values - asked[0], axis=1) / delta  # Bellman, over all rows
+    moves = np.array([[step(a, b) for b in range(n)] for a in range(n)])
+    for wanted in asked[1:]:
+        least = (least[:, None] + moves).min(0) + np.linalg.norm(values - wanted, axis=1) / delta
+    assert price(found) == pytest.approx(least.min())
+    dear = cheapest(FilmRows(n, values, seen, follows, [], 1), asked[:5], n, 99.0, delta)
+    assert (np.diff(dear) == 1).all()  # never switches
+
+
+# --- place
+
+
+def test_a_way_is_moved_into_the_tank_or_made_smaller():
+    arena = np.zeros((100, 160), bool)
+    arena[10:90, 20:150] = True
+    at = np.linspace(0, 2 * np.pi, 50)
+    centre = np.stack([30 * np.cos(at), 25 * np.sin(at)], -1)
+    bodies = centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
+    shift, size = moved(bodies - 500, arena, 16, how(place="fit"))
+    assert size == 1 and not outside(bodies - 500 + shift, arena).any()
+    assert np.allclose((bodies - 500 + shift).mean((0, 1)), [79.5, 49.5], atol=1.5)  # the middle
+    assert moved(bodies, arena, 16, how())[1] == 1  # as given
+    large = 2 * centre[:, None] + np.array([[-8, 0], [0, 0], [8, 0]])
+    assert shift_into(large, arena, 16) is None
+    with pytest.raises(FinloopError, match=r"8.5 × 6.2 body lengths[\s\S]*retarget.place=shrink"):
+        moved(large, arena, 16, how(place="fit"))
+    _, size = moved(large, arena, 16, how(place="shrink"))
+    assert 0.7 < size <= 0.8
+    with pytest.raises(FinloopError, match="however small"):
+        moved(bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(place="shrink"))
+
+
+# --- bad input
+
+
+def test_bad_tracks_are_refused_with_what_to_do(made, carp, tmp_path):
+    poses = tracked(carp)
+    with pytest.raises(FinloopError, match=r"nothing at[\s\S]*correct retarget.tracks"):
+        given_motion(made, how(tracks=str(tmp_path / "none.csv")))
+    with pytest.raises(FinloopError, match=r"no track of the film[\s\S]*correct retarget.tracks"):
+        given_motion(made, how(tracks="track:99"))
+    with pytest.raises(FinloopError, match=r"no animal 'bert'[\s\S]*anna"):
+        of_poses(poses, made, animal="bert")
+    with pytest.raises(FinloopError, match=r"keypoint 'snout'[\s\S]*retarget.head"):
+        of_poses(poses, made, head="snout")
+    with pytest.raises(FinloopError, match=r"no keypoint fin[\s\S]*retarget.points"):
+        of_poses(poses, made, points=("Nose", "fin"))
+    with pytest.raises(FinloopError, match="no point of the tracks"):
+        of_poses(replace(poses, places=np.full_like(poses.places, np.nan)), made)
+    lost = poses.places.copy()
+    lost[:, NAMES.index("tail_tip")] = np.nan
+    with pytest.raises(FinloopError, match="no frame in which Nose"):
+        of_poses(replace(poses, places=lost), made, points=("Nose", "b1", "tail_tip"))
+    with pytest.raises(FinloopError, match=r"without a gap has 1 frames[\s\S]*retarget.gap_s"):
+        of_poses(tracked(carp[:1]), made)
+    with pytest.raises(FinloopError, match=r"tail first for \d+% of its way[\s\S]*backwards=true"):
+        of_poses(poses, made, head="tail_tip", tail="Nose")
+    of_poses(poses, made, head="tail_tip", tail="Nose", backwards=True)
+    with pytest.raises(FinloopError, match=r"back and forth[\s\S]*retarget.points"):
+        of_poses(poses, made, points=("Nose", "b3", "b1", "tail_tip"))
+    with pytest.raises(FinloopError, match=r"the tank[\s\S]*nowhere"):
+        of_poses(tracked(carp), made, scale=9.0, place="fit")
+    assert forward_share(carp[:, ::-1]) == pytest.approx(1 - forward_share(carp))
+
+
+# --- stages
+
+
+def run(folder, *changes):
+    prepare(folder, *TINY_CARP, "render.mode=retarget", "render.webp_seconds=0", *changes)
+    stages.retarget.main()
+    stages.plots.retarget.main()
+    return json.loads((folder / "reports/retarget/metrics.json").read_text())
+
+
+def test_without_a_track_the_stage_writes_empty_results_and_says_nothing(
+    folder, tmp_path, monkeypatch, capfd
+):
+    shutil.copytree(folder / "data", tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
+    assert run(tmp_path) == {"ticks": 0}
+    assert load_table(tmp_path / "data/retarget/retargeted.parquet", EDIT).empty
+    assert not list((tmp_path / "reports/retarget/pictures").iterdir())
+    assert capfd.readouterr().err == ""
+    with pytest.raises(FinloopError, match=r"no track is retargeted[\s\S]*retarget.tracks"):
+        stages.render.main()
+
+
+def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch):
+    shutil.copytree(folder / "data", tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
+    told = run(tmp_path, f"retarget.tracks={folder / 'data'}", "retarget.place=given")
+    edit = load_table(tmp_path / "data/retarget/retargeted.parquet", EDIT)
+    assert told["ticks"] == len(edit) > 50 and told["apart_median_pct"] < 1
+    assert {"step_ratio_median", "jumps"} <= set(told)
+    stages.render.main()
+    assert (tmp_path / "data/render/retarget_marked.mp4").stat().st_size > 0
+    assert (tmp_path / "reports/retarget/pictures/backbones.png").stat().st_size > 0
+    # the film itself by way of its files: only what the bends alone say is lost
+    features = pd.read_parquet(folder / "data/features/features.parquet")
+    track = features[features["track_id"] == features["track_id"].mode()[0]]
+    off = np.hypot(
+        *(edit[["x_px", "y_px"]].to_numpy() - told["scale"] * track[["x_px", "y_px"]]).to_numpy().T
+    )
+    assert np.median(off) < 0.02 * track["body_length_px"].median()
+
+
+def test_the_moments_of_the_picture_are_spread_and_the_worst_is_last():
+    far = pd.DataFrame({"apart": np.r_[np.zeros(70), 0.3, np.zeros(29)]})
+    some = moments(far)
+    assert len(some) == MOMENTS + 1 and some[-1] == 70 and some[0] == 0 and some[-2] == 99
+    assert len(moments(far.assign(apart=np.nan))) == MOMENTS
+
+
+def test_a_track_that_has_changed_has_another_stamp(tmp_path):
+    film = tmp_path / "film/data"
+    (film / "extract").mkdir(parents=True)
+    path = film / "extract/tracks.parquet"
+    stamps = []
+    for text in ("a", "ab"):
+        path.write_text(text)
+        stamps += [retarget_stamp({"tracks": str(film)}), retarget_stamp({"tracks": str(path)})]
+    assert len(set(stamps)) == 4 and None not in stamps
+    for none in (None, "track:8", str(tmp_path / "none.h5")):
+        assert retarget_stamp({"tracks": none}) is None
