@@ -42,9 +42,8 @@ class Settings:
     # Δ, on average, for which the departures of successive rows are taken; longer in a film whose
     # postures last longer
     follow: Positive
-    obey: (
-        Positive  # of the spread of similar rows' controls: that of the rows taken under a control
-    )
+    # of the spread of similar rows' controls: that of the rows taken under a control
+    obey: Positive
     # Δ in which the difference from the followed row halves, beside what the network foretells:
     settle_pose: Positive  # of the posture
     settle_motion: Positive  # of forward, sideways and turning speed
