@@ -13,7 +13,7 @@ import stages.plots.calibrate
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
-from finloop.calibrate.fit import Rings, fitted, regression, without_company
+from finloop.calibrate.fit import Rings, crossed, fitted, regression, without_company
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.features.table import FEATURES
 from finloop.io.table import load_table, save_table
@@ -124,6 +124,28 @@ def test_regression_leaves_out_what_would_be_negative():
     assert lot[3] == 0 and lot[[0, 1, 2, 4]] == pytest.approx([0.5, 0.2, 0.1, -0.3], abs=0.05)
     columns = np.column_stack([np.ones(500), pulls[:, [0, 2]], wall[:, 0]])
     assert square == pytest.approx((np.abs(after - columns @ lot[[0, 1, 2, 4]]) ** 2).sum())
+
+
+def test_what_fits_by_chance_is_found_out_by_the_other_part():
+    rng, parts, free = np.random.default_rng(0), np.arange(40) < 20, [None] * 3
+    own, cross, true = [], [], []
+    for _ in range(40):
+        noise = rng.normal(0, 1, (40, 5)) + 1j * rng.normal(0, 1, (40, 5))
+        pulls, wall, after = noise[:, :3], noise[:, 3], 0.5 + noise[:, 4]
+        nothing = np.zeros_like(pulls)
+        own.append(
+            np.subtract(*(regression(one, wall, after, free)[1] for one in (pulls, nothing)))
+        )
+        cross.append(
+            np.subtract(*(crossed(one, wall, after, free, parts) for one in (pulls, nothing)))
+        )
+        drawn = after + 2 * pulls[:, 0]
+        true.append(
+            np.subtract(*(crossed(one, wall, drawn, free, parts) for one in (pulls, nothing)))
+        )
+    assert np.mean(own) < 0  # what was fitted to fits better with anything than with nothing
+    assert np.mean(cross) > 0
+    assert max(true) < 0
 
 
 # --- the film

@@ -10,8 +10,9 @@ Coefficients are real, so that the film's mirror image gives the same ones. The 
 are b_z / a, as the fish's own direction has weight 1. W is there so that fish which avoid a wall,
 beyond which there is nobody, do not count as attracted by the others; it is no part of the rule.
 
-Radii and blind angle are those, of a list, with the smallest sum of squares; of equal ones the
-smallest zones. Weights are not negative: what would be is left out.
+Radii and blind angle are those, of a list, that foretell best what they were not fitted to: one
+part in time of the half is foretold with the coefficients of its other part. So zones that fit by
+chance are seldom taken. Weights are not negative: what would be is left out.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,7 +23,7 @@ from typing import Any
 import numpy as np
 import scipy
 
-from finloop.base.arrays import Complex, Floats, Ints, Reals
+from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
 from finloop.calibrate.film import FilmShoal
 from finloop.calibrate.settings import Settings
 from finloop.social.neighbours import Neighbours
@@ -53,16 +54,19 @@ def fitted(film: FilmShoal, p: Settings) -> Fitted:
     seen, wall, after = film.seen(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
     given = [None if weight == "auto" else float(weight) for weight in weights]
-    best: tuple[float, tuple[float, float, float], float, Floats] | None = None
+    parts = film.frame[rows] < np.median(film.frame[rows])
+    best: tuple[float, tuple[float, float, float], float, Complex] | None = None
     for blind in sorted(p.blind_angles_deg) if p.blind_deg == "auto" else [p.blind_deg]:
         tried = list(_radii(p))
         rings = Rings(seen, sorted({one for radii in tried for one in radii}), float(blind))
         for radii in tried:
-            lot, square = regression(rings.means(radii), wall, after, given)
+            pulls = rings.means(radii)
+            square = crossed(pulls, wall, after, given, parts)
             if best is None or square < best[0] * (1 - _EQUAL):
-                best = square, radii, float(blind), lot
+                best = square, radii, float(blind), pulls
     assert best is not None
-    _, radii, blind_deg, lot = best
+    _, radii, blind_deg, pulls = best
+    lot, _ = regression(pulls, wall, after, given)
     own = max(float(lot[0]), _LEAST_OWN)
     zones = _zones(radii, blind_deg, lot[1:4] / own, given)
     alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
@@ -143,6 +147,22 @@ def regression(
     return lot, float((np.abs(after) ** 2).sum() - right[kept] @ found)
 
 
+def crossed(
+    pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
+) -> float:
+    """The sum of squares that is left of each part by the coefficients of the other one."""
+    left = 0.0
+    for part in (parts, ~parts):
+        lot, _ = regression(pulls[part], wall[part], after[part], weights)
+        left += _left(pulls[~part], wall[~part], after[~part], lot)
+    return left
+
+
+def _left(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
+    """The sum of squares that coefficients leave."""
+    return float((np.abs(after - lot[0] - pulls @ lot[1:4] - lot[4] * wall) ** 2).sum())
+
+
 def explained(
     film: FilmShoal, rows: Ints, zones: Zones, with_zones: Floats, alone: Floats
 ) -> float:
@@ -152,10 +172,7 @@ def explained(
     """
     after, wall = film.directions(rows), wall_pull(film, rows)
     pulls = zone_means(film.seen(rows), zones.radii, zones.blind_deg)
-    left = [
-        float((np.abs(after - lot[0] - pulls @ lot[1:4] - lot[4] * wall) ** 2).sum())
-        for lot in (with_zones, alone)
-    ]
+    left = [_left(pulls, wall, after, lot) for lot in (with_zones, alone)]
     return 1 - left[0] / left[1]
 
 

@@ -1,0 +1,123 @@
+"""Whether fish that swim by zones shoal as those of the film do.
+
+`python -m benchmarks.zones FOLDER …` takes working copies in which the pipeline was run, of a film
+of several fish each (none: the one that it is called in), and writes benchmarks/zones.csv. As many
+fish as the film shows at once swim for a minute in every mode by the zones of the stage `calibrate`
+(`animate.rule=zones`), and without a rule; points do for `calibrate.steps` steps, by these zones,
+by those of Couzin et al. 2002, and without. Beside them, if it is installed, couzinswarm 0.0.3 with
+its own values, in a box of the tank's size, a body length deep. Numbers are Wasserstein distances
+to the film and to its second half, to which the zones were not fitted; `first_half` is the film's
+own.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import sys
+from collections.abc import Iterator
+from contextlib import chdir
+from dataclasses import replace
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.planner import planner
+from finloop.animate.settings import Settings
+from finloop.calibrate.film import FilmShoal, film_shoal
+from finloop.calibrate.points import own_steps, swum_points
+from finloop.features.table import delta_of
+from finloop.social.measures import beside, shoal_table
+from finloop.social.walls import Walls
+from finloop.social.zones import COUZIN, NO_ZONES
+from stages.animate import material
+from stages.rules import load_rule
+from stages.settings import load
+
+SEEDS, SECONDS, MOST_FISH = 3, 60.0, 64
+STEPS, EVERY = 20_000, 20  # of couzinswarm
+
+
+def points(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Fish that are points."""
+    p = load("calibrate")
+    for name, zones in (("zones", load_rule().zones), ("couzin", COUZIN), ("alone", NO_ZONES)):
+        steps = own_steps(film, film.whole_steps(p.rows), zones)
+        rng = np.random.default_rng(p.seed)
+        yield f"points_{name}", swum_points(film, steps, zones, p, rng)
+
+
+def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
+    """Couzinswarm, in px of a tank without corners cut off."""
+    if find_spec("couzinswarm") is None:
+        return
+    from couzinswarm import Swarm
+
+    np.random.seed(0)  # noqa: NPY002  (what the package draws from)
+    y, x = np.nonzero(film.walls.arena)
+    length = film.walls.length
+    box = np.ptp(x) / length, np.ptp(y) / length
+    swarm = Swarm(number_of_fish=film.fish, box_lengths=[*box, 1.0])
+    places, directions = swarm.simulate(STEPS)
+    places, directions = (one[:, STEPS // 10 :: EVERY, :2] for one in (places, directions))
+    frame = np.tile(np.arange(places.shape[1]), film.fish)
+    heading = np.degrees(np.arctan2(directions[..., 1], directions[..., 0])).ravel()
+    walls = Walls(np.ones((int(np.ptp(y)) + 1, int(np.ptp(x)) + 1), bool), length)
+    yield "couzinswarm", shoal_table(frame, length * places.reshape(-1, 2), heading, walls)
+
+
+def film_tables(folder: Path) -> pd.DataFrame:
+    """All shoals beside the film in a folder."""
+    p: Settings = replace(load("animate"), path=None, seconds=SECONDS, trials=0, follow=[])
+    tables: dict[str, list[pd.DataFrame]] = {}
+    with material(p) as made:
+        features = made.reel.features
+        horizon = load("calibrate").horizon
+        film = film_shoal(
+            features, made.arena, delta_of(features), None if horizon == "auto" else horizon
+        )
+        fish = min(film.fish, MOST_FISH)
+        tables["first_half"] = [film.half(True)]
+        for name, table in (*points(film), *package(film)):
+            tables[name] = [table]
+        for rule in ("zones", "none"):
+            for seed in range(SEEDS):
+                # One goal a fish at most: afterwards it wanders.
+                own = replace(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                plans = planner(made, own)
+                for mode in plans.players:
+                    edit = plans.plan(mode, plans.goals())[1]
+                    where = edit[["x_px", "y_px"]].to_numpy(float)
+                    heading = edit["heading_deg"].to_numpy(float)
+                    frame = edit["tick"].to_numpy()
+                    name = f"{mode}_{'zones' if rule == 'zones' else 'alone'}"
+                    tables.setdefault(name, []).append(
+                        shoal_table(frame, where, heading, film.walls)
+                    )
+    films = {"film": film.table, "second_half": film.half(False)}
+    rows = [
+        beside(films, {name: one}).assign(run=run)
+        for name, lot in tables.items()
+        for run, one in enumerate(lot)
+    ]
+    return pd.concat(rows).assign(film=folder.resolve().name)
+
+
+def main() -> None:
+    """Print and write the table: mean and largest distance of the seeds."""
+    made = []
+    for folder in map(Path, sys.argv[1:] or ["."]):
+        with chdir(folder):
+            made.append(film_tables(Path()))
+    by = ["film", "shoal", "beside", "measure"]
+    table = pd.concat(made).groupby(by, sort=False).agg(
+        median=("median", "mean"), distance=("distance", "mean"), largest=("distance", "max")
+    )  # fmt: skip
+    wide = table["distance"].unstack("measure")
+    print(wide.round(3).to_string())
+    target = Path(__file__).with_name("zones.csv")
+    table.reset_index().to_csv(target, index=False, float_format="%.3g")
+
+
+if __name__ == "__main__":
+    main()
