@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from benchmarks.pipeline import prepare, stage
+from benchmarks.pipeline import needed, prepare, stage
 from benchmarks.speed import paired
 from finloop.animate.edit_list import Goal
 from finloop.animate.listing import play
@@ -24,10 +24,7 @@ from stages.animate import bring
 from stages.settings import load
 
 TICKS, COPIES = 20_000, 500
-STAGES = (
-    "clip", "extract", "features", "pose", "jumps", "bpn", "forecast", "sprites", "distance",
-    "loops", "gateways",
-)  # fmt: skip
+STAGES = tuple(word for word in needed(["animate"]) if word != "animate")
 
 
 def main() -> None:

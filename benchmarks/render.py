@@ -67,6 +67,7 @@ def journey(way: list[Placed]) -> pd.DataFrame:
     states = [name for name in COLOURS if name not in ("nn", "loop")]
     return pd.DataFrame(
         {
+            "fish": 0,
             "x_px": [one.x_px for one in way],
             "y_px": [one.y_px for one in way],
             "time_s": np.arange(TICKS) / float(RATE),
