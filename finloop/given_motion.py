@@ -24,35 +24,48 @@ from finloop.retarget.film import Material, own_track
 from finloop.retarget.settings import Settings
 from finloop.retarget.track import Track, chosen, of_lines, track_of
 
+_SCENE, _TRACKS = "extract/scene.json", "extract/tracks.parquet"
+_FEATURES, _FACTS = "features/features.parquet", f"clip/{FACTS_NAME}"
 _LINES = ("track_id", "frame", "backbone_x_px", "backbone_y_px")
 
 
-def given_motion(made: Material, p: Settings) -> Track:
+def given_motion(film: Material, p: Settings) -> Track:
     """The track of `retarget.tracks`; FinloopError as of whatever reads it.
 
-    made: of the film that is drawn.
+    film: the one that is drawn.
     """
     assert p.tracks is not None
-    steps = made.poses.pose.posture.shape[1] // 2 - 1
+    steps = film.poses.pose.posture.shape[1] // 2 - 1
     if p.tracks.startswith(TRACK):
-        rows = track_line(made.reel.features, p.tracks, "retarget.tracks").rows
+        rows = track_line(film.reel.features, p.tracks, "retarget.tracks").rows
         assert rows is not None
-        return own_track(made, rows, p.tracks)
+        return own_track(film, rows, p.tracks)
     path = Path(p.tracks).expanduser()
-    folder = path.parent if path.name == "extract" else path
-    if (folder / "extract/tracks.parquet").exists():
+    folder = film_folder(path)
+    if folder is not None:
         return _of_film(folder, steps, p)
-    rate = p.rate_hz or made.rate_hz
+    rate = p.rate_hz or film.rate_hz
     software = None if p.software == "auto" else p.software
     return track_of(load_poses(path, software, rate, "retarget.tracks"), rate, steps, p)
 
 
+def film_folder(path: Path) -> Path | None:
+    """The folder data/ of another film at a path, or at its extract/; None: it is none."""
+    folder = path.parent if path.name == "extract" else path
+    return folder if (folder / _TRACKS).exists() else None
+
+
+def film_files(folder: Path) -> list[Path]:
+    """The files of another film, whose folder data/ this is, that its track is read from."""
+    return [folder / name for name in (_SCENE, _TRACKS, _FEATURES, _FACTS)]
+
+
 def _of_film(folder: Path, steps: int, p: Settings) -> Track:
     """A track of another film, whose folder data/ this is."""
-    scene = load_record(folder / "extract/scene.json", SceneFacts, "extract")
-    features = load_table(folder / "features/features.parquet", FEATURES)
-    rate = p.rate_hz or load_facts(folder / "clip" / FACTS_NAME).frame_rate_hz
-    tracks = load_table(folder / "extract/tracks.parquet", tracks_schema(scene.points), _LINES)
+    scene = load_record(folder / _SCENE, SceneFacts, "extract")
+    features = load_table(folder / _FEATURES, FEATURES)
+    rate = p.rate_hz or load_facts(folder / _FACTS).frame_rate_hz
+    tracks = load_table(folder / _TRACKS, tracks_schema(scene.points), _LINES)
     if len(tracks) != len(features):
         raise FinloopError(
             f"{folder} holds {len(tracks)} rows of tracks, and {len(features)} of features",

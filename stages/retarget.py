@@ -30,14 +30,14 @@ DATA, OUT, REPORT = Path("data"), Path("data/retarget"), Path("reports/retarget"
 
 @contextmanager
 def material() -> Iterator[Material]:
-    """What the stages before have made of the film that is drawn."""
+    """Results of the stages before, of the film that is drawn."""
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     features = load_table(DATA / "features/features.parquet", FEATURES)
-    with open_cutouts(DATA / "extract/cutouts.arrow") as film:
+    with open_cutouts(DATA / "extract/cutouts.arrow") as cutouts:
         yield Material(
             facts.frame_rate_hz,
             load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
-            Reel(features, film),
+            Reel(features, cutouts),
             load_poses(features),
             load_look(),
             load_record(DATA / "distance/facts.json", MapFacts, "distance").size,
@@ -47,11 +47,11 @@ def material() -> Iterator[Material]:
 def of_film(p: Settings) -> Retargeted:
     """The track of the parameters, swum by the fish of the film."""
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
-    with material() as made:
+    with material() as film:
         others = Parts(load("jumps"), load("animate"))
-        swum = retargeted(given_motion(made, p), made, p, others)
-        mine = drawn_steps(swum.edit, made.pictures)
-        joins, _ = seams(swum.edit, made.pictures)
+        swum = retargeted(given_motion(film, p), film, p, others)
+        mine = drawn_steps(swum.edit, film.pictures)
+        joins, _ = seams(swum.edit, film.pictures)
     numbers = {
         **swum.numbers,
         **measures.of_steps(mine, steps["as_filmed"].to_numpy(float)),
@@ -60,22 +60,22 @@ def of_film(p: Settings) -> Retargeted:
     return swum._replace(numbers=numbers)
 
 
-def notes(told: Mapping[str, float]) -> list[str]:
-    """What is to be known of a retargeted track, in sentences; told: of `Retargeted`."""
-    said = []
-    if not told["with_postures"]:
-        said.append(
+def notes(numbers: Mapping[str, float]) -> list[str]:
+    """What is to be known of a retargeted track, in sentences; numbers: of `Retargeted`."""
+    sentences = []
+    if not numbers["with_postures"]:
+        sentences.append(
             "the track says no posture (that takes three points along the body): the fish is bent "
             "as the film's at such a speed and turn rate"
         )
-    if told["left_out_s"] > 0:
-        said.append(
-            f"the longest stretch without a gap is swum, {told['duration_s']:.1f} s; "
-            f"{told['left_out_s']:.1f} s are left out"
+    if numbers["left_out_s"] > 0:
+        sentences.append(
+            f"the longest stretch without a gap is swum, {numbers['duration_s']:.1f} s; "
+            f"{numbers['left_out_s']:.1f} s are left out"
         )
-    if told["outside_ticks"]:
-        said.append(f"the fish leaves the tank in {told['outside_ticks']} ticks")
-    return said
+    if numbers["outside_ticks"]:
+        sentences.append(f"the fish leaves the tank in {numbers['outside_ticks']} ticks")
+    return sentences
 
 
 def main() -> None:

@@ -51,19 +51,24 @@ def path_stamp(animate: Mapping[str, Any]) -> str | None:
 def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:
     """The stamp of the tracks whose motion is swum, by `retarget`; None where they are missing.
 
-    The stamp of another film is that of its folder `extract`.
+    The stamp of another film is that of the files that are read of it.
     """
     path = retarget.get("tracks")
-    if path and (Path(path).expanduser() / "extract").is_dir():
-        path = str(Path(path) / "extract")
-    return _stamp_at(path)
+    if not path:
+        return None
+    from finloop.given_motion import film_files, film_folder
+
+    folder = film_folder(Path(path).expanduser())
+    return _stamp_at(path) if folder is None else _stamp(film_files(folder))
 
 
 def _stamp_at(path: str | None) -> str | None:
-    if not path:
-        return None
+    return _stamp([Path(path).expanduser()]) if path else None
+
+
+def _stamp(paths: list[Path]) -> str | None:
     try:
-        return digest([Path(path).expanduser()])
+        return digest(paths)
     except (FinloopError, OSError):
         return None
 

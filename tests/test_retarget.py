@@ -8,6 +8,7 @@ from importlib.util import find_spec
 import numpy as np
 import pandas as pd
 import pytest
+import scipy
 from conftest import TINY_CARP
 from scipy.interpolate import CubicSpline
 from scratch import prepare
@@ -23,7 +24,7 @@ from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
-from finloop.given_motion import given_motion
+from finloop.given_motion import film_files, given_motion
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
 from finloop.puppet import Pose
@@ -202,7 +203,6 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(made, carp, point
         middle, sought = line[:, [0, -1]].mean(1), asked.mean(1)
         assert np.abs(middle - sought).max() < 1e-3
         assert swum.numbers["apart_median_pct"] < 10
-    assert not made.poses.shapes.far(0.99 * made.poses.codes[edit["source"]]).all()
     codes = np.stack(edit["pose"]).astype(float)
     near = made.poses.shapes.nearest_codes(codes).codes
     assert np.abs(near - codes).max() < 1e-3  # every posture is one that the film shows
@@ -260,6 +260,14 @@ def test_short_gaps_are_filled_and_long_ones_end_a_stretch():
     motion = motion_of(straight(40, (5, 6, 20)), 25.0, how())
     assert np.allclose(motion.points, straight(40).points)
     assert motion.numbers["gaps_filled_frames"] == 3 and motion.numbers["left_out_s"] == 0
+    track = straight(40)
+    track.points[[5, 6, 20], 3] = np.nan  # a point is missing: filled, too
+    track.points[-4:] = np.nan
+    motion = motion_of(track, 25.0, how())
+    assert np.allclose(motion.points, straight(36).points)
+    assert motion.numbers["gaps_filled_frames"] == 3 and motion.numbers["file_frames"] == 40
+    assert motion.numbers["left_out_s"] == pytest.approx(4 / 25)
+    assert motion.numbers["file_frames_used_pct"] == pytest.approx(90)
     motion = motion_of(straight(60, range(20, 30)), 25.0, how())
     assert motion.time_s[[0, -1]] == pytest.approx([30 / 25, 59 / 25])
     assert motion.numbers["left_out_s"] == pytest.approx(20 / 25)
@@ -389,6 +397,51 @@ def test_a_way_is_moved_into_the_tank_or_made_smaller():
         moved(bodies + np.array([[-300, 0], [0, 0], [300, 0]]), arena, 16, how(place="shrink"))
 
 
+@pytest.mark.parametrize(("height", "cell"), [(80, 1), (500, 3)])
+def test_a_fish_that_rests_and_crosses_once_is_moved_to_where_it_fits(height, cell):
+    """Most points lie at one spot, which is near a wall at all four shifts that fit."""
+    width, length = height + 20, 0.3 * height
+    arena = np.pad(np.ones((height, width), bool), 13)
+    trip = np.linspace(0, (width - 2, height - 2), 8)
+    centre = np.concatenate([np.zeros((3000, 2)), trip]) - 0.3
+    bodies = np.repeat(centre[:, None], 33, 1)
+    pixels = np.unique(np.floor(bodies + 0.5).reshape(-1, 2), axis=0)
+    places = {
+        (x, y)
+        for y in range(30)
+        for x in range(30)
+        if not outside(pixels[[0, -1]] + (x, y), arena).any()
+        and not outside(pixels + (x, y), arena).any()
+    }
+    assert len(places) == 4 and -(-max(arena.shape) // 240) == cell
+    shift = shift_into(bodies, arena, length)
+    assert shift is not None and tuple(shift) in places
+    assert moved(bodies, arena, length, how(place="shrink"))[1] == 1
+    assert shift_into(bodies * 1.05, arena, length) is None
+
+
+@pytest.mark.parametrize("place", ["fit", "shrink"])
+@pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
+def test_a_fish_in_postures_of_the_film_is_kept_in_the_tank(made, carp, points, place):
+    changes = {"points": points, "scale": 1.4, "head": "auto" if len(points) > 1 else "none"}
+    free = drawn(of_poses(tracked(carp), made, **changes))
+    arena = np.zeros_like(made.arena)
+    pixels = np.round(free - free.reshape(-1, 2).min(0) + 2).astype(int)
+    arena[pixels[..., 1], pixels[..., 0]] = True
+    tight = made._replace(arena=scipy.ndimage.binary_dilation(arena, np.ones((3, 3))))
+    swum = of_poses(tracked(carp), tight, place=place, **changes)
+    assert swum.numbers["outside_ticks"] == 0 and swum.numbers["way_size"] == 1
+    assert np.ptp(drawn(swum) - free, axis=(0, 1)).max() < 1e-3  # moved, all ticks alike
+
+
+@pytest.mark.parametrize("points", [("Nose", "tail_tip"), ("centre",)])
+def test_a_way_is_made_smaller_until_its_postures_of_the_film_fit(made, carp, points):
+    changes = {"points": points, "scale": 1.4, "head": "auto" if len(points) > 1 else "none"}
+    tight = made._replace(arena=np.pad(np.ones((90, 90), bool), ((20, 60), (30, 90))))
+    swum = of_poses(tracked(carp), tight, place="shrink", **changes)
+    assert swum.numbers["outside_ticks"] == 0 and 0 < swum.numbers["way_size"] < 1
+
+
 # --- bad input
 
 
@@ -473,12 +526,19 @@ def test_the_moments_of_the_picture_are_spread_and_the_worst_is_last():
 
 def test_a_track_that_has_changed_has_another_stamp(tmp_path):
     film = tmp_path / "film/data"
-    (film / "extract").mkdir(parents=True)
     path = film / "extract/tracks.parquet"
-    stamps = []
-    for text in ("a", "ab"):
-        path.write_text(text)
-        stamps += [retarget_stamp({"tracks": str(film)}), retarget_stamp({"tracks": str(path)})]
-    assert len(set(stamps)) == 4 and None not in stamps
+    files = film_files(film)
+    for one in files:
+        one.parent.mkdir(parents=True, exist_ok=True)
+        one.write_text("")
+    stamps = [retarget_stamp({"tracks": str(film)}), retarget_stamp({"tracks": str(path)})]
+    for name in ("clip/facts.json", "features/features.parquet", "extract/tracks.parquet"):
+        (film / name).write_text("a")
+        stamps.append(retarget_stamp({"tracks": str(film)}))
+    stamps.append(retarget_stamp({"tracks": str(path)}))
+    assert len(set(stamps)) == 6 and None not in stamps
+    assert retarget_stamp({"tracks": str(film / "extract")}) == stamps[-2]
+    files[0].unlink()
+    assert retarget_stamp({"tracks": str(film)}) is None
     for none in (None, "track:8", str(tmp_path / "none.h5")):
         assert retarget_stamp({"tracks": none}) is None

@@ -42,8 +42,8 @@ def film_codes(sources: Sources, heading_deg: Floats, how: Joins) -> Floats:
     codes = how.bodies.codes(how.bodies.of(own.frame, own.number, own.rot, own.mirrored))
     if how.kind != INERTIAL:
         return codes
-    made = inertialized(own, heading_deg, how)
-    return np.where(made.posed[:, None], made.codes, codes)
+    states = inertialized(own, heading_deg, how)
+    return np.where(states.posed[:, None], states.codes, codes)
 
 
 def edit_list(

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.bodies import Bodies
-from finloop.animate.joins import joins
+from finloop.animate.joins import Joins, joins
 from finloop.animate.pictures import Pictures
 from finloop.animate.settings import Settings as JoinSettings
 from finloop.base.arrays import Floats, Ints, Mask, Points, Reals
@@ -20,14 +20,7 @@ from finloop.reel import Reel
 from finloop.retarget.edit import Sources, edit_list, film_codes
 from finloop.retarget.motion import Motion, motion_of
 from finloop.retarget.place import mirrored, moved, outside, scale_of
-from finloop.retarget.posture import (
-    Asked,
-    aligned,
-    asked_postures,
-    body_share,
-    chord_share,
-    on_body,
-)
+from finloop.retarget.posture import aligned, asked_postures, body_share, chord_share, on_body
 from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.settings import Settings
 from finloop.retarget.track import Track
@@ -48,7 +41,7 @@ had to be changed to one that the film shows, and whether another row of the fil
 
 
 class Material(NamedTuple):
-    """What has been made of the film that is drawn.
+    """Results of the stages before, of the film that is drawn.
 
     arena (h, w): where the fish can be; look: of the stage `jumps`; size: px of compared pictures.
     """
@@ -86,95 +79,154 @@ class Parts(NamedTuple):
     joins: JoinSettings
 
 
-def own_track(made: Material, rows: Ints, name: str) -> Track:
+def own_track(film: Material, rows: Ints, name: str) -> Track:
     """A track of this film, its postures and all."""
-    poses, features = made.poses, made.reel.features
+    poses, features = film.poses, film.reel.features
     steps = poses.pose[rows].backbone_px()
     size = float(poses.pose.size_px[rows[0]])
     return Track(
-        name, made.rate_hz, features["frame"].to_numpy(np.int64)[rows], steps,
+        name, film.rate_hz, features["frame"].to_numpy(np.int64)[rows], steps,
         np.linspace(0, 1, steps.shape[1]), size * body_share(poses.shapes), poses.codes[rows], rows,
     )  # fmt: skip
 
 
-def retargeted(track: Track, made: Material, p: Settings, others: Parts) -> Retargeted:
+def retargeted(track: Track, film: Material, p: Settings, others: Parts) -> Retargeted:
     """A track, swum by the film's fish.
 
     FinloopError if it is too short, swims tail first, says no size, or does not fit into the tank.
     """
-    reel, delta = made.reel, delta_of(made.reel.features)
-    motion = motion_of(track, made.rate_hz, p)
-    points, start, scale, size = _laid(track, motion, made, p)
-    rows = FilmRows.of(reel, made.poses, made.look, others.weights, track.bent)
+    reel = film.reel
+    motion = motion_of(track, film.rate_hz, p)
+    way, scale = _way(track, motion, film, p)
+    rows = FilmRows.of(reel, film.poses, film.look, others.weights, track.bent)
     if track.rows is not None and not p.own_frames:
         rows = rows.without(track.rows)
-    place = np.stack([start.pose.x_px, start.pose.y_px], -1) / reel.length_px
-    codes = start.codes if track.bent else None
-    heading = np.unwrap(start.pose.heading_rad)
-    numbers = cheapest(rows, rows.asked(place, heading, codes), p.candidates, p.switch, delta)
-    sources = Sources.of(numbers, rows.follows, len(reel))
-    pictures = made.pictures
-    how = joins(others.joins, pictures.bodies, delta, pictures.helps)
-    pose = start.pose
-    if codes is None:
-        codes = film_codes(sources, np.degrees(heading), how)
-        one = heading if len(track.at) == 1 else None
-        pose = aligned(made.poses.shapes.decode(codes), points, track.at, reel.length_px, one)
+    pictures = film.pictures
+    how = joins(others.joins, pictures.bodies, delta_of(reel.features), pictures.helps)
+    sources, way = _drawn(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
-    edit = edit_list(sources, pose, codes, drawn_scale, how, made.rate_hz)
-    table = _table(motion, points, pose, track.at, start.clamped, sources)
-    stay = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / made.rate_hz
+    edit = edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)
+    table = _table(motion, way, sources)
+    stay = np.diff(np.concatenate([[0], sources.switch, [len(edit)]])) / film.rate_hz
     return Retargeted(edit, table, {
         "ticks": len(edit),
-        "duration_s": len(edit) / made.rate_hz,
+        "duration_s": len(edit) / film.rate_hz,
         "scale": scale,
-        "way_size": size,
+        "way_size": way.size,
         "with_postures": float(track.bent),
         **{f"apart_{name}_pct": 100 * float(table["apart"].quantile(q))
            for name, q in (("median", 0.5), ("p95", 0.95))},
-        "clamped_pct": 100 * float(start.clamped.mean()),
-        "outside_ticks": int(outside(pose.backbone_px(), made.arena).any(1).sum()),
+        "clamped_pct": 100 * float(way.clamped.mean()),
+        "outside_ticks": int(outside(way.pose.backbone_px(), film.arena).any(1).sum()),
         "switches": len(sources.switch),
-        "switches_per_s": len(sources.switch) / (len(edit) / made.rate_hz),
+        "switches_per_s": len(sources.switch) / (len(edit) / film.rate_hz),
         "stay_median_s": float(np.median(stay)),
         "mirrored_pct": 100 * float(sources.mirrored.mean()),
         **motion.numbers,
     })  # fmt: skip
 
 
-def _laid(
-    track: Track, motion: Motion, made: Material, p: Settings
-) -> tuple[Points, Asked, float, float]:
-    """The points (T, m, 2) in this tank, the postures there, the scale, how large the way is.
+class _Way(NamedTuple):
+    """A track in this tank: points (T, m, 2) px at shares (m,) of the body, and poses (T) at them.
+
+    codes (T, c): of the postures; clamped (T,): which of them were changed. size: of the way,
+    against that at the track's scale.
+    """
+
+    points: Points
+    at: Floats
+    pose: Pose
+    codes: Floats
+    clamped: Mask
+    size: float = 1.0
+
+    @property
+    def bent(self) -> bool:
+        """Whether the points say how the animal is bent."""
+        return len(self.at) > 2
+
+    def offsets(self, film: Material, p: Settings) -> tuple[Points, float]:
+        """Offsets (T, 2) px that bring the backbones into the tank, and the size of the way."""
+        bodies = self.pose.backbone_px()
+        shift, size = moved(bodies, film.arena, film.reel.length_px, p)
+        centre = bodies.mean(1)
+        return (size - 1) * (centre - centre.mean(0)) + shift, size
+
+    def moved(self, offset: Points, size: float) -> "_Way":
+        """The way, by such offsets."""
+        pose, (x, y) = self.pose, offset.T
+        return self._replace(
+            points=self.points + offset[:, None],
+            pose=pose.at(pose.x_px + x, pose.y_px + y, pose.heading_rad, pose.size_px),
+            size=self.size * size,
+        )
+
+
+def _way(track: Track, motion: Motion, film: Material, p: Settings) -> tuple[_Way, float]:
+    """A track where its file has it, at the size of this film's fish, and the scale.
 
     A track without postures has the mean one.
     """
-    shapes, length_px, at = made.poses.shapes, made.reel.length_px, track.at
+    shapes, length_px, at = film.poses.shapes, film.reel.length_px, track.at
     share = body_share(shapes) if len(at) != 2 else chord_share(shapes, at) / np.ptp(at)
     scale = scale_of(track, length_px * share, p)
     points, codes = scale * motion.points, motion.codes
     if p.mirrored:
-        points = mirrored(points, made.arena.shape[1])
+        points = mirrored(points, film.arena.shape[1])
         codes = None if codes is None else codes @ shapes.mirror
     if track.bent:
-        asked = asked_postures(points, at, shapes, length_px, codes)
-    else:
-        mean = np.repeat(shapes.mean[None], len(points), 0)
-        heading = None
-        if len(at) == 1:
-            still = _STILL * length_px / delta_of(made.reel.features)
-            heading = _way_rad(points[:, 0], max(1, round(delta_of(made.reel.features) / 4)), still)
-        none = np.zeros((len(points), len(shapes.shapes)))
-        asked = Asked(
-            aligned(mean, points, at, length_px, heading), none, np.zeros(len(points), bool)
-        )
-    bodies = asked.pose.backbone_px()
-    shift, size = moved(bodies, made.arena, length_px, p)
-    centre = bodies.mean(1)
-    off = (size - 1) * (centre - centre.mean(0)) + shift
-    pose = asked.pose
-    pose = pose.at(pose.x_px + off[:, 0], pose.y_px + off[:, 1], pose.heading_rad, pose.size_px)
-    return points + off[:, None], asked._replace(pose=pose), scale, size
+        return _Way(points, at, *asked_postures(points, at, shapes, length_px, codes)), scale
+    mean = np.repeat(shapes.mean[None], len(points), 0)
+    heading = None
+    if len(at) == 1:
+        delta = delta_of(film.reel.features)
+        heading = _way_rad(points[:, 0], max(1, round(delta / 4)), _STILL * length_px / delta)
+    none = np.zeros((len(points), len(shapes.shapes)))
+    pose = aligned(mean, points, at, length_px, heading)
+    return _Way(points, at, pose, none, np.zeros(len(points), bool)), scale
+
+
+def _drawn(
+    way: _Way, rows: FilmRows, how: Joins, film: Material, p: Settings
+) -> tuple[Sources, _Way]:
+    """The rows that a way is drawn from, and the way as it is drawn, in the tank.
+
+    Postures of the film are known once the rows are: their backbones are brought into the tank. A
+    way that has to be smaller for them is slower, and rows are chosen for it again.
+    """
+    if way.bent:
+        way = way.moved(*way.offsets(film, p))
+        return _sources(way, rows, film, p), way
+    sources, fish = _in_film_postures(way, rows, how, film, p)
+    offset, size = fish.offsets(film, p)
+    if size < 1:
+        way = way.moved(offset, size)
+        sources, fish = _in_film_postures(way, rows, how, film, p)
+        offset, size = fish.offsets(film, p)
+    return sources, fish.moved(offset, size)
+
+
+def _sources(way: _Way, rows: FilmRows, film: Material, p: Settings) -> Sources:
+    """The rows that follow a way at the least cost."""
+    pose = way.pose
+    place = np.stack([pose.x_px, pose.y_px], -1) / film.reel.length_px
+    codes = way.codes if way.bent else None
+    asked = rows.asked(place, np.unwrap(pose.heading_rad), codes)
+    numbers = cheapest(rows, asked, p.candidates, p.switch, delta_of(film.reel.features))
+    return Sources.of(numbers, rows.follows, len(film.reel))
+
+
+def _in_film_postures(
+    way: _Way, rows: FilmRows, how: Joins, film: Material, p: Settings
+) -> tuple[Sources, _Way]:
+    """The rows that follow a way without postures, and the way in theirs."""
+    sources = _sources(way, rows, film, p)
+    heading = np.unwrap(way.pose.heading_rad)
+    codes = film_codes(sources, np.degrees(heading), how)
+    postures = film.poses.shapes.decode(codes)
+    known = heading if len(way.at) == 1 else None
+    pose = aligned(postures, way.points, way.at, film.reel.length_px, known)
+    return sources, way._replace(pose=pose, codes=codes)
 
 
 def _way_rad(place: Points, span: int, still_px: float) -> Floats:
@@ -187,10 +239,9 @@ def _way_rad(place: Points, span: int, still_px: float) -> Floats:
     return np.interp(np.arange(len(place)), moves, heading)
 
 
-def _table(
-    motion: Motion, points: Points, pose: Pose, at: Floats, clamped: Mask, sources: Sources
-) -> pd.DataFrame:
+def _table(motion: Motion, way: _Way, sources: Sources) -> pd.DataFrame:
     """Columns of `ASKED`."""
+    points, pose, at = way.points, way.pose, way.at
     backbone = pose.backbone_px()
     apart = np.full(len(points), np.nan)
     if len(at) > 1:
@@ -206,6 +257,6 @@ def _table(
         "file_s": motion.time_s,
         **lists,
         "apart": apart,
-        "clamped": clamped,
+        "clamped": way.clamped,
         "switch": np.isin(np.arange(len(points)), sources.switch),
     }).astype(ASKED.kinds)[ASKED.names]  # fmt: skip

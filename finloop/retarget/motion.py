@@ -35,9 +35,9 @@ def motion_of(track: Track, rate_hz: float, p: Settings) -> Motion:
     """
     time = track.frame / track.rate_hz
     asked = (time >= p.start_s) & (time <= (np.inf if p.end_s is None else p.end_s))
-    given = np.flatnonzero(track.whole & asked)
-    breaks = np.diff(track.frame[given]) > 1 + round(p.gap_s * track.rate_hz)
-    parts = np.split(given, np.flatnonzero(breaks) + 1)
+    frames = np.flatnonzero(track.whole & asked)
+    breaks = np.diff(track.frame[frames]) > 1 + round(p.gap_s * track.rate_hz)
+    parts = np.split(frames, np.flatnonzero(breaks) + 1)
     longest = max(parts, key=lambda part: np.ptp(time[part]) if len(part) else -1.0)
     lasts = float(np.ptp(time[longest])) if len(longest) else 0.0
     ticks = int(lasts * rate_hz + 1e-6) + 1
@@ -67,13 +67,14 @@ def motion_of(track: Track, rate_hz: float, p: Settings) -> Motion:
             "exchange retarget.head and retarget.tail, turn retarget.points round, or let it swim "
             "so: retarget.backwards=true",
         )
-    span = int(track.frame[longest[-1]] - track.frame[longest[0]] + 1)
-    every = len(track.frame[asked])
+    first, last = track.frame[longest[[0, -1]]]
+    every = int(asked.sum())
+    used = int((asked & (track.frame >= first) & (track.frame <= last)).sum())
     return Motion(at, points, codes, {
         "file_frames": every,
-        "file_frames_used_pct": 100 * len(longest) / max(every, 1),
-        "gaps_filled_frames": span - len(longest),
-        "left_out_s": (every - len(longest)) / track.rate_hz,
+        "file_frames_used_pct": 100 * used / every,
+        "gaps_filled_frames": int(last - first) + 1 - len(longest),
+        "left_out_s": (every - used) / track.rate_hz,
         "stretches_left_out": len(parts) - 1,
         "forward_pct": 100 * forward,
     })  # fmt: skip

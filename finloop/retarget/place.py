@@ -3,14 +3,13 @@
 import numpy as np
 import scipy
 
-from finloop.base.arrays import Floats, Mask, Points
+from finloop.base.arrays import Floats, Ints, Mask, Points
 from finloop.base.errors import FinloopError
 from finloop.retarget.settings import Settings
 from finloop.retarget.track import Track
 
-_CELLS = 240  # places are tried on a map of so many cells a side
-_CLEAR = 0.5  # body lengths from the wall that are kept if there is room
-_OUTSIDE = 1e3  # times as much as a point at the wall costs one beyond it
+_CELLS = 240  # a side, of the map on which places are tried first
+_CLEAR = 0.5  # body lengths; a point nearer to the wall costs up to 1
 _ROUNDS = 12  # of halving, to find how much smaller a way has to be
 
 
@@ -38,10 +37,15 @@ def mirrored(points: Points, width_px: int) -> Points:
 
 def outside(points: Points, arena: Mask) -> Mask:
     """Which points (…, 2) are not in the arena (h, w)."""
-    column, row = (np.round(points[..., axis]).astype(int) for axis in (0, 1))
+    column, row = np.moveaxis(_pixels(points), -1, 0)
     there = (row >= 0) & (row < arena.shape[0]) & (column >= 0) & (column < arena.shape[1])
     inside = arena[np.where(there, row, 0), np.where(there, column, 0)]
     return ~(there & inside)
+
+
+def _pixels(points: Points) -> Ints:
+    """The pixels (…, 2) that points lie in; a shift by whole px moves them alike."""
+    return np.floor(points + 0.5).astype(np.int64)
 
 
 def moved(bodies: Points, arena: Mask, length_px: float, p: Settings) -> tuple[Floats, float]:
@@ -92,33 +96,51 @@ def _size(points: Points, length_px: float) -> str:
 
 
 def shift_into(bodies: Points, arena: Mask, length_px: float) -> Floats | None:
-    """By how much (2,) points (T, k, 2) are moved into the arena, clear of its walls if possible.
+    """The shift (2,) in whole px that moves points (T, k, 2) into the arena; None if none does.
 
-    None if there is no such place on a map of `_CELLS` cells. All places are tried at once: the
-    cost of each is a correlation.
+    Of the shifts that leave no point outside, the one with the points farthest from the walls is
+    taken. Shifts by whole cells of a map of `_CELLS` cells a side come first. Where none of them
+    fits, every shift by whole px is tried.
     """
+    pixels = _pixels(bodies.reshape(-1, 2))
     depth = scipy.ndimage.distance_transform_edt(np.pad(arena, 1))[1:-1, 1:-1]
-    cell = -(-max(arena.shape) // _CELLS)
-    cost = np.where(arena, np.maximum(0.0, 1 - depth / (_CLEAR * length_px)), _OUTSIDE)
-    rows, columns = -(-arena.shape[0] // cell), -(-arena.shape[1] // cell)
-    padded = np.full((rows * cell, columns * cell), _OUTSIDE)
-    padded[: arena.shape[0], : arena.shape[1]] = cost
-    coarse = padded.reshape(rows, cell, columns, cell).mean((1, 3))
-    points = bodies.reshape(-1, 2)
-    low = np.floor(points.min(0) / cell)
-    at = (np.floor(points / cell) - low).astype(int)
-    wide, high = at.max(0) + 1
-    if wide > columns or high > rows:
-        return None
-    shown = np.zeros((high, wide))
-    np.add.at(shown, (at[:, 1], at[:, 0]), 1.0)
-    total = scipy.signal.correlate(coarse, shown, mode="valid")
-    middle = (np.array(total.shape) - 1) / 2
-    row, column = np.indices(total.shape) - middle[:, None, None]
-    total = np.maximum(total, 0) + 1e-6 * len(points) * np.hypot(row, column)
-    for best in np.argsort(total, axis=None, kind="stable")[:9]:
-        row_at, column_at = np.unravel_index(best, total.shape)
-        shift = cell * (np.array([column_at, row_at]) - low)
-        if not outside(points + shift, arena).any():
-            return shift.astype(float)
+    wall = np.maximum(0.0, 1 - depth / (_CLEAR * length_px))
+    for cell in sorted({-(-max(arena.shape) // _CELLS), 1}, reverse=True):
+        shift = _shift_by_cells(pixels, arena, wall, cell)
+        if shift is not None:
+            return shift
     return None
+
+
+def _shift_by_cells(pixels: Ints, arena: Mask, wall: Floats, cell: int) -> Floats | None:
+    """As `shift_into`, of pixels (n, 2), by whole cells of `cell` px; wall (h, w): cost of a pixel.
+
+    All shifts are tried at once, by two correlations: one counts the points outside, the other
+    sums the cost. A cell that is partly outside counts as outside.
+    """
+    inside = _cells(arena.astype(float), cell).min((1, 3)) > 0
+    cells = pixels // cell
+    low = cells.min(0)
+    column, row = (cells - low).T
+    high, wide = row.max() + 1, column.max() + 1
+    if high > inside.shape[0] or wide > inside.shape[1]:
+        return None
+    count = np.zeros((high, wide))
+    np.add.at(count, (row, column), 1.0)
+    beyond = scipy.signal.correlate(1.0 - inside, (count > 0).astype(float), mode="valid")
+    free = np.rint(beyond) == 0
+    if not free.any():
+        return None
+    cost = scipy.signal.correlate(_cells(wall, cell).mean((1, 3)), count, mode="valid")
+    middle = (np.array(cost.shape) - 1) / 2
+    off = np.hypot(*(np.indices(cost.shape) - middle[:, None, None]))
+    cost = np.maximum(cost, 0) + 1e-6 * len(pixels) * off
+    best = np.unravel_index(np.where(free, cost, np.inf).argmin(), cost.shape)
+    return cell * (np.array(best[::-1]) - low).astype(float)
+
+
+def _cells(values: Floats, cell: int) -> Floats:
+    """Values (h, w) in blocks (rows, cell, columns, cell), padded with zeros."""
+    height, width = values.shape
+    whole = np.pad(values, ((0, -height % cell), (0, -width % cell)))
+    return whole.reshape(whole.shape[0] // cell, cell, -1, cell)

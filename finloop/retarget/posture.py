@@ -110,9 +110,9 @@ def on_body(pose: Pose, at: Floats) -> Points:
     place = np.nan_to_num(at) * (line.shape[1] - 1)
     low = np.minimum(place.astype(int), line.shape[1] - 2)
     part = (place - low)[:, None]
-    made = (1 - part) * line[:, low] + part * line[:, low + 1]
+    places = (1 - part) * line[:, low] + part * line[:, low + 1]
     centre = np.stack([pose.x_px, pose.y_px], -1)[:, None]
-    return np.where(np.isnan(at)[:, None], centre, made)
+    return np.where(np.isnan(at)[:, None], centre, places)
 
 
 def body_share(shapes: PoseShapes) -> float:

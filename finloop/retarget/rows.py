@@ -18,7 +18,7 @@ from finloop.nearest import Nearest
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 
-_BEAM = 4  # times the candidates of a tick are kept
+_BEAM = 4  # times the candidates: the sequences that go on to the next tick
 
 
 @dataclass(frozen=True)
@@ -126,9 +126,9 @@ def cheapest(rows: FilmRows, asked: Floats, candidates: int, switch: float, delt
             price[plays, np.searchsorted(now, goes[plays])] = costs[plays]
             back = price.argmin(0)
             far += price[back, np.arange(len(now))]
-        kept = np.sort(np.argsort(far, kind="stable")[: _BEAM * candidates])
-        numbers, costs = now[kept], far[kept]
-        before.append(back[kept])
+        beam = np.sort(np.argsort(far, kind="stable")[: _BEAM * candidates])
+        numbers, costs = now[beam], far[beam]
+        before.append(back[beam])
         every.append(numbers)
     best = [int(costs.argmin())]
     for back in before[:0:-1]:

@@ -36,10 +36,11 @@ class Settings:
     # px of this tank per px of the file; auto: a body length is as long as this film's
     scale: Positive | Literal["auto"]
     mirrored: bool  # whether left is swum as right
-    # fit: moved to where the animal stays in the tank; shrink: the way smaller until it does;
+    # fit: moved to where the drawn fish stays in the tank; shrink: the way smaller until it does;
     # given: as the file says
     place: Literal["fit", "shrink", "given"]
     own_frames: bool  # whether a track of this film may be drawn in its own frames
     candidates: Count  # so many of the rows nearest to a tick are weighed
-    # natural steps; going over to other rows costs as much as being so much farther off for Δ
+    # natural steps; the cost of a jump to another row of the film. A distance of this size between
+    # the track and the film, kept up for one Δ, costs the same
     switch: NotNegative

@@ -164,7 +164,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
     """
     there = np.asarray(np.isfinite(points).all(2))
     usable = there[:, 0] & there[:, -1] & (there.sum(1) >= 3)
-    made = np.full((len(points), len(share), 2), np.nan)
+    places = np.full((len(points), len(share), 2), np.nan)
     ratio = []
     for t in np.flatnonzero(usable):
         some = points[t, there[t]]
@@ -177,7 +177,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
         dense = curve(np.linspace(0, way[-1], _FINE * len(share) + 1))
         ratio.append(way[-1] / max(float(np.hypot(*(some[-1] - some[0]))), 1e-9))
         even = resample(dense, _FINE * len(share) + 1)
-        made[t] = at_places(even[None], share * (len(even) - 1))[0]
+        places[t] = at_places(even[None], share * (len(even) - 1))[0]
     if ratio and np.median(ratio) > _ZIGZAG:
         raise FinloopError(
             f"the line through the points of {name} is {np.median(ratio):.1f} times as long as the "
@@ -185,7 +185,7 @@ def lines(points: Floats, share: Floats, name: str) -> Floats:
             "points in their order along the body, from head to tail",
             "name them in that order (retarget.points)",
         )
-    return made
+    return places
 
 
 def _length_px(points: Floats, at: Floats) -> float | None:
