@@ -2,19 +2,23 @@
 
 `python -m benchmarks.films [FILM …]` draws carp as a quick, a slow, a flickering, a shaking, a
 short, a large and a small film, and runs the pipeline on each of them and on the films that are
-given. How well each ends is written into films.csv, in place of what that said of the same film.
-`--realism` asks for that stage, too.
+given. How well each ends is written into films.csv, in place of what that said of the same film; of
+one that fails, why. `--realism` asks for that stage, too.
 """
 
 import argparse
+import re
+import sys
 import tempfile
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
+from hydra.core.override_parser.types import Quote, QuotedString
 
 from benchmarks.pipeline import ROOT, needed, prepare, stage
 from finloop.base.settings import settings
@@ -57,12 +61,14 @@ def overrides(name: str, folder: Path) -> list[str]:
     with VideoWriter(path, carp.width_px, carp.height_px, Fraction(_RATE), carp.colour) as writer:
         for picture in spoilt(name, (np.asarray(one[0]) for one in film(carp))):
             writer.write(picture)
-    return given(path)
+    return file_overrides(path)
 
 
-def given(path: Path) -> list[str]:
-    """What is given of a film: its path."""
-    return ["clip=file", f"clip.path='{path.resolve()}'"]
+def file_overrides(path: Path) -> list[str]:
+    """The overrides of a film of this path, as Hydra reads them."""
+    # `${` would begin the name of another value; only the backslashes right before it count twice.
+    name = re.sub(r"(\\*)\$\{", r"\1\1\\${", str(path.resolve()))
+    return ["clip=file", f"clip.path={QuotedString(name, Quote.double).with_quotes()}"]
 
 
 def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
@@ -96,26 +102,67 @@ def keep(row: pd.DataFrame) -> None:
     save_csv(_TABLE, row, decimals=3)
 
 
-def main() -> None:
-    """Run, print, write."""
+def keys(films: Sequence[str]) -> list[str]:
+    """The names of films in the table: file names without suffix; paths where these are alike."""
+    stems = Counter(Path(film).stem for film in films)
+    return [Path(film).stem if stems[Path(film).stem] == 1 else film for film in films]
+
+
+def arguments(line: Sequence[str] | None = None) -> argparse.Namespace:
+    """The command line. It ends with a message if a film is not there, or not one of the drawn."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("films", nargs="*", type=Path)
+    parser.add_argument("films", nargs="*")
     parser.add_argument("--realism", action="store_true", help="a classifier looks at each, too")
-    parser.add_argument("--only", nargs="*", default=DRAWN, help="of the drawn films")
+    parser.add_argument("--only", nargs="*", default=list(DRAWN), help="of the drawn films")
     parser.add_argument("--keep", type=Path, help="a folder to work in, which stays")
-    wanted = parser.parse_args()
-    last = ["render", "realism"] if wanted.realism else ["render"]
-    rows: list[dict[str, Any]] = []
+    args = parser.parse_args(line)
+    if strange := [name for name in args.only if name not in DRAWN]:
+        parser.error(f"--only {strange}: no drawn films; these are: {list(DRAWN)}")
+    if absent := [film for film in args.films if not Path(film).is_file()]:
+        parser.error(f"no such files: {absent}")
+    return args
+
+
+def message(error: BaseException) -> str:
+    """A line that says why a film failed: what the stage says of it, else the last one."""
+    lines = (str(error).strip() or repr(error)).splitlines()
+    own = [line.removeprefix("finloop: ") for line in lines if line.startswith("finloop: ")]
+    return (own or lines)[-1]
+
+
+def results(
+    films: Sequence[tuple[str, list[str] | None]], folder: Path, last: list[str]
+) -> Iterator[dict[str, Any]]:
+    """A row for every film: its key, and its overrides, None for a drawn one, which is the key.
+
+    A film that fails has its message under `failed` alone, and the next one begins.
+    """
+    for number, (key, overridden) in enumerate(films):
+        place = folder / f"film-{number}"
+        place.mkdir(parents=True, exist_ok=True)
+        row = {"film": key if overridden else f"drawn carp, {key}"}
+        try:
+            row |= ended(place, overridden or overrides(key, place), last)
+        except (Exception, SystemExit) as error:  # whatever it is, the other films are run
+            print(error, file=sys.stderr)
+            row["failed"] = message(error)
+        yield row
+
+
+def main() -> None:
+    """Run, print, write. Exits with 1 where a film failed."""
+    args = arguments()
+    last = ["render", "realism"] if args.realism else ["render"]
+    own = zip(keys(args.films), (file_overrides(Path(film)) for film in args.films), strict=True)
+    films: list[tuple[str, list[str] | None]] = [*((name, None) for name in args.only), *own]
+    failures = 0
     with tempfile.TemporaryDirectory() as scratch:
-        for name in [*wanted.only, *map(str, wanted.films)]:
-            folder = (wanted.keep or Path(scratch)) / f"film-{len(rows)}"
-            folder.mkdir(parents=True, exist_ok=True)
-            drawn = name in DRAWN
-            told = f"drawn carp, {name}" if drawn else Path(name).stem
-            overridden = overrides(name, folder) if drawn else given(Path(name))
-            rows.append({"film": told, **ended(folder, overridden, last)})
-            print(pd.Series(rows[-1]).to_string(), end="\n\n", flush=True)
-            keep(pd.DataFrame(rows[-1:]))
+        for row in results(films, args.keep or Path(scratch), last):
+            print(pd.Series(row).to_string(), end="\n\n", flush=True)
+            keep(pd.DataFrame([row]))
+            failures += "failed" in row
+    if failures:
+        raise SystemExit(f"{failures} of {len(films)} films failed, see {_TABLE}")
 
 
 if __name__ == "__main__":

@@ -395,6 +395,18 @@ def test_fish_beside_each_other_and_one_alone_throw_no_shadow():
     assert not shaded(square(-500.0), square(45.0))[1].any()
 
 
+def test_a_shadow_comes_little_by_little_as_fish_come_together():
+    """Also where there is one already, on another fish."""
+    for others in ((), (square(30.0, 240),)):
+        gaps = np.arange(-1.0, 6.0, 0.1)
+        dark = [
+            shaded(*others, square(50.5 + gap, 240), square(40.0 - 9.5, 100))[1] for gap in gaps
+        ]
+        totals = [int(one.sum()) for one in dark]
+        steps = [np.abs(np.diff(pair, axis=0)).max() for pair in zip(dark, dark[1:], strict=False)]
+        assert max(totals) > totals[-1] + 1000 and max(steps) <= 10
+
+
 def test_a_shadow_is_deeper_the_larger_its_share_and_falls_on_all_below():
     three = square(50.0, 240), square(50.0, 230, side=14), square(62.0, 100)
     some, more = (shaded(*three, share=share)[1] for share in (0.2, 0.4))

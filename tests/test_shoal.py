@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import prepare
-from toy_film import HULL, LENGTH, RATE, TOUCH, players_of, waters_of
+from toy_film import DELTA, HULL, LENGTH, RATE, TOUCH, players_of, waters_of
 
 import stages.animate
 import stages.export
@@ -18,18 +18,21 @@ import stages.plots.render
 import stages.render
 from finloop.animate import avoidance, encounters
 from finloop.animate.arena import tank
+from finloop.animate.company import can_stay
 from finloop.animate.edit_list import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
+from finloop.animate.kinematics import Spot
 from finloop.animate.listing import edit_lists
 from finloop.animate.measures import averaged
 from finloop.animate.paths import lay
 from finloop.animate.planner import Planner
 from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, tasks
-from finloop.animate.swim import random_goals
+from finloop.animate.swim import NoRoom, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.io.table import load_table, save_table
 from finloop.live.tank import LiveTank
+from finloop.realism import lists
 from finloop.realism.lists import animations
 
 
@@ -108,21 +111,36 @@ def test_the_live_tank_swims_the_same(mode):
         assert own[columns].values.tolist() == theirs[columns].values.tolist()
 
 
-@pytest.mark.parametrize("mode", [LOOPS, NETWORK])
-def test_a_jam_dissolves_as_fish_make_way_aside(mode, monkeypatch):
+@pytest.mark.parametrize("mode", MODES)
+def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(mode, monkeypatch):
+    """Its neighbours leave it less than the drift of a tick, and it heads for the wall."""
     arena = np.zeros((400, 400), bool)
-    arena[50:210, 50:250] = True  # eight fish in four lengths by five
-    player, ticks = players_of(waters_of(room_=tank(arena, 0.6 * LENGTH), wander="film"))[mode], 500
-    rests = []
+    arena[50:350, 50:350] = True
+    wall = tank(arena, 0.6 * LENGTH)
+    player = players_of(waters_of(room_=wall))[mode]
+    x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
+    begun = player.begin(np.random.default_rng(0)).fish
+    first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
+    avoider = avoidance.Avoidance(player.policy, player.waters)
+
+    def between(fish, gap):
+        sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
+        return replace(fish, company=player.company(sides, fish.tick))
+
+    def free(gap):
+        return can_stay(between(first, gap).company, first.picture, np.array([x, y, 90.0]), 0)
+
+    gap, ways = 0.1 + next(gap for gap in np.arange(10.0, 20.0, 0.1) if free(gap)), []
     for directions in (avoidance._ASIDE_DEG, (0.0,)):  # and back to back alone
         monkeypatch.setattr(avoidance, "_ASIDE_DEG", directions)
-        table = swum(player, 8, ticks)
-        assert not overlaps(table, player).any()
-        steps = np.hypot(*np.diff(encounters.places(table), axis=1).transpose(2, 0, 1))
-        still = np.pad(steps < 0.05 * LENGTH / RATE, ((0, 0), (1, 1)))
-        edges = [np.flatnonzero(np.diff(one.astype(int))) for one in still]
-        rests.append(max((one[1::2] - one[::2]).max(initial=0) for one in edges))
-    assert rests[0] < 0.6 * rests[1] and rests[0] < 0.4 * ticks
+        fish = between(first, gap)
+        ahead = player.policy.next(fish, Spot(x + 100, y, 0, 0), np.random.default_rng(1))
+        blocked = replace(ahead, way=np.repeat([[x + gap, y, 90.0]], len(ahead.way), axis=0))
+        way = avoider.kept_clear(fish, blocked, np.random.default_rng(2)).way
+        ways.append(way[-1, :2] - (x, y))
+    drift_px = avoidance._DRIFT * LENGTH / DELTA
+    assert ways[0][1] > 0.9 * drift_px and abs(ways[0][0]) < 0.5
+    assert np.hypot(*ways[1]) < 0.2 + 1e-9
 
 
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
@@ -174,14 +192,14 @@ def test_goals_are_dealt():
 
 def test_two_fish_sent_to_one_place_are_refused():
     far, near = (100.0, 100.0), (100.0, 100.0 + 0.9 * TOUCH)
-    with pytest.raises(FinloopError, match=r"A \(fish 0\) and B \(fish 1\)") as refused:
-        refuse_meetings(goals_at(far, near), 2)
+    with pytest.raises(FinloopError, match=r"A \(fish 1\) and B \(fish 2\)") as refused:
+        refuse_meetings(goals_at(far, near), range(2))
     assert "animate.goals" in str(refused.value) and f"{TOUCH:.0f} px apart" in refused.value.wanted
-    with pytest.raises(FinloopError, match=r"D \(fish 0\) and F \(fish 2\)"):
-        refuse_meetings(goals_at((0, 0), (0, 99), (99, 0), far, (300, 0), near), 3)
-    refuse_meetings(goals_at(far, near), 1)  # one after the other
-    refuse_meetings(goals_at(far, (300, 0), near, (300, 300)), 2)  # of one fish
-    refuse_meetings(goals_at(far, (100.0, 100.0 + 1.1 * TOUCH)), 2)
+    with pytest.raises(FinloopError, match=r"D \(fish 1\) and F \(fish 3\)"):
+        refuse_meetings(goals_at((0, 0), (0, 99), (99, 0), far, (300, 0), near), range(3))
+    refuse_meetings(goals_at(far, near), [0])  # one after the other
+    refuse_meetings(goals_at(far, (300, 0), near, (300, 300)), range(2))  # of one fish
+    refuse_meetings(goals_at(far, (100.0, 100.0 + 1.1 * TOUCH)), range(2))
 
 
 def planner_of(p):
@@ -197,6 +215,10 @@ def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
     assert len(planner_of(same | {"fish": 2, "overlap": True}).goals()) == 2
     assert len(planner_of(same | {"fish": 1}).goals()) == 2
     planner_of(same | {"fish": 3}).check_room([])
+    led = same | {"fish": 3, "follow": [[1, 2]]}  # the second and third swim to goals
+    with pytest.raises(FinloopError, match=r"A \(fish 2\) and B \(fish 3\)") as refused:
+        planner_of(led).goals()
+    assert "to the fish 2, 3" in refused.value.wanted
 
 
 def test_more_fish_than_fit_are_refused():
@@ -211,6 +233,28 @@ def test_more_fish_than_fit_are_refused():
     through = replace(waters, settings=replace(waters.settings, overlap=True))
     todo = tasks([], 40, np.random.default_rng(0))
     assert len(settle(players_of(through)[LOOPS], todo)) == 40
+
+
+def test_where_few_places_leave_room_realism_draws_other_ones(monkeypatch):
+    arena = np.zeros((80, 130), bool)
+    arena[10:70, 10:120] = True
+    waters = waters_of(room_=tank(arena, 0.6 * LENGTH), fish=3, seconds=0.2, trial_goals=1)
+    plans = Planner(waters, players_of(waters), None, 1.0, 20.0)
+
+    def room(seed):
+        try:
+            one = replace(waters, settings=replace(waters.settings, seed=seed))
+            return bool(settle(plans.players[LOOPS], replace(plans, waters=one).tasks([])))
+        except NoRoom:
+            return False
+
+    few = next(seed for seed in range(40) if room(seed) and not room(seed + 1))
+    p = replace(waters.settings, seed=few)
+    edits = [edit for edit, _ in animations(plans, LOOPS, 1.2, p)]
+    assert len(edits) == 6 and not edits[0].equals(edits[3])
+    monkeypatch.setattr(lists, "_SEEDS", 1)
+    with pytest.raises(FinloopError, match="the tank has room for"):
+        list(animations(plans, LOOPS, 1.2, p))
 
 
 def test_realism_takes_each_fish_for_itself():

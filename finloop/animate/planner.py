@@ -99,7 +99,7 @@ class Planner:
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
         if not p.overlap:
-            refuse_meetings(goals, len(self.seekers))
+            refuse_meetings(goals, self.seekers)
         return goals
 
     @property
@@ -143,7 +143,7 @@ class Planner:
         return self._tasks(goals, rng), goals
 
     def check_room(self, goals: Sequence[Goal]) -> None:
-        """FinloopError, before anything is planned, if there is no room for all fish."""
+        """NoRoom, before anything is planned, if there is none for all fish."""
         p = self.waters.settings
         if p.fish > 1:
             for player in self.players.values():

@@ -45,22 +45,26 @@ def deal(goals: Sequence[Goal], fish: int) -> list[list[Goal]]:
     return [list(goals[number::fish]) for number in range(fish)]
 
 
-def refuse_meetings(goals: Sequence[Goal], fish: int) -> None:
+def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
     """FinloopError if goals of several fish, dealt at the same time, are one place.
 
-    So are two places of which one is within the radius of the other.
+    So are two places of which one is within the radius of the other. seekers: the numbers, from 0,
+    of the fish that swim to goals; messages number fish from 1, as the parameters do.
     """
+    count = len(seekers)
     meetings = [
-        f"{one.name} (fish {a}) and {other.name} (fish {b})"
-        for first in range(0, len(goals), fish)
-        for (a, one), (b, other) in combinations(enumerate(goals[first : first + fish]), 2)
+        f"{one.name} (fish {a + 1}) and {other.name} (fish {b + 1})"
+        for first in range(0, len(goals), count)
+        for (a, one), (b, other) in combinations(
+            zip(seekers, goals[first : first + count], strict=False), 2
+        )
         if np.hypot(one.x_px - other.x_px, one.y_px - other.y_px) < one.radius_px
     ]
     if meetings:
         raise FinloopError(
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
-            f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius): of "
-            f"{fish} fish the first goal is the first one's, the second the second one's …",
+            f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius): goals are "
+            f"dealt in turn to the fish {', '.join(str(one + 1) for one in seekers)}",
             "move the goals (animate.goals), or let fish overlap (animate.overlap=true)",
         )
 
@@ -155,14 +159,14 @@ class Swimmer:
 def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
     """Put fish into the tank, one after the other, each with a first plan.
 
-    FinloopError if there is no room for all of them.
+    NoRoom if there is none for all of them.
     """
     fish: list[Swimmer] = []
     for task in todo:
         try:
             fish.append(Swimmer(player, task, {k: one.plan[1] for k, one in enumerate(fish)}))
         except NoRoom as error:
-            raise FinloopError(
+            raise NoRoom(
                 f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
                 f"at most {len(fish)} fish of this size, clear of each other",
                 "take fewer fish (animate.fish), let them overlap (animate.overlap=true), or film "
@@ -174,7 +178,7 @@ def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
 def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
     """Swim at least `ticks` ticks with as many fish as there are tasks.
 
-    FinloopError if there is no room for all of them.
+    NoRoom if there is none for all of them.
     """
     fish = settle(player, todo)
     plans = [one.plan for one in fish]

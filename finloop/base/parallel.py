@@ -130,8 +130,9 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
     At most `workers.count` + 1 results are kept at a time. One item is worked in this process.
     Exceptions of `work` are raised here; an OSError, as where a network's folder is away for a
-    moment, only when it comes `TRIES` times at the same item. `work`, items and results are
-    pickled. Where a process is killed, new ones do the unfinished items again.
+    moment, only when it comes `TRIES` times at the same item. `Processes` and a cluster pickle
+    `work`, items and results; `Threads` share them. Where a process is killed, new ones do the
+    unfinished items again.
 
     Raises FinloopError where a worker is killed `TRIES` times at the same item.
     """

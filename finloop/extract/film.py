@@ -41,7 +41,7 @@ class TrackedFish(NamedTuple):
     fish: Fish
 
 
-_STRETCH = 240  # frames that a process works on at a time, at most
+_STRETCH = 240  # frames that a worker works on at a time, at most
 _SPECK = 0.125  # of a typical fish's area: smaller patches are ignored
 
 
@@ -105,13 +105,13 @@ class Detector:
 
 
 class Reader(Protocol):
-    """Streams the frames start … stop − 1 of a clip; can be sent to another process."""
+    """Streams the frames start … stop − 1 of a clip, in any thread; a cluster pickles it."""
 
     def __call__(self, *, start: int, stop: int) -> Iterator[Picture]: ...
 
 
 class Keeper(Protocol):
-    """Keeps what was made of a piece, so that it is found again; can be sent to another process."""
+    """Keeps what was made of a piece, in any thread; a cluster pickles it."""
 
     def kept_or_made(self, name: str, make: Callable[[], T]) -> T:
         """What is kept under a name, else what `make` makes."""
@@ -137,7 +137,7 @@ def detections(
     """Detections of every frame in order, computed by `workers`; None where it cannot be decoded.
 
     Each reads its own stretches of the clip. They begin at key frames, so that no frame is
-    decoded in vain. A background by MOG2 depends on all frames before: then one process reads all,
+    decoded in vain. A background by MOG2 depends on all frames before: then one worker reads all,
     nothing is kept, and UndecodableError ends it.
     """
     if detector.settings.background == "mog2":

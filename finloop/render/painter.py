@@ -13,8 +13,13 @@ fringe shines at the outline and nothing overflows.
 
 A fish in another pose than it was filmed in is drawn by the puppet, its partner in the same pose.
 Of several fish each is laid over those before it. Where it lies over one, its shadow falls on that
-one: with S its own alpha, blurred, and C the alpha of all below it, those keep 1 − share · S · C of
-their light. On the floor no shadow is drawn: the film's own cut-outs have none.
+one. U is its alpha, S the same blurred with the SD σ, Cₖ the alpha of a fish k below it: those keep
+
+    1 − share · S · (1 − Πₖ (1 − fₖ Cₖ)),  fₖ = min(1, Aₖ / 2πσ²),  Aₖ = Σ max(0, U + Cₖ − 1)
+
+of their light. Aₖ is the area in px² that both cover for certain, none of fish beside each other.
+fₖ fades the shadow in as a fish comes under: Aₖ / 2πσ² is the peak of so large a spot blurred by σ.
+On the floor no shadow is drawn: the film's own cut-outs have none.
 
 Coordinates in px, x right, y down, pixel centres at integers; angles anticlockwise as seen.
 """
@@ -33,7 +38,6 @@ from finloop.render.lay import lay, over
 
 Image = NDArray[np.uint8]
 _PAD = 3  # transparent pixels around a picture: what the kernel reads beyond it
-_LIES_OVER = 0.5  # of a pixel that two fish cover both; from there on one lies over the other
 
 
 class Box(NamedTuple):
@@ -200,8 +204,10 @@ class Painter:
         above = self._silhouette(upper, box)
         clear = np.ones_like(above)
         for one in lower:
-            clear *= 1 - self._silhouette(one, box)
-        if (above * (1 - clear)).max() < _LIES_OVER:
+            below = self._silhouette(one, box)
+            common_px2 = np.maximum(0, above + below - 1).sum()
+            clear *= 1 - min(1.0, common_px2 / (2 * np.pi * blur_px**2)) * below
+        if clear.min() == 1:
             return
         dark = cv2.GaussianBlur(above, (0, 0), blur_px) * (1 - clear)
         light = 1 - share * dark[..., None]
