@@ -44,7 +44,7 @@ test: setup ## run the tests
 	@python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 # Products, decompositions and training: an older kernel rounds them differently, one thread sums in another order.
-NUMERICAL := distance_map jumps bpn forecast pose puppet tracks curve curve_dynamics curve_stiffness curve_wavelet gait_fit gait_limbs gait_outline gait_period
+NUMERICAL := distance_map jumps bpn forecast pose puppet tracks curve curve_dynamics curve_stiffness curve_wavelet gait_fit gait_limbs gait_outline gait_period calibrate social rule retarget
 
 test-kernel: setup ## run the numerical tests as an older processor computes, half a minute
 	@OPENBLAS_CORETYPE=Prescott ATEN_CPU_CAPABILITY=default FINLOOP_THREADS=1 OPENBLAS_NUM_THREADS=1 \

@@ -31,6 +31,7 @@ from finloop.social.measures import beside, shoal_table
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES
 from stages.animate import material
+from stages.calibrate import first_film
 from stages.rules import load_rule
 from stages.settings import load
 
@@ -72,10 +73,8 @@ def film_tables(folder: Path) -> pd.DataFrame:
     tables: dict[str, list[pd.DataFrame]] = {}
     with material(p) as made:
         features = made.reel.features
-        horizon = load("calibrate").horizon
-        film = film_shoal(
-            features, made.arena, delta_of(features), None if horizon == "auto" else horizon
-        )
+        own, horizon = first_film(features, Path("data/clip")), load("calibrate").horizon
+        film = film_shoal(own, made.arena, delta_of(features), horizon)
         fish = min(film.fish, MOST_FISH)
         tables["first_half"] = [film.half(True)]
         for name, table in (*points(film), *package(film)):
@@ -83,8 +82,8 @@ def film_tables(folder: Path) -> pd.DataFrame:
         for rule in ("zones", "none"):
             for seed in range(SEEDS):
                 # One goal a fish at most: afterwards it wanders.
-                own = replace(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
-                plans = planner(made, own)
+                swum = replace(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                plans = planner(made, swum)
                 for mode in plans.players:
                     edit = plans.plan(mode, plans.goals())[1]
                     where = edit[["x_px", "y_px"]].to_numpy(float)

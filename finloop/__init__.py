@@ -8,8 +8,8 @@ from typing import Any
 
 __version__ = "0.1.0"
 __all__ = [
-    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "foretell",
-    "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
+    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
+    "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
 
 

@@ -11,6 +11,7 @@
     poses = find_poses(tracks, features)            how every fish is bent
     jumps = find_jumps(reel, poses)   which frames look and move alike
     forecast = foretell(features, poses, jumps, film.rate_hz)   the next pose and motion
+    shoaling = find_zones(features, film)           how its fish act on each other
     edit = steer(tracks, reel, model, similar, loops, jumps, gateways, poses, goals=[[0.2, 0.3]])
     write_video("fish.mp4", edit, tracks, reel, poses)
 
@@ -23,30 +24,25 @@ Every verb raises FinloopError, which says what came, what was wanted and what t
 is unknown or out of range, a file cannot be read, or the film does not show what is needed.
 """
 
-import atexit
-import tempfile
 import warnings
-from collections.abc import Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.animate.bodies import Bodies
 from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
-from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
+from finloop.calibrate.film import film_shoal
+from finloop.calibrate.rule import film_rule, shortage
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS, mapped
@@ -62,12 +58,11 @@ from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.given_path import given_line
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
-from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
@@ -77,51 +72,18 @@ from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
+from finloop.results import Film, Tracks, folder_of, opened
+from finloop.social.rule import Shoaling, rule_of
+from finloop.social.steps import STEPS as SHOAL_STEPS
+from finloop.social.steps import rows_of, steps_of
 from finloop.sprites.choice import choose
 from finloop.sprites.orient import SPRITES, sprite_cutouts, sprite_table
 from finloop.sprites.swimmers import swimmers
 
 __all__ = [
-    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "foretell",
-    "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
+    "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
+    "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
-
-_OPEN = ExitStack()  # stores and temporary folders, till the program ends
-atexit.register(_OPEN.close)
-
-
-@dataclass(frozen=True)
-class Film:
-    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
-
-    folder: Path
-    facts: VideoFacts
-    arena: Mask
-
-    @property
-    def rate_hz(self) -> float:
-        """Frames per second."""
-        return self.facts.frame_rate_hz
-
-    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
-        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
-        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """Where every fish of a film is.
-
-    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
-    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
-    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
-    """
-
-    film: Film
-    table: pd.DataFrame
-    cutouts: CutoutStore
-    background: NDArray[np.uint8]
-    given: pd.DataFrame | None = None
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
@@ -138,7 +100,7 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 
 def _film(folder: str | Path | None, **values: Any) -> Film:
-    p, home = settings("clip", **values), _folder(folder) / "clip"
+    p, home = settings("clip", **values), folder_of(folder) / "clip"
     source = open_source(p)
     with whole_folder(home) as part:
         clip = make_clip(p, source, part)
@@ -152,7 +114,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     `workers`: threads.
     `changes`: of `finloop.extract.settings.Settings`.
     """
-    p, home = settings("extract", **changes), _folder(folder) / "extract"
+    p, home = settings("extract", **changes), folder_of(folder) / "extract"
     with whole_folder(home) as part:
         lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
@@ -161,7 +123,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     background = load_picture(home / BACKGROUND_NAME)
     path = home / GIVEN_NAME
     given = load_table(path, GIVEN) if path.exists() else None
-    return Tracks(film, table, _opened(home / CUTOUTS_NAME), background, given)
+    return Tracks(film, table, opened(home / CUTOUTS_NAME), background, given)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -196,11 +158,11 @@ def make_sprites(
     table = swimmers(features, tracks.table, p)
     look = partial(Reel(features, film).headed, size=p.picture_px)
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
-    home = _folder(folder) / "sprites"
+    home = folder_of(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, as_loaded(sprites, SPRITES), _opened(home / "sprites.arrow"))
+    return Reel(features, film, as_loaded(sprites, SPRITES), opened(home / "sprites.arrow"))
 
 
 def compare(reel: Reel, **changes: Any) -> Similar:
@@ -272,6 +234,22 @@ def foretell(
     return sampler(states, foreteller, similar_rows(states, jumps.look, jumps.visible, p), p)
 
 
+def find_zones(features: pd.DataFrame, film: Film, **changes: Any) -> Shoaling:
+    """How the fish of a film act on each other: zones (Couzin et al. 2002), and own steps.
+
+    Where it shows too little company, a warning says so, and the zones are those of the paper.
+    `changes`: of `finloop.calibrate.settings.Settings`, for example attraction=8.0. FinloopError
+    also if no track is long enough for a step.
+    """
+    p = settings("calibrate", **changes)
+    company = film_shoal(features, film.arena, delta_of(features), p.horizon)
+    if lack := shortage(company):
+        warnings.warn(lack, stacklevel=2)
+    rule = rule_of(film_rule(company, p)[0])
+    steps = as_loaded(pd.DataFrame(rows_of(rule.steps)), SHOAL_STEPS)
+    return replace(rule, steps=steps_of(steps, rule.steps.forward, rule.steps.onward))
+
+
 def steer(  # noqa: PLR0913  (a result of every verb)
     tracks: Tracks,
     reel: Reel,
@@ -283,6 +261,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     poses: FilmPoses,
     forecast: Sampler | None = None,
     mode: str = HYBRID,
+    shoaling: Shoaling | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
     """Send fish to their goals: an edit list, columns of `EDIT`, a row a tick and fish (Fig. 18).
@@ -290,14 +269,14 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     `mode`: "nn" (as the forecast foretells; without one, sprites alone), "loops" (film alone) or
     "hybrid". `changes`: of
     `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
-    and height) and seconds=30.0, or path="way.csv" in their place; fish=8 for several. Without
-    loops there is no mode "loops".
+    and height) and seconds=30.0, or path="way.csv" in their place; fish=8 for several.
+    `shoaling`: of `find_zones`, for rule="zones". Without loops there is no mode "loops".
     """
     film, p = tracks.film, settings("animate", **changes)
     material = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
         similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
-        given_line(p, reel.features), film.facts.mm_per_px,
+        given_line(p, reel.features), film.facts.mm_per_px, shoaling,
     )  # fmt: skip
     plans = planner(material, p)
     if mode not in plans.players:
@@ -328,14 +307,3 @@ def write_video(
         for fish in frames(edit, gallery):
             painter.show(*fish)
             writer.write(painter.frame)
-
-
-def _folder(folder: str | Path | None) -> Path:
-    """The folder that is given, or a new temporary one."""
-    if folder is not None:
-        return Path(folder)
-    return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
-
-
-def _opened(path: Path) -> CutoutStore:
-    return _OPEN.enter_context(open_cutouts(path))

@@ -198,6 +198,8 @@ def company(folder: Path, plans: Planner) -> pd.DataFrame:
     Beside them stands its first half, to which zones are fitted; nothing of one fish.
     """
     waters = plans.waters
+    if waters.settings.fish == 1:
+        return beside({}, {})
     film = load_table(FOLDER / "film.parquet", SHOAL)
     first, second = halves(film)
     shoals = {"first_half": first}
@@ -206,8 +208,6 @@ def company(folder: Path, plans: Planner) -> pd.DataFrame:
         places = edit[["x_px", "y_px"]].to_numpy(float)
         heading = edit["heading_deg"].to_numpy(float)
         shoals[mode] = shoal_table(edit["tick"].to_numpy(), places, heading, waters.walls)
-    if waters.settings.fish == 1:
-        shoals = {}
     return beside({"film": film, "second_half": second}, shoals)
 
 

@@ -1,4 +1,4 @@
-"""The rule by which fish of one tank act on each other, as the stage `calibrate` has made it."""
+"""The rule by which fish of one tank act on each other, of the stage `calibrate`."""
 
 from dataclasses import asdict
 from pathlib import Path
@@ -29,9 +29,9 @@ def load_rule() -> Shoaling:
     table = load_table(FOLDER / "steps.parquet", STEPS)
     return load_json(
         FOLDER / "zones.json",
-        lambda told: Shoaling(
-            Zones(**told["zones"]), steps_of(table, told["forward"], told["onward"]),
-            told["horizon_frames"], told["alike"],
+        lambda entry: Shoaling(
+            Zones(**entry["zones"]), steps_of(table, entry["forward"], entry["onward"]),
+            entry["horizon_frames"], entry["alike"],
         ),
         *made_by("calibrate"),
     )  # fmt: skip

@@ -2,12 +2,14 @@
 
 import json
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
 import pytest
 from scratch import prepare, put_clip
 
+import finloop
 import stages.calibrate
 import stages.plots.calibrate
 from finloop.base.errors import FinloopError
@@ -15,10 +17,14 @@ from finloop.base.settings import settings
 from finloop.calibrate.film import film_shoal, horizon_frames
 from finloop.calibrate.fit import Rings, crossed, fitted, regression, without_company
 from finloop.calibrate.points import own_steps, swum_points
+from finloop.calibrate.rule import film_rule, shortage
 from finloop.features.table import FEATURES
+from finloop.io.record import save_records
+from finloop.io.several import PARTS_NAME, Part
 from finloop.io.table import load_table, save_table
 from finloop.social.measures import SHOAL, apart, values
 from finloop.social.neighbours import neighbours
+from finloop.social.rule import rule_of
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 from stages.rules import load_rule
 
@@ -99,6 +105,23 @@ def test_what_is_given_is_kept_and_the_rest_is_fitted():
     assert found.repulsion_weight == pytest.approx(1.2, rel=0.3)
 
 
+@pytest.mark.parametrize(
+    "asked",
+    [
+        {"repulsion": 20.0},
+        {"alignment": 20.0},
+        {"radii": [1.0, 2.0, 4.0], "attraction": 0.5},
+        {"attraction": 0.0},
+    ],
+)
+def test_zones_beyond_the_list_are_fitted_round_what_is_given(asked):
+    few = TRIED | {"blind_angles_deg": [0.0]} | asked
+    zones = fitted(FILM, settings("calibrate", **few)).zones
+    for name in {*asked} - {"radii"}:
+        assert getattr(zones, name) == asked[name]
+    assert list(zones.radii) == sorted(zones.radii)
+
+
 def test_the_mirror_image_of_a_film_has_the_same_zones():
     table = swim(TRUE)
     mirrored = table.assign(x_px=299 - table["x_px"], heading_deg=180 - table["heading_deg"])
@@ -166,7 +189,34 @@ def test_headings_that_last_are_looked_at_again_later():
     # The mean cosine of a random walk falls as exp(−σ² t / 2).
     assert horizon_frames(quick, track, 1) == pytest.approx(2 * np.log(2) / 0.5**2, rel=0.4)
     assert horizon_frames(slow, track, 1) == pytest.approx(2 * np.log(2) / 0.2**2, rel=0.4)
-    assert horizon_frames(slow, track, 2000) == 2000
+    assert horizon_frames(slow, track, 1500) == 1500
+    assert horizon_frames(slow, track, 3000) == 1999  # rows have one before and a later one
+
+
+def test_a_horizon_longer_than_the_tracks_is_refused():
+    table = swim(TRUE, frames=300)
+    assert len(film_shoal(table, ARENA, 1, 149.0).whole_steps(5000)) > 0
+    for horizon in (150.0, 200.0, 1000.0):
+        with pytest.raises(FinloopError, match=f"horizon={horizon:g} is .* has 300") as caught:
+            film_shoal(table, ARENA, 1, horizon)
+        assert "at most 149" in caught.value.wanted and "auto" in caught.value.do
+
+
+def test_a_film_of_which_steps_are_measured_always_has_some():
+    for frames in (3, 4, 7, 30):
+        film = film_shoal(swim(TRUE, frames=frames), ARENA, 10, "auto")
+        assert len(film.whole_steps(5000)) > 0
+
+
+def test_tracks_too_short_for_a_step_teach_no_rule():
+    often = swim(TRUE, fish=10, frames=40)  # in company throughout, each track of two frames
+    short = often.assign(track_id=often["track_id"] * 20 + often["frame"] // 2)
+    film = film_shoal(short, ARENA, 1, "auto")
+    assert min(len(film.lessons(half, 50)) for half in (True, False)) == 50
+    rule, fit = film_rule(film, settings("calibrate"))
+    assert fit is None and "no track has three frames" in shortage(film)
+    with pytest.raises(FinloopError, match="too short for the steps"):
+        rule_of(rule)
 
 
 def test_fish_that_are_points_shoal_as_the_film_does():
@@ -205,11 +255,14 @@ def test_a_film_without_company_has_the_papers_zones():
     assert given == replace(COUZIN, repulsion=2.0, attraction_weight=0.0)
 
 
-def run(tmp_path, monkeypatch, table, *overrides):
+def run(tmp_path, monkeypatch, table, *overrides, parts=()):
     """The stage on a feature table; the numbers that it reports."""
+    tmp_path.mkdir(exist_ok=True)
     prepare(tmp_path, "calibrate.horizon=1.0", "calibrate.steps=50", *overrides)
     monkeypatch.chdir(tmp_path)
     put_clip(tmp_path, [np.zeros(ARENA.shape, np.uint8)])
+    if parts:
+        save_records(tmp_path / "data/clip" / PARTS_NAME, parts)
     save_table(tmp_path / "data/features/features.parquet", table, FEATURES)
     stages.calibrate.main()
     stages.plots.calibrate.main()
@@ -234,7 +287,34 @@ def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypat
     numbers = run(
         tmp_path, monkeypatch, swim(NO_ZONES, fish=1, frames=200), "calibrate.repulsion=2.0"
     )
-    assert "0 of 200 frames show two fish" in capsys.readouterr().err
+    assert "show 0 and 0 times a fish in company" in capsys.readouterr().err
     assert numbers["fitted"] == 0 and numbers["fish"] == 1
     assert load_rule().zones == replace(COUZIN, repulsion=2.0)
     assert len(load_rule().steps.move) > 50  # by these it swims, in company of its own kind
+
+
+def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
+    first, second = swim(TRUE, frames=400), swim(NO_ZONES, frames=600, seed=1)
+    alone = run(tmp_path / "one", monkeypatch, first)
+    later = second.assign(frame=second["frame"] + 400, track_id=second["track_id"] + 6)
+    both = pd.concat([first, later], ignore_index=True).astype(FEATURES.kinds)
+    parts = [
+        Part("x", "x.mp4", 0, 0, "broken"),
+        Part("a", "a.mp4", 0, 400),
+        Part("b", "b.mp4", 400, 1000),
+    ]
+    assert run(tmp_path / "two", monkeypatch, both, parts=parts) == alone
+
+
+def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
+    table = swim(TRUE, frames=400)
+    run(tmp_path, monkeypatch, table)
+    film = SimpleNamespace(arena=ARENA)
+    rule, stored = finloop.find_zones(table, film, horizon=1.0), load_rule()
+    assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
+    assert rule.steps.move.tolist() == stored.steps.move.tolist()
+    assert (rule.steps.forward, rule.steps.onward) == (stored.steps.forward, stored.steps.onward)
+    with pytest.warns(UserWarning, match="Couzin"):
+        assert finloop.find_zones(swim(NO_ZONES, fish=1, frames=50), film).zones == COUZIN
+    with pytest.warns(UserWarning, match="Couzin"), pytest.raises(FinloopError, match="too short"):
+        finloop.find_zones(swim(NO_ZONES, fish=1, frames=2), film)

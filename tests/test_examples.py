@@ -73,6 +73,13 @@ def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monke
     made = [names[one] for one in STEERED]
     with pytest.raises(FinloopError, match="mode 'crawl'"):
         verbs.steer(*made, mode="crawl")
+    company = {"fish": 2, "rule": "zones", "seconds": 1.0}
+    with pytest.raises(FinloopError, match="no zones are known"):
+        verbs.steer(*made, **company)
+    with pytest.warns(UserWarning, match="Couzin"):
+        shoaling = verbs.find_zones(names["features"], names["film"])
+    edit = verbs.steer(*made, shoaling=shoaling, **company)
+    assert set(edit["fish"]) == {0, 1} and "company" in set(edit["goal"])
     with pytest.raises(FinloopError, match="rows with a past"):
         verbs.foretell(names["features"], names["poses"], names["jumps"], names["film"].rate_hz)
     again = finloop.open_film(names["film"].folder / "clip.mp4", end_s=1.0)

@@ -41,6 +41,12 @@ def player_of(mode, zones, **by):
     return replace(players_of(water(**by))[mode], shoaling=shoaling(zones))
 
 
+def stepless():
+    """A rule of a film whose tracks are too short for a step."""
+    none, rule = np.zeros(0, complex), shoaling(NEAR)
+    return replace(rule, steps=replace(rule.steps, wall=none, last=none, move=none, turn=none))
+
+
 def swum(player, ticks=TICKS, seed=0, goals=()):
     p = player.waters.settings
     plans = Planner(player.waters, {"": player}, None, 1.0, 1.0)
@@ -114,6 +120,17 @@ def test_zones_that_nobody_knows_are_asked_for():
     with pytest.raises(FinloopError, match="no zones are known") as caught:
         swum(player, 10)
     assert "calibrate" in caught.value.do
+
+
+@pytest.mark.parametrize("steps", [True, False])
+def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
+    player = player_of("hybrid", NEAR)
+    assert Planner(player.waters, {"": player}, None, 1.0, 1.0).goals() == []
+    player = replace(player, shoaling=stepless() if steps else None)
+    with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
+        Planner(player.waters, {"": player}, None, 1.0, 1.0).goals()
+    alone = replace(player, waters=water(fish=1))
+    assert Planner(alone.waters, {"": alone}, None, 1.0, 1.0).goals() == []
 
 
 # --- after a leader
@@ -263,6 +280,13 @@ def test_company_of_which_nothing_is_known_is_refused():
     assert "calibrate" in view.refused and view.tank.fish[0].order is None
     view.grant(parsed('{"do": "weights", "repulsion": 1.0, "alignment": 1.0, "attraction": 1.0}'))
     assert view.tank.shoaling is None
+
+
+def test_company_of_a_film_without_steps_is_refused():
+    view = View(live(), None, None)
+    view.tank.shoaling = stepless()
+    view.grant(parsed('{"do": "rule", "fish": null, "leader": null}'))
+    assert "too short" in view.refused and view.tank.fish[0].order is None
 
 
 def test_a_follower_whose_leader_is_gone_wanders():

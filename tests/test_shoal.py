@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -30,6 +31,7 @@ from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, ta
 from finloop.animate.swim import NoRoom, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
+from finloop.base.settings import settings
 from finloop.io.table import load_table, save_table
 from finloop.live.tank import LiveTank
 from finloop.realism import lists
@@ -319,6 +321,12 @@ def folder(tmp_path_factory, tiny_run):
         patch.chdir(path)
         stages.animate.main()
     return path
+
+
+def test_a_fish_alone_has_no_company_to_measure(tmp_path):
+    plans = SimpleNamespace(waters=SimpleNamespace(settings=settings("animate", fish=1)))
+    table = stages.animate.company(tmp_path, plans)  # nothing is read
+    assert table.empty and list(table) == ["shoal", "beside", "measure", "median", "distance"]
 
 
 def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):

@@ -1,5 +1,6 @@
 """Rules between fish: laws of symmetry, who is seen, who leads; measures of known shoals."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +10,8 @@ from hypothesis import strategies as st
 
 from finloop.base.errors import FinloopError
 from finloop.io.table import load_table, save_table
+from finloop.social import measures
+from finloop.social import zones as zones_module
 from finloop.social.leader import contradiction, leaders
 from finloop.social.measures import SHOAL, apart, beside, shoal_table
 from finloop.social.neighbours import neighbours, seen_from, vectors
@@ -105,6 +108,22 @@ def test_who_is_alone_is_wished_nothing():
 def test_a_pull_of_a_zone_is_no_longer_than_one():
     means = zone_means(neighbours(*shoal(1)), COUZIN.radii, COUZIN.blind_deg)
     assert means.shape == (7, 3) and np.abs(means).max() <= 1 + 1e-12
+
+
+class NoBlas(np.ndarray):
+    """An array of which no matrix product is made."""
+
+    def __array_ufunc__(self, ufunc, method, *arrays, **options):
+        assert ufunc is not np.matmul
+        return getattr(ufunc, method)(*(np.asarray(one) for one in arrays), **options)
+
+
+def test_a_pull_is_a_sum_that_no_blas_rounds(monkeypatch):
+    seen = neighbours(*shoal(1))
+    means = zone_means(seen, ZONES.radii, ZONES.blind_deg)
+    wanted = means[:, 0] * 1.5 + means[:, 1] * 0.7 + means[:, 2] * 0.4
+    monkeypatch.setattr(zones_module, "zone_means", lambda *_: means.view(NoBlas))
+    assert pull(seen, ZONES) == pytest.approx(wanted)
 
 
 def test_zones_have_widths():
@@ -264,6 +283,30 @@ def test_measures_of_company_do_not_know_where_the_tank_lies(seed, angle):
     one_, other = table(places, headings), table(turned, headings + angle)
     for name in ("neighbour_distance", "alignment_deg", "inter_fish_deg", "polarisation"):
         assert other[name].to_numpy() == pytest.approx(one_[name].to_numpy(), abs=1e-3)
+
+
+def test_measures_of_many_frames_are_those_of_each(monkeypatch):
+    rng = np.random.default_rng(0)
+    frame = np.sort(rng.integers(0, 90, 300))  # some frames show nobody, some a single fish
+    places, headings = rng.uniform(50, 350, (300, 2)), rng.uniform(-180, 180, 300)
+    whole = table(places, headings, frame)
+    monkeypatch.setattr(measures, "_PAIRS", 400)
+    assert table(places, headings, frame).equals(whole)
+    assert whole["neighbour_distance"].isna().any()
+
+
+def test_memory_of_the_measures_does_not_grow_by_pairs():
+    frames, fish = 300, 100
+    rng = np.random.default_rng(0)
+    where = rng.uniform(0, 390, (frames * fish, 2)), rng.uniform(-180, 180, frames * fish)
+    OPEN.depth  # noqa: B018  (kept by the tank, whoever swims in it)
+    tracemalloc.start()
+    try:
+        shoal_table(np.repeat(np.arange(frames), fish), *where, OPEN)
+        most = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert most < 20 * frames * fish**2  # bytes: a distance and a vector of every pair have 24
 
 
 def test_shoals_are_as_far_apart_as_they_are():

@@ -40,7 +40,7 @@ from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
-from finloop.social.rule import Shoaling
+from finloop.social.rule import Shoaling, rule_of
 from finloop.sprites.pictures import outlines
 
 _LOT = 10_000  # outlines at a time
@@ -90,8 +90,12 @@ class Planner:
     def goals(self) -> list[Goal]:
         """The goals of the parameters, none where a path is swum, or all fish swim by zones.
 
-        FinloopError if one is out of reach, or two fish are sent to one place.
+        FinloopError if one is out of reach, two fish are sent to one place, or fish are to swim by
+        zones and there is no rule for it.
         """
+        if self.waters.settings.rule == "zones" and self.waters.settings.fish > 1:
+            for player in self.players.values():
+                rule_of(player.shoaling)
         if self.path is not None or not self.seekers:
             return []
         p, waters = self.waters.settings, self.waters

@@ -21,6 +21,7 @@ from finloop.animate.swim import NoRoom, Player, Swim
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.social.leader import leaders
+from finloop.social.rule import rule_of
 
 Ways = Mapping[int, Floats]
 """The ways (n, 4) of fish by their numbers, from a tick on, as `Company` has them."""
@@ -147,13 +148,8 @@ class Swimmer:
             return Rule.after(others[task.follows][0])
         if not (task.zones and others):
             return None
-        if shoaling is None:
-            raise FinloopError(
-                "animate.rule=zones, but no zones are known",
-                "what the stage `calibrate` makes of the film",
-                "dvc repro calibrate; or take another rule (animate.rule)",
-            )
-        return Rule.by_zones(np.stack([way[0, :3] for way in others.values()]), shoaling)
+        ways = np.stack([way[0, :3] for way in others.values()])
+        return Rule.by_zones(ways, rule_of(shoaling))
 
 
 def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:

@@ -131,8 +131,7 @@ class Player:
     ) -> tuple[Stretch, State]:
         """The next stretch to the goal, along a path, by a rule, or anywhere, and the state then.
 
-        Nothing but `rng` is changed: the same state, goal and draws give the same stretch, and
-        whoever keeps a state and the generator's state can swim on from there again.
+        The same state, goal and generator state give the same stretch. Nothing else is changed.
         """
         waters, place, left = self.waters, state.place, 0
         fish = self._looking_round(state.fish)

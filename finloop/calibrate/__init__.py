@@ -10,4 +10,5 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "film": ["FilmShoal", "film_shoal"], "fit": ["Fitted", "fitted"], "points": ["swum_points"],
+    "rule": ["film_rule", "shortage"],
 })  # fmt: skip

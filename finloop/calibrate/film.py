@@ -1,11 +1,13 @@
 """A film's company: who is where in every frame, and where each fish is a while later."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Complex, Ints, Mask
+from finloop.base.errors import FinloopError
 from finloop.features.memory import memory_frames
 from finloop.social.measures import by_frame, middle, shoal_table, slots_of
 from finloop.social.neighbours import Neighbours, seen_from, vectors
@@ -71,8 +73,9 @@ class FilmShoal:
 
     @property
     def teaches(self) -> bool:
-        """Whether both halves show enough company to learn from."""
-        return all(len(self.lessons(first, LEAST)) == LEAST for first in (True, False))
+        """Whether both halves show enough company to learn from, and the film a whole step."""
+        halves = [len(self.lessons(first, LEAST)) for first in (True, False)]
+        return min(halves) == LEAST and len(self.whole_steps(1)) > 0
 
     def seen(self, rows: Ints) -> Neighbours:
         """What the fish of some rows see of the others."""
@@ -92,29 +95,53 @@ class FilmShoal:
         return self.heading[self.later[rows]] * self.heading[rows].conj()
 
 
-def film_shoal(features: pd.DataFrame, arena: Mask, delta: int, horizon: float | None) -> FilmShoal:
-    """The company of a feature table. delta: Δ in frames; horizon: in Δ, None: measured."""
+def film_shoal(
+    features: pd.DataFrame, arena: Mask, delta: int, horizon: float | Literal["auto"]
+) -> FilmShoal:
+    """The company of a feature table. delta: Δ in frames; horizon: in Δ, auto: measured.
+
+    FinloopError if a horizon in Δ is longer than the tracks: no row has one before and a later one.
+    """
     walls = Walls(arena, float(np.median(features["body_length_px"])))
     frame, track = (features[name].to_numpy(np.int64) for name in ("frame", "track_id"))
     where = features[["x_px", "y_px"]].to_numpy(float), features["heading_deg"].to_numpy(float)
     place, heading = vectors(*where, walls.length)
     by = by_frame(frame)
-    ticks = horizon_frames(heading, track, delta) if horizon is None else round(horizon * delta)
+    ticks = (
+        horizon_frames(heading, track, delta)
+        if horizon == "auto"
+        else max(1, round(horizon * delta))
+    )
+    later = _later(frame, track, ticks)
+    if horizon != "auto" and not ((later >= 0) & (last_rows(later) >= 0)).any():
+        longest = longest_track(track)
+        raise FinloopError(
+            f"calibrate.horizon={horizon:g} is {ticks} frames, and the film's longest track has "
+            f"{longest}",
+            "a horizon that the longest track holds twice, at most "
+            f"{max(0, longest - 1) // 2 / delta:.3g}",
+            "take a shorter one, calibrate.horizon=auto, or a film with longer tracks",
+        )
     return FilmShoal(
-        place, heading, frame, _later(frame, track, max(1, ticks)), by[0], by[1],
-        slots_of(place, *by), slots_of(heading, *by), max(1, ticks), walls,
-        shoal_table(frame, *where, walls),
+        place, heading, frame, later, by[0], by[1], slots_of(place, *by), slots_of(heading, *by),
+        ticks, walls, shoal_table(frame, *where, walls),
     )  # fmt: skip
 
 
 def horizon_frames(heading: Complex, track: Ints, delta: int) -> int:
-    """After how many frames headings (n,) are half forgotten; at least Δ.
+    """After how many frames headings (n,) are half forgotten; at least Δ, if the tracks allow it.
 
-    No longer than a quarter of the longest track.
+    No longer than a quarter of the longest track, or half of it where that is less than Δ.
     """
     memory = memory_frames(np.stack([heading.real, heading.imag], axis=1), track)
-    longest = int(np.bincount(np.unique(track, return_inverse=True)[1]).max())
-    return max(delta, round(min(memory, longest / _PART)))
+    longest = longest_track(track)
+    ticks = max(delta, round(min(memory, longest / _PART)))
+    return max(1, min(ticks, (longest - 1) // 2))
+
+
+def longest_track(track: Ints) -> int:
+    """How many rows the longest track has, of the track of each row (n,)."""
+    return int(np.unique(track, return_counts=True)[1].max())
 
 
 def _later(frame: Ints, track: Ints, ticks: int) -> Ints:

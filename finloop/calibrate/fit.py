@@ -27,7 +27,7 @@ from finloop.base.arrays import Complex, Floats, Ints, Mask, Reals
 from finloop.calibrate.film import FilmShoal
 from finloop.calibrate.settings import Settings
 from finloop.social.neighbours import Neighbours
-from finloop.social.zones import COUZIN, Zones, zone_means
+from finloop.social.zones import COUZIN, Zones, weighted_sum, zone_means
 
 _EQUAL = 1e-12  # of the squares that are left; zones that are no better are not larger
 _ZONES = (1, 2, 3)  # columns of a regression
@@ -53,22 +53,22 @@ def fitted(film: FilmShoal, p: Settings) -> Fitted:
     rows, others = (film.lessons(first, p.rows) for first in (True, False))
     seen, wall, after = film.seen(rows), wall_pull(film, rows), film.directions(rows)
     weights = (p.repulsion_weight, p.alignment_weight, p.attraction_weight)
-    given = [None if weight == "auto" else float(weight) for weight in weights]
+    fixed = [None if weight == "auto" else float(weight) for weight in weights]
     parts = film.frame[rows] < np.median(film.frame[rows])
     best: tuple[float, tuple[float, float, float], float, Complex] | None = None
     for blind in sorted(p.blind_angles_deg) if p.blind_deg == "auto" else [p.blind_deg]:
-        tried = list(_radii(p))
-        rings = Rings(seen, sorted({one for radii in tried for one in radii}), float(blind))
-        for radii in tried:
+        choices = list(_radii(p))
+        rings = Rings(seen, sorted({one for radii in choices for one in radii}), float(blind))
+        for radii in choices:
             pulls = rings.means(radii)
-            square = crossed(pulls, wall, after, given, parts)
+            square = crossed(pulls, wall, after, fixed, parts)
             if best is None or square < best[0] * (1 - _EQUAL):
                 best = square, radii, float(blind), pulls
     assert best is not None
     _, radii, blind_deg, pulls = best
-    lot, _ = regression(pulls, wall, after, given)
+    lot, _ = regression(pulls, wall, after, fixed)
     own = max(float(lot[0]), _LEAST_OWN)
-    zones = _zones(radii, blind_deg, lot[1:4] / own, given)
+    zones = _zones(radii, blind_deg, lot[1:4] / own, fixed)
     alone, _ = regression(np.zeros((len(rows), 3), complex), wall, after, [None] * 3)
     shares = [explained(film, half, zones, lot, alone) for half in (rows, others)]
     return Fitted(zones, own, *shares)
@@ -126,25 +126,25 @@ def regression(
 ) -> tuple[Floats, float]:
     """Coefficients a, b_z (3), c, and the sum of squares that is left.
 
-    weights: of the zones that are given, b_z = weight × a; None of those to be found.
+    weights: of the zones with a fixed weight, b_z = weight × a; None of the others.
     """
     held = np.array([weight or 0.0 for weight in weights])
-    columns = np.column_stack([1.0 + pulls @ held, pulls, wall])
+    columns = np.column_stack([1.0 + weighted_sum(pulls, held), pulls, wall])
     # Not `@`, whose threads take longer to meet than these few numbers take to add up.
     gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
     right = np.einsum("ni,n->i", columns.conj(), after).real
     free = [k for k in _ZONES if weights[k - 1] is None and gram[k, k] > 0]
     while True:  # of the zones, each is left out once at most
-        kept = [0, *free, 4]
-        found = scipy.linalg.lstsq(gram[np.ix_(kept, kept)], right[kept])[0]
-        worst = int(np.argmin(found[1:-1])) if free else 0
-        if not free or found[1 + worst] >= 0:
+        terms = [0, *free, 4]
+        solution = scipy.linalg.lstsq(gram[np.ix_(terms, terms)], right[terms])[0]
+        worst = int(np.argmin(solution[1:-1])) if free else 0
+        if not free or solution[1 + worst] >= 0:
             break
         del free[worst]
     lot = np.zeros(5)
-    lot[kept] = found
+    lot[terms] = solution
     lot[1:4] += held * lot[0]
-    return lot, float((np.abs(after) ** 2).sum() - right[kept] @ found)
+    return lot, float((np.abs(after) ** 2).sum() - right[terms] @ solution)
 
 
 def crossed(
@@ -160,7 +160,9 @@ def crossed(
 
 def _left(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:
     """The sum of squares that coefficients leave."""
-    return float((np.abs(after - lot[0] - pulls @ lot[1:4] - lot[4] * wall) ** 2).sum())
+    return float(
+        (np.abs(after - lot[0] - weighted_sum(pulls, lot[1:4]) - lot[4] * wall) ** 2).sum()
+    )
 
 
 def explained(
@@ -177,33 +179,36 @@ def explained(
 
 
 def _radii(p: Settings) -> Iterator[tuple[float, float, float]]:
-    """Radii that are tried, the smallest first; those that are given are as they are."""
-    tried = [
-        sorted(p.radii) if value == "auto" else [float(value)]
-        for value in (p.repulsion, p.alignment, p.attraction)
-    ]
-    for inner, middle, outer in product(*tried):
+    """Radii of three zones, the smallest first; numbers of the parameters are as they are.
+
+    Where such a number leaves no radius of the list for another zone, that has the same number.
+    """
+    radii = (p.repulsion, p.alignment, p.attraction)
+    numbers = [float(value) for value in radii if value != "auto"]
+    every = sorted({*p.radii, *numbers})
+    choices = [every if value == "auto" else [float(value)] for value in radii]
+    for inner, middle, outer in product(*choices):
         if inner <= middle <= outer:
             yield inner, middle, outer
 
 
 def _zones(
-    radii: tuple[float, float, float], blind: float, weights: Reals, given: Sequence[float | None]
+    radii: tuple[float, float, float], blind: float, weights: Reals, fixed: Sequence[float | None]
 ) -> Zones:
     """Zones with weights; the outermost that were fitted and have no weight are left out."""
     inner, middle, outer = radii
-    kept = [
-        float(weight) if held is None else held for weight, held in zip(weights, given, strict=True)
+    own = [
+        float(weight) if held is None else held for weight, held in zip(weights, fixed, strict=True)
     ]
-    if given[2] is None and kept[2] == 0:
+    if fixed[2] is None and own[2] == 0:
         outer = middle
-        if given[1] is None and kept[1] == 0:
+        if fixed[1] is None and own[1] == 0:
             middle = outer = inner
-    return Zones(inner, middle, outer, blind, *kept)
+    return Zones(inner, middle, outer, blind, *own)
 
 
 def without_company(p: Settings) -> Zones:
-    """The zones where a film has no company to learn from: the given ones, else the paper's."""
+    """The zones where a film has no company to learn from: of the parameters, else the paper's."""
     names = [one.name for one in fields(Zones)]
-    given = {name: float(value) for name in names if (value := getattr(p, name)) != "auto"}
-    return replace(COUZIN, **given)
+    numbers = {name: float(value) for name in names if (value := getattr(p, name)) != "auto"}
+    return replace(COUZIN, **numbers)

@@ -35,9 +35,10 @@ def own_steps(film: FilmShoal, rows: Ints, zones: Zones) -> Steps:
 
 
 def _own_part(vectors: Complex, pulls: Complex) -> float:
-    """a of vectors (n,) that are a (1 + pull) in the mean, by least squares; not negative."""
+    """a ≥ 0 of vectors (n,) that are a (1 + pull) in the mean, by least squares; 0 of none."""
     by = 1 + pulls
-    return max(0.0, float((vectors * by.conj()).real.sum() / (np.abs(by) ** 2).sum()))
+    squares = float((np.abs(by) ** 2).sum())
+    return max(0.0, float((vectors * by.conj()).real.sum()) / squares) if squares > 0 else 0.0
 
 
 def swum_points(

@@ -35,8 +35,8 @@ class Settings:
     seed: Seed  # of these fish
 
     def __post_init__(self) -> None:
-        given = [one for one in (self.repulsion, self.alignment, self.attraction) if one != "auto"]
-        if given != sorted(given):
+        radii = [one for one in (self.repulsion, self.alignment, self.attraction) if one != "auto"]
+        if radii != sorted(radii):
             raise ValueError(
                 "the zones lie one round the other: repulsion ≤ alignment ≤ attraction"
             )

@@ -15,6 +15,7 @@ from finloop.live import fish as play_fish
 from finloop.live.choice import Order
 from finloop.live.fish import Floats, Ghost, LiveFish
 from finloop.social.leader import contradiction
+from finloop.social.rule import rule_of
 
 
 def rehearse(players: Mapping[str, Player]) -> None:
@@ -124,15 +125,10 @@ class LiveTank:
             self.fish[number].send(None)
 
     def shoal(self, which: int | None) -> None:
-        """A fish, or all of them, swim in company. FinloopError where no zones are known."""
-        if self.shoaling is None:
-            raise FinloopError(
-                "no zones are known by which fish swim in company",
-                "what the stage `calibrate` makes of the film",
-                "dvc repro calibrate",
-            )
+        """A fish, or all of them, swim in company. FinloopError where there is no rule for it."""
+        rule = rule_of(self.shoaling)
         for number in self._of(which):
-            self.fish[number].obey(Order(self.shoaling))
+            self.fish[number].obey(Order(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
         """A fish, or all others, swim after another one. FinloopError if that is contradictory."""

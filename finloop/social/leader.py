@@ -16,7 +16,7 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
     fish follow each other round.
     """
     problems: list[str] = []
-    made: dict[int, int] = {}
+    leader_of: dict[int, int] = {}
     for pair in pairs:
         if len(pair) != 2:
             problems.append(f"{list(pair)} is no pair [follower, leader]")
@@ -24,12 +24,12 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
         follower, leader = pair
         if strangers := [one for one in pair if not 1 <= one <= fish]:
             problems.append(f"{list(pair)} names fish {strangers[0]} of {fish}")
-        elif made.get(follower, leader) != leader:
-            problems.append(f"fish {follower} has two leaders, {made[follower]} and {leader}")
+        elif leader_of.get(follower, leader) != leader:
+            problems.append(f"fish {follower} has two leaders, {leader_of[follower]} and {leader}")
         else:
-            made[follower] = leader
+            leader_of[follower] = leader
     if not problems:
-        problems = [_round(made, one) for one in made if _circle(made, one)]
+        problems = [_round(leader_of, one) for one in leader_of if _circle(leader_of, one)]
     if problems:
         raise FinloopError(
             f"who follows whom is contradictory: {problems[0]}"
@@ -38,7 +38,7 @@ def leaders(pairs: Sequence[Sequence[int]], fish: int) -> dict[int, int]:
             "from leader to leader comes to a fish that follows nobody",
             "let one fish of each group lead: animate.follow=[[2,1],[3,1]]",
         )
-    return made
+    return leader_of
 
 
 def contradiction(leader_of: Mapping[int, int], follower: int, leader: int) -> str | None:

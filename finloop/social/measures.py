@@ -34,6 +34,9 @@ MEASURES = (
 )
 
 
+_PAIRS = 1 << 18  # of fish, at a time: about 90 bytes each
+
+
 def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -> pd.DataFrame:
     """The measures, with the columns of `SHOAL`, of fish of any order.
 
@@ -42,27 +45,39 @@ def shoal_table(frame: Ints, places: Reals, headings_deg: Reals, walls: Walls) -
     index, fish, slots = by_frame(frame)
     own = vectors(places, headings_deg, walls.length)
     place, heading = (slots_of(one, index, fish, slots) for one in own)
-    seen = neighbours(place, heading)
-    nearest = seen.distance.argmin(axis=-1)[..., None]
-    far = np.take_along_axis(seen.distance, nearest, axis=-1)[..., 0]
-    alone = ~np.isfinite(far)
-    angles = {
-        name: np.where(
-            alone, np.nan, np.degrees(np.abs(np.angle(np.take_along_axis(of, nearest, -1)[..., 0])))
-        )
-        for name, of in (("alignment_deg", seen.heading), ("inter_fish_deg", seen.bearing))
-    }
+    far, aligned, bearing = nearest(place, heading)
     there = np.isfinite(heading)
     polarised = np.abs(np.where(there, heading, 0).sum(axis=1)) / there.sum(axis=1)
     polarised[there.sum(axis=1) < 2] = np.nan
     return pd.DataFrame({
         "frame": np.asarray(frame),
         "fish": fish,
-        "neighbour_distance": np.where(alone, np.nan, far)[index, fish],
-        **{name: value[index, fish] for name, value in angles.items()},
+        "neighbour_distance": far[index, fish],
+        "alignment_deg": aligned[index, fish],
+        "inter_fish_deg": bearing[index, fish],
         "wall_distance": walls.at(own[0]),
         "polarisation": polarised[index],
     }).astype(SHOAL.kinds)[SHOAL.names]  # fmt: skip
+
+
+def nearest(place: Complex, heading: Complex) -> tuple[Floats, Floats, Floats]:
+    """Distance, alignment angle and inter-fish angle (frames, m) of the nearest neighbour.
+
+    place, heading (frames, m): as `neighbours` takes them. NaN where a frame shows no other fish.
+    Memory is that of `_PAIRS` pairs, and of the result.
+    """
+    far, aligned, bearing = np.full((3, *place.shape), np.nan)
+    most = max(1, _PAIRS // max(1, place.shape[1] ** 2))
+    for first in range(0, len(place) if place.shape[1] else 0, most):
+        lot = slice(first, first + most)
+        seen = neighbours(place[lot], heading[lot])
+        which = seen.distance.argmin(axis=-1)[..., None]
+        distance, towards, along = (np.take_along_axis(one, which, -1)[..., 0] for one in seen)
+        company = np.isfinite(distance)
+        far[lot] = np.where(company, distance, np.nan)
+        for angle, vector in ((aligned, along), (bearing, towards)):
+            angle[lot] = np.where(company, np.degrees(np.abs(np.angle(vector))), np.nan)
+    return far, aligned, bearing
 
 
 def by_frame(frame: Ints) -> tuple[Ints, Ints, tuple[int, int]]:

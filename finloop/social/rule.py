@@ -1,7 +1,7 @@
 """Where a fish swims by a rule: with its company, by zones, or after its leader.
 
-A rule asks where the others are now, and gives a place to swim to. It changes nothing, so whoever
-keeps what it was asked with, and the state of the random generator, gets the same place again.
+A rule takes where the others are now, and gives a place to swim to. The same arguments and
+generator state give the same place.
 """
 
 from dataclasses import dataclass
@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Reals
+from finloop.base.errors import FinloopError
 from finloop.social.neighbours import seen_from, vectors
 from finloop.social.steps import Steps, moved
 from finloop.social.walls import Walls
@@ -27,6 +28,20 @@ class Shoaling:
     steps: Steps
     horizon: int
     alike: int
+
+
+def rule_of(shoaling: Shoaling | None) -> Shoaling:
+    """The rule itself. FinloopError if there is none, or it has no step of a fish."""
+    if shoaling is None or not len(shoaling.steps.move):
+        raise FinloopError(
+            "no zones are known by which fish swim in company"
+            if shoaling is None
+            else "the film's tracks are too short for the steps of fish in company",
+            "zones, and steps of a film in which a fish is seen in three frames on end",
+            "make them (dvc repro calibrate; of the library find_zones, for "
+            "steer(…, shoaling=…)), film longer, or take another rule (animate.rule)",
+        )
+    return shoaling
 
 
 class Others(NamedTuple):

@@ -10,12 +10,13 @@ with the mean of its neighbours' unit vectors, times a weight: one neighbour pul
 many that agree, neighbours that disagree pull less. The fish's own direction has weight 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 
-from finloop.base.arrays import Complex
+from finloop.base.arrays import Complex, Floats
 from finloop.base.errors import FinloopError
 from finloop.social.neighbours import Neighbours
 
@@ -102,4 +103,12 @@ def _mean(vectors: Complex, which: Any) -> Complex:
 
 def pull(seen: Neighbours, zones: Zones) -> Complex:
     """What the company wishes of a fish (…), in the frame of its body: 0 = nothing."""
-    return zone_means(seen, zones.radii, zones.blind_deg) @ np.array(zones.weights, complex)
+    return weighted_sum(zone_means(seen, zones.radii, zones.blind_deg), zones.weights)
+
+
+def weighted_sum(means: Complex, weights: Sequence[float] | Floats) -> Complex:
+    """The sum (…) of the pulls (…, 3) of the zones, each times its weight.
+
+    Unlike `@` it rounds the same on every processor and for any number of rows.
+    """
+    return np.asarray((means * np.asarray(weights, float)).sum(axis=-1))
