@@ -76,7 +76,7 @@ def extract(
     followed.
     """
     facts = load_facts(clip / FACTS_NAME)
-    told = load_given(clip, facts, p) if p.tracks == "file" else None
+    tracks = load_given(clip, facts, p) if p.tracks == "file" else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
     frames = _sample(clip / CLIP_NAME, facts, p.samples)
@@ -85,18 +85,20 @@ def extract(
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     whole = film.Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
     detector = film.Detector(arena, typical, p)
-    looked = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
-    _refuse_small_disk(folder, facts.frames, list(looked), pieces)
+    sample = (detector(one, scene) for one in frames[:: -(-len(frames) // _LOOKED_AT)])
+    _refuse_small_disk(folder, facts.frames, list(sample), pieces)
     cuts = [start for start, _ in facts.segments[1:]]
     verdicts: Counter[Verdict] = Counter()
     lengths: Counter[int] = Counter()
     lost: list[int] = []
-    found = check_given(told, clip, facts, scene, detector) if told else None
-    followed = Followed(told.given, typical.length_px, p.least_frames) if told else None
+    agreement = check_given(tracks, clip, facts, scene, detector) if tracks else None
+    follower = Followed(tracks.given, typical.length_px, p.least_frames) if tracks else None
 
     def tracked() -> Iterator[list[film.TrackedFish]]:
-        seen = film.decoded(film.detections(whole, scene, detector, workers), lost)
-        linked = followed.tracks(seen, cuts) if followed else film.tracks(seen, typical, p, cuts)
+        stream = film.decoded(film.detections(whole, scene, detector, workers), lost)
+        linked = (
+            follower.tracks(stream, cuts) if follower else film.tracks(stream, typical, p, cuts)
+        )
         for judged, fish in linked:
             verdicts.update(judged)
             lengths.update(f.track_id for f in fish)
@@ -111,11 +113,11 @@ def extract(
     tank = SceneFacts(scene.polarity, scene.noise, scene.threshold, *typical, points=p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
-    given = {}
-    if told and followed and found:
-        save_given(folder, told.given, p.points)
-        given = given_metrics(told, followed, found)
-    return Extraction(tank, verdicts, lengths, given, lost)
+    numbers = {}
+    if tracks and follower and agreement:
+        save_given(folder, tracks.given, p.points)
+        numbers = given_metrics(tracks, follower, agreement)
+    return Extraction(tank, verdicts, lengths, numbers, lost)
 
 
 def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
@@ -150,8 +152,8 @@ def _refuse_small_disk(
     sample: what is detected in frames of it. Table and cut-outs are there twice when they are put
     in order, beside the pieces.
     """
-    kept = [one for seen in sample for one in seen.fish if one is not None]
-    fish = [film.TrackedFish(0, number, one) for number, one in enumerate(kept)]
+    isolated = [one for detections in sample for one in detections.fish if one is not None]
+    fish = [film.TrackedFish(0, number, one) for number, one in enumerate(isolated)]
     size = 0.0
     if fish:
         table = arrow_table(

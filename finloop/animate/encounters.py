@@ -65,14 +65,14 @@ def overlaps(edit: pd.DataFrame, player: Player) -> Ints:
     fish, ticks = where.shape[:2]
     columns = [edit[name].to_numpy() for name in Shown._fields]
 
-    def shown(one: int, tick: int) -> Floats:
+    def hull_at(one: int, tick: int) -> Floats:
         return outline(player, Shown(*(column[one * ticks + tick] for column in columns)))
 
     pairs = np.zeros(ticks, np.int64)
     for one, other in combinations(range(fish), 2):
         apart = np.hypot(*(where[one] - where[other]).T)
         for tick in np.flatnonzero(apart < 2 * player.cast.discs.reach).tolist():
-            pairs[tick] += overlap(shown(one, tick), shown(other, tick))
+            pairs[tick] += overlap(hull_at(one, tick), hull_at(other, tick))
     return pairs
 
 

@@ -74,7 +74,7 @@ def edit_columns(
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
     rots = [np.zeros(len(s.way)) if s.rot is None else s.rot for s in stretches]
-    shown = folded(
+    pictures = folded(
         np.array([s.kind == FRAME for s in stretches])[owner],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
@@ -93,13 +93,13 @@ def edit_columns(
     return {
         "tick": np.arange(ticks),
         "time_s": np.arange(ticks) / motion.rate_hz,
-        **joined(shown, heading, first[new], player),
+        **joined(pictures, heading, first[new], player),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([s.area for s in stretches])[owner],
-        "mode": np.where(shown.frame & (state != FORECAST), LOOPS, NETWORK),
+        "mode": np.where(pictures.frame & (state != FORECAST), LOOPS, NETWORK),
         "state": np.array(STATES)[state],
         "goal": np.array(names)[owner],
         "aim_x_px": aims[owner, 0],
@@ -118,36 +118,42 @@ def folded(frame: Mask, number: Ints, rot: Floats, film: Film) -> Shown:
     return Shown(frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored)
 
 
-def joined(shown: Shown, heading: Floats, new: Ints, player: Player) -> dict[str, NDArray[Any]]:
+def joined(pictures: Shown, heading: Floats, new: Ints, player: Player) -> dict[str, NDArray[Any]]:
     """The columns (ticks,) of pictures, partners and poses.
 
     heading (ticks,): of the fish; new: ticks whose picture begins something else. Where pictures
     are inertialized, the pictures themselves say where that is.
     """
-    how, own = player.joins, drawn(shown, heading, player)
+    how, own = player.joins, drawn(pictures, heading, player)
     pose = np.full(len(heading), None, object)
     if how.kind == INERTIAL and len(heading):
-        made = inertialized(shown, heading, how)
-        new = made.begins
-        for tick in np.flatnonzero(made.posed):
-            pose[tick] = made.codes[tick]
-        own["rotation_deg"] = wrap_deg(own["rotation_deg"] + made.turn_deg).astype(np.float32)
-    partner, weight = cross_fades(shown, new, how.fade, player.following)
+        join = inertialized(pictures, heading, how)
+        new = join.begins
+        for tick in np.flatnonzero(join.posed):
+            pose[tick] = join.codes[tick]
+        own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
+    partner, weight = cross_fades(pictures, new, how.fade, player.following)
     other = {f"partner_{name}": column for name, column in drawn(partner, heading, player).items()}
     return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
 
 
-def drawn(shown: Shown, heading: Floats, player: Player) -> dict[str, NDArray[Any]]:
+def drawn(pictures: Shown, heading: Floats, player: Player) -> dict[str, NDArray[Any]]:
     """The columns kind, source, orientation (a frame's is 0), rotation_deg, scale, mirrored."""
     waters, count = player.waters, player.waters.sprites.orientations
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))
-    sprite, frame = (np.where(which, shown.number, 0) for which in (~shown.frame, shown.frame))
+    sprite, frame = (
+        np.where(which, pictures.number, 0) for which in (~pictures.frame, pictures.frame)
+    )
     return {
-        "kind": np.where(shown.frame, FRAME, SPRITE),
-        "source": shown.number,
-        "orientation": np.where(shown.frame, 0, sector),
-        "rotation_deg": np.where(shown.frame, wrap_deg(shown.rot), residual).astype(np.float32),
-        "scale": np.where(shown.frame, waters.film.scale[frame], player.cast.sprite_scale[sprite]),
-        "mirrored": shown.frame & shown.mirrored,
+        "kind": np.where(pictures.frame, FRAME, SPRITE),
+        "source": pictures.number,
+        "orientation": np.where(pictures.frame, 0, sector),
+        "rotation_deg": np.where(pictures.frame, wrap_deg(pictures.rot), residual).astype(
+            np.float32
+        ),
+        "scale": np.where(
+            pictures.frame, waters.film.scale[frame], player.cast.sprite_scale[sprite]
+        ),
+        "mirrored": pictures.frame & pictures.mirrored,
     }

@@ -41,8 +41,8 @@ class Pictures:
             one, cutout = reel.sprite_places[source], reel.sprite(source, orientation)
         if kind == FRAME and mirrored:
             heading = float(self.bodies.heading_deg[source])
-            shown = picture(cutout, one, reel.length_px / scale, self.size, -turn - 2 * heading)
-            return shown[::-1]
+            image = picture(cutout, one, reel.length_px / scale, self.size, -turn - 2 * heading)
+            return image[::-1]
         return picture(cutout, one, reel.length_px / scale, self.size, turn)
 
     def target(self, body: Body, scale: float, codes: Floats, turn_deg: float = 0.0) -> Pose:

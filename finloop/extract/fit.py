@@ -31,40 +31,40 @@ class FilmSize(NamedTuple):
 
 
 def given_of(
-    poses: Poses, shown: NDArray[np.integer], film: FilmSize, p: Settings
+    poses: Poses, clip_frames: NDArray[np.integer], film: FilmSize, p: Settings
 ) -> tuple[Given, str | None, str | None]:
     """The poses by frames of the clip, and the names of the keypoints at head and tail, if any.
 
-    shown: (frames of the clip,) the frame of the film that each shows. FinloopError if a keypoint
-    that is named is missing, the file says places beyond the film's end or none in the clip, or the
-    places are not in px of the picture.
+    clip_frames: (frames of the clip,) the frame of the film that each shows. FinloopError if a
+    keypoint that is named is missing, the file says places beyond the film's end or none in the
+    clip, or the places are not in px of the picture.
     """
     head = keypoint(poses.keypoints, p.tracks_head, HEADS, "extract.tracks_head")
     tail = keypoint(poses.keypoints, p.tracks_tail, TAILS, "extract.tracks_tail")
     sure = ~(poses.confidence < p.tracks_least_confidence)  # NaN: not said
     points = np.where(sure[..., None], poses.places * p.tracks_scale, np.nan)
     there: Mask = np.all(np.isfinite(points), axis=2)
-    kept = np.any(there, axis=1)
-    points, frame = points[kept], poses.frame[kept]
+    rows = np.any(there, axis=1)
+    points, frame = points[rows], poses.frame[rows]
     if not len(frame):
         raise FinloopError(
             f"no point of the tracks has a confidence of {p.tracks_least_confidence:g} or more",
             "points that the program is sure of",
             "lower extract.tracks_least_confidence",
         )
-    _refuse_other_length(frame, shown, film)
+    _refuse_other_length(frame, clip_frames, film)
     _refuse_other_units(points, film)
     none = np.full((len(points), 2), np.nan)
-    given = Given(
+    tracks = Given(
         poses.individuals,
-        poses.individual[kept],
+        poses.individual[rows],
         points,
         none if head is None else points[:, poses.keypoints.index(head)],
         none if tail is None else points[:, poses.keypoints.index(tail)],
-        np.searchsorted(frame, shown, side="left"),
-        np.searchsorted(frame, shown, side="right"),
+        np.searchsorted(frame, clip_frames, side="left"),
+        np.searchsorted(frame, clip_frames, side="right"),
     )
-    return given, head, tail
+    return tracks, head, tail
 
 
 def keypoint(
@@ -87,7 +87,7 @@ def keypoint(
 
 
 def _refuse_other_length(
-    frame: NDArray[np.integer], shown: NDArray[np.integer], film: FilmSize
+    frame: NDArray[np.integer], clip_frames: NDArray[np.integer], film: FilmSize
 ) -> None:
     if frame[-1] >= film.frames + _AT_THE_END:
         raise FinloopError(
@@ -95,12 +95,12 @@ def _refuse_other_length(
             "tracks of this film, whose frames are counted from 0",
             "give the film that was tracked, or its own tracks",
         )
-    told = np.isin(shown, frame)
-    reached = float((shown <= frame[-1]).mean())
-    if not told.any() or reached < 0.5:
+    common = np.isin(clip_frames, frame)
+    reached = float((clip_frames <= frame[-1]).mean())
+    if not common.any() or reached < 0.5:
         raise FinloopError(
             f"the tracks tell of frames {frame[0]} … {frame[-1]} of the film, and the clip shows "
-            f"its frames {shown.min()} … {shown.max()}",
+            f"its frames {clip_frames.min()} … {clip_frames.max()}",
             "tracks of at least half of the clip",
             "set clip.start_s and clip.end_s to what was tracked; frames are counted from the "
             "beginning of the film, whatever clip.start_s is",
@@ -153,18 +153,18 @@ class Fit(NamedTuple):
 
 
 def fit(
-    given: Given, frames: Sequence[int], spots: Sequence[Sequence[Spot]], length_px: float
+    tracks: Given, frames: Sequence[int], spots: Sequence[Sequence[Spot]], length_px: float
 ) -> Fit:
     """How well the places of sample frames agree with the silhouettes (`spots`) of these frames."""
     shift = len(frames) // 2
     own, other = [], []
     for number, frame in enumerate(frames):
-        points = given.points[given.rows(frame)]
+        points = tracks.points[tracks.rows(frame)]
         own.append(_near(points, spots[number], length_px))
         if shift:
             other.append(_near(points, spots[(number + shift) % len(frames)], length_px))
     near = np.concatenate(own)
-    animals = np.concatenate([given.individual[given.rows(frame)] for frame in frames])
+    animals = np.concatenate([tracks.individual[tracks.rows(frame)] for frame in frames])
     lost = tuple(
         int(animal)
         for animal in np.unique(animals)
@@ -180,20 +180,20 @@ def _near(points: Floats, spots: Sequence[Spot], length_px: float) -> NDArray[np
     return distances(points, spots, length_px).min(axis=1) <= length_px
 
 
-def refuse_other_film(given: Given, found: Fit, film: FilmSize) -> None:
+def refuse_other_film(tracks: Given, agreement: Fit, film: FilmSize) -> None:
     """FinloopError if too few places show an animal."""
-    if found.share >= found.needed:
+    if agreement.share >= agreement.needed:
         return
-    place = np.nanmean(given.points, axis=1)
+    place = np.nanmean(tracks.points, axis=1)
     (x0, y0), (x1, y1) = place.min(axis=0), place.max(axis=0)
-    lost = ", ".join(given.names[animal] for animal in found.lost[:8])
+    lost = ", ".join(tracks.names[animal] for animal in agreement.lost[:8])
     raise FinloopError(
-        f"of {found.places} places of {len(given.names)} animals in sample frames "
-        f"{found.share:.0%} show an animal; at other moments of the film it is {found.chance:.0%}. "
-        f"At most {found.seen} silhouettes are seen in a frame; places lie at x {x0:.4g} … "
-        f"{x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of {film.width_px}×{film.height_px}"
-        + (f"; never at an animal: {lost}" if lost else ""),
-        f"tracks of this film: at least {found.needed:.0%}, midway between chance and all",
+        f"of {agreement.places} places of {len(tracks.names)} animals in sample frames "
+        f"{agreement.share:.0%} show an animal; at other moments of the film it is "
+        f"{agreement.chance:.0%}. At most {agreement.seen} silhouettes are seen in a frame; "
+        f"places lie at x {x0:.4g} … {x1:.4g}, y {y0:.4g} … {y1:.4g} of a picture of "
+        f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
+        f"tracks of this film: at least {agreement.needed:.0%}, midway between chance and all",
         "give this film's tracks, in px (extract.tracks_scale), without animals that are not "
         "there; where animals are seen but not found, see reports/extract/detections.png",
     )

@@ -245,8 +245,8 @@ class Painter:
                 fish.laid(x_px, y_px), other.laid(x_px, y_px) if share else None, share
             )
         elif isinstance(fish, Turned) and isinstance(other, Turned):
-            shown = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
-            box = Box.around(_extent(x_px, y_px, one) for one in shown).within(self.canvas.shape)
+            parts = [one for one, w in ((fish, 1 - share), (other, share)) if w > 0]
+            box = Box.around(_extent(x_px, y_px, one) for one in parts).within(self.canvas.shape)
             if not box.empty:
                 lay(self.canvas, box, _layer(x_px, y_px, fish), _layer(x_px, y_px, other), share)
         else:
