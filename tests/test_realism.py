@@ -432,7 +432,9 @@ def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, caps
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
-    monkeypatch.setattr(stages.realism, "measured", lambda *_: pd.DataFrame(columns=FEATURES.names))
+    monkeypatch.setattr(
+        stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
+    )
     pictures = pictures_of(NETWORK, "realism")
     assert stages.realism.swimming_of(works, pictures, instrument_of(carp), Processes()) == {}
     assert "the fish of nn in 0 %" in capsys.readouterr().err
