@@ -11,17 +11,15 @@ the film do.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import chdir
 from dataclasses import replace
 from itertools import combinations
-from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.pipeline import write_table
 from finloop.animate.encounters import film_nearest, nearest, of_distances, outline, overlap
 from finloop.animate.planner import Planner, planner
 from finloop.animate.settings import Settings
@@ -104,17 +102,5 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
                 yield {"film": film, **swum(mode, plans)}
 
 
-def main() -> None:
-    """Print and write the table."""
-    rows: list[dict[str, object]] = []
-    for folder in map(Path, sys.argv[1:] or ["."]):
-        name = folder.resolve().name
-        with chdir(folder):
-            rows += list(film_rows(name))
-    table = pd.DataFrame(rows)
-    print(table.round(3).to_string())
-    table.to_csv(Path(__file__).with_name("company.csv"), index=False, float_format="%.3g")
-
-
 if __name__ == "__main__":
-    main()
+    write_table(__file__, film_rows)

@@ -10,17 +10,15 @@ film's median speed.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import scipy
 
+from benchmarks.pipeline import film_table
 from finloop.animate.path_measures import limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.planner import Material, Planner, planner
@@ -167,12 +165,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
 
 def main() -> None:
     """Print and write the table."""
-    rows = []
-    for folder in map(Path, sys.argv[1:] or ["."]):
-        name = folder.resolve().name
-        with chdir(folder):
-            rows += list(film_rows(name))
-    table = pd.DataFrame(rows)
+    table = film_table(film_rows)
     columns = [
         "across_rms_body_lengths", "late_rms_body_lengths", "turn_corrected_pct",
         "way_corrected_pct", "left_pct", "swum_pct", "jumps_per_s", "real_times",

@@ -5,14 +5,37 @@ import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
 import yaml
 
 ROOT = Path(__file__).parents[1]
 STAGES = ("clip", "extract", "features")
+
+
+FilmRows = Callable[[str], Iterable[dict[str, Any]]]
+"""The rows of the film in the present folder, whose name is given."""
+
+
+def film_table(film_rows: FilmRows) -> pd.DataFrame:
+    """The rows of each film whose working copy is named on the command line, else of this one."""
+    rows: list[dict[str, Any]] = []
+    for folder in map(Path, sys.argv[1:] or ["."]):
+        name = folder.resolve().name
+        with chdir(folder):
+            rows += film_rows(name)
+    return pd.DataFrame(rows)
+
+
+def write_table(benchmark: str, film_rows: FilmRows) -> None:
+    """Print `film_table`, and write it beside the benchmark's file."""
+    table = film_table(film_rows)
+    print(table.round(3).to_string())
+    table.to_csv(Path(benchmark).with_suffix(".csv"), index=False, float_format="%.3g")
 
 
 def prepare(folder: Path, overrides: Sequence[str]) -> None:

@@ -10,17 +10,14 @@ were not reached for want of time count as not reached.
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
-import sys
 import time
 from collections.abc import Iterator
-from contextlib import chdir
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
-import pandas as pd
 
 from benchmarks.company import summary
+from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
 from finloop.animate.listing import edit_lists
 from finloop.animate.planner import Material, Planner, planner
@@ -78,17 +75,5 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
                 yield {"film": film, "tank_times": times, **row}
 
 
-def main() -> None:
-    """Print and write the table."""
-    rows: list[dict[str, object]] = []
-    for folder in map(Path, sys.argv[1:] or ["."]):
-        name = folder.resolve().name
-        with chdir(folder):
-            rows += list(film_rows(name))
-    table = pd.DataFrame(rows)
-    print(table.round(3).to_string())
-    table.to_csv(Path(__file__).with_name("shoal.csv"), index=False, float_format="%.3g")
-
-
 if __name__ == "__main__":
-    main()
+    write_table(__file__, film_rows)
