@@ -1,5 +1,6 @@
 """Several fish planned together: they keep clear, swim as each would alone, and are read by all."""
 
+import sys
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
@@ -88,6 +89,18 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone(mode):
         for task in tasks(goals, 3, np.random.default_rng(5))
     ]
     pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player))
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_planning_keeps_no_hold_of_what_it_was_given(mode):
+    """Kernels that count no references must not take or give one either."""
+    player = crowded()[mode]
+    waters = player.waters
+    given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
+    before = [sys.getrefcount(one) for one in given]
+    goals = random_goals(waters, 6, np.random.default_rng(1))
+    shoal(player, tasks(goals, 6, np.random.default_rng(2)), 300)
+    assert [sys.getrefcount(one) for one in given] == before
 
 
 def test_the_first_fish_has_the_generator_of_a_fish_alone_and_each_its_own():

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from finloop.animate.edit_list import Goal
 from finloop.base.arrays import Mask, Reals
 from finloop.base.errors import FinloopError
-from finloop.base.kernel import kernel
+from finloop.base.kernel import leaf_kernel
 
 _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
@@ -79,14 +79,14 @@ class Tank:
                 return float(column), float(row)
 
 
-@kernel
+@leaf_kernel
 def inside(legal: Mask, x: float, y: float) -> bool:
     """Whether the pixel that holds a point is there and legal."""
     column, row = round(x), round(y)
     return 0 <= row < legal.shape[0] and 0 <= column < legal.shape[1] and bool(legal[row, column])
 
 
-@kernel
+@leaf_kernel
 def in_sight(legal: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
     """Whether every point between two is legal."""
     far = np.hypot(to_x - x, to_y - y)

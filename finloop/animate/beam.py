@@ -15,7 +15,7 @@ from finloop.animate.company import clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import wrap
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel, kernel_part
+from finloop.base.kernel import kernel_part, leaf_kernel
 
 WAY = np.dtype(
     [
@@ -148,7 +148,7 @@ def jumps_of(film: Film, row: int, may: bool):  # type: ignore[no-untyped-def]
     return np.int64(0), np.int64(0)
 
 
-@kernel
+@leaf_kernel
 def keep_best(beam: Beam, n: int, branch: Branch) -> int:
     """Keep a further branch if it is among the best: how many there are then; n: there were."""
     best, most = beam.branches, beam.branches.size

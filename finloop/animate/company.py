@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Reals
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 
 _DISCS = 6
 _STEP = 1 / 60  # of a body's extent; points of an outline are no farther apart
@@ -127,13 +127,13 @@ def _discs(hulls: Floats) -> Floats:
     return discs
 
 
-@kernel
+@leaf_kernel
 def clear(company: Company, picture: int, x: float, y: float, heading: float, tick: int) -> bool:
     """Whether a picture shown at a place, at a tick, meets no other fish."""
     return _clear(company, company.places.shape[1], picture, (x, y, heading), tick)
 
 
-@kernel
+@leaf_kernel
 def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def]
     """Whether a picture shown at a place (x, y, heading) meets none of the first `count` fish."""
     others, near, (x, y, heading) = company.places, 4.0 * company.discs.reach**2, place
@@ -149,47 +149,50 @@ def _clear(company, count, picture, place, tick):  # type: ignore[no-untyped-def
     return True
 
 
-@kernel
+@leaf_kernel
 def clear_ahead(company, picture, x, y, heading, tick):  # type: ignore[no-untyped-def]
     """`clear` for a search: of fish that may come near, from `start` to `until` alone."""
     unknown = tick < company.start or tick > company.until
     return unknown or _clear(company, company.near, picture, (x, y, heading), tick)
 
 
-@kernel
+@leaf_kernel
 def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
     """Whether two pictures' discs overlap, the second dx, dy px (y down) from the first.
 
     first, second: number, heading.
     """
-    side, own, cos, sin = _turned(discs, first)
-    other_side, theirs, other_cos, other_sin = _turned(discs, second)
-    for i in range(own.shape[0]):
-        ahead, left = own[i, 0], side * own[i, 1]
+    a, side, cos, sin = _turned(discs, first)
+    b, other_side, other_cos, other_sin = _turned(discs, second)
+    table = discs.table
+    for i in range(table.shape[1]):
+        ahead, left = table[a, i, 0], side * table[a, i, 1]
         x, y = dx - (ahead * cos - left * sin), dy + ahead * sin + left * cos
-        for j in range(theirs.shape[0]):
-            ahead, left = theirs[j, 0], other_side * theirs[j, 1]
+        for j in range(table.shape[1]):
+            ahead, left = table[b, j, 0], other_side * table[b, j, 1]
             far_x = x + ahead * other_cos - left * other_sin
             far_y = y - (ahead * other_sin + left * other_cos)
-            apart = own[i, 2] + theirs[j, 2]
+            apart = table[a, i, 2] + table[b, j, 2]
             if far_x * far_x + far_y * far_y < apart * apart:
                 return True
     return False
 
 
-@kernel
+@leaf_kernel
 def _turned(discs, one):  # type: ignore[no-untyped-def]
-    """Of a picture, number and heading: the side that is its left (±1), discs, cosine and sine."""
+    """Of a picture, number and heading: its row of the discs, the side that is its left (±1), the
+    heading's cosine and sine.
+    """
     number, angle = one[0], np.radians(one[1])
     side = 1.0
     if number < 0:
         number = discs.frames - 1 - number
     elif number >= discs.frames:
         number, side = number - discs.frames, -1.0
-    return side, discs.table[number], np.cos(angle), np.sin(angle)
+    return number, side, np.cos(angle), np.sin(angle)
 
 
-@kernel
+@leaf_kernel
 def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
     """How many ticks of a way (n, 3), begun at a tick, meet no other; numbers (n,): of pictures."""
     for t in range(len(way)):
@@ -198,7 +201,7 @@ def clear_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
     return len(way)
 
 
-@kernel
+@leaf_kernel
 def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type: ignore[no-untyped-def]
     """Whether a picture can be shown at a place (x, y, heading) from a tick on, clear of all."""
     last = max(company.start + company.places.shape[0] - 1, tick)
@@ -207,7 +210,7 @@ def can_stay(company: Company, picture: int, place, tick: int) -> bool:  # type:
     return tick > last
 
 
-@kernel
+@leaf_kernel
 def lasting_ticks(company: Company, numbers: Ints, way: Floats, tick: int) -> int:
     """How many ticks of a way (n, 3) a fish can swim, clear of all, and stay where it is then."""
     n = clear_ticks(company, numbers, way, tick)

@@ -12,7 +12,7 @@ from finloop.animate.kinematics import Spot, touches, wrap
 from finloop.animate.recent import last_on_screen, times
 from finloop.animate.search import Ends, Here, Rules, jump_cost, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 from finloop.loops.positions import next_end
 
 _TANK, _QUADRANT, _HEADING, _OVER = map(
@@ -114,7 +114,7 @@ def verdicts(found: Found, ends: Ends, before: float, error: float, free: bool) 
     return verdict
 
 
-@kernel
+@leaf_kernel
 def arrival(film: Film, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
     """Where a fish at x, y that shows a row is at the next tick."""
     dx, dy = moved(film.rows[row].dx, film.rows[row].dy, rot)

@@ -20,7 +20,7 @@ from finloop.animate.search import Here, jump_cost, moved
 from finloop.animate.steering import near, shifted, tick_cost, turn_to
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
-from finloop.base.kernel import finite_kernel, kernel
+from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
 
 LEAD = np.dtype([("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("ticks", "i8")])
 """Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
@@ -58,7 +58,7 @@ def runs(more: Mask) -> Ints:
     return stops[np.searchsorted(stops, here)] - here
 
 
-@finite_kernel
+@finite_leaf
 def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most `most` ticks, steered.
 
@@ -110,33 +110,43 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
     -------
     terms (k, 3) : what each costs at once, of `decide.priced`; what becomes of it.
     """
-    rules, steering = by
-    film = footage.film
+    film, rules = footage.film, by[0]
     terms, candidates = priced(film, ways, here, rules)
     search, n = begin(film, footage.legal, candidates, here, along, rules.beam)
-    end = np.inf if route.closed else route.step * (route.x.size - 1)
     while n:
-        m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
-        for s in range(n):
-            way = search.ways[s]
-            most = max(rules.horizon - way.ticks, 1)
-            ticks = _leg(footage, route, way, most, here, by)
-            if not leads_on(film, search.found, way, ticks):
-                continue
-            behind = 0.0
-            if not route.when.size:
-                behind = steering.pace * (way.ticks - (way.along - along) / rules.pace)
-            if way.along >= end or way.ticks >= rules.horizon:
-                ends(search.found, way, way.cost + behind)
-            else:
-                kept = search.beam, m
-                m = _branch(footage, way, s, kept, here, (behind, route, rules, steering))
-        n = int(m)
+        n = _legs(footage, search, n, here, along, (route, rules, by[1]))
         search = go_on(film, search, n)
     return terms, search.found
 
 
-@kernel
+@leaf_kernel
+def _legs(footage, search, n, here, begun, by):  # type: ignore[no-untyped-def]
+    """Follow n ways for a leg: how many branches there are after it.
+
+    begun: px along the path where all ways began; by: route, rules, steering.
+    """
+    (route, rules, steering), m = (
+        by,
+        np.int64(0),
+    )  # not 0: for a literal `_branch` is compiled again
+    end = np.inf if route.closed else route.step * (route.x.size - 1)
+    for s in range(n):
+        way = search.ways[s]
+        most = max(rules.horizon - way.ticks, 1)
+        ticks = _leg(footage, route, way, most, here, (rules, steering))
+        if not leads_on(footage.film, search.found, way, ticks):
+            continue
+        behind = 0.0
+        if not route.when.size:
+            behind = steering.pace * (way.ticks - (way.along - begun) / rules.pace)
+        if way.along >= end or way.ticks >= rules.horizon:
+            ends(search.found, way, way.cost + behind)
+        else:
+            m = _branch(footage, way, s, (search.beam, m), here, (behind, route, rules, steering))
+    return m
+
+
+@leaf_kernel
 def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
     """Way s at a loop end: playing on, and every jump, where they are among the best.
 
@@ -178,7 +188,7 @@ def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
     return n
 
 
-@finite_kernel
+@finite_leaf
 def _soon(lead, way, cos, sin, tick, by):  # type: ignore[no-untyped-def]
     """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
 
@@ -213,7 +223,7 @@ def onward(footage: Footage, begins: Floats, row: int, rot: float, ticks: int) -
     return way
 
 
-@kernel
+@leaf_kernel
 def next_stop(footage: Footage, row: int, stride: int, most: int) -> int:
     """Ticks from a row to the first loop end after a stride, or to where the film ends."""
     last = min(footage.run[row], most)

@@ -141,8 +141,8 @@ class Follower:
             return None
         film, jumps = self._film.film, fish.since + 1 >= self.rules.stay
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
-        place_px = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
-        here = Here(*place_px, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
+        x, y = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
+        here = Here(x, y, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
         here = here._replace(company=_a_tick_later(fish.company))
         return self._best(self._film, every, here, along, route)
 

@@ -21,7 +21,7 @@ from finloop.animate.rare import Rarity
 from finloop.animate.recent import Repeat, again_cost, last_on_screen, times
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways
@@ -215,7 +215,7 @@ def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:
     return every, np.full(len(every), 1 / len(every))
 
 
-@kernel
+@leaf_kernel
 def moved(place, state, pace):  # type: ignore[no-untyped-def]
     """The next place (x, y, heading) of a fish whose next state is this one."""
     x, y = ahead(place[0], place[1], place[2], state[-3] * pace.px, state[-2] * pace.px)
@@ -230,31 +230,37 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
     screen just now (`Recall`). And whether (k,) a row stays in the tank.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
-    goal, aim, pace = towards
-    costs, free = np.zeros(rows.size), np.ones(rows.size, np.bool_)
+    costs, free = np.empty(rows.size), np.empty(rows.size, np.bool_)
     for k in range(rows.size):
-        row, place, t, touched = rows[k], (start[0], start[1], start[2]), 0, False
-        while t < pace.horizon and sampler.usable[row] and not touched:
-            later = moved(place, sampler.states[row + 1], pace)
-            company, tick = recall.company, recall.tick + t
-            met = not clear_ahead(company, row + 1, later[0], later[1], later[2], tick)
-            if met or not inside(legal, later[0], later[1]):  # it is held up, and turns on
-                later = place[0], place[1], later[2]
-                free[k] = False
-                costs[k] += pace.wall
-            place, row, t = later, row + 1, t + 1
-            touched = not goal.free and touches(place[0], place[1], place[2], goal)
-        costs[k] += pace.dear[row] - pace.dear[rows[k]]
-        if not goal.free:
-            costs[k] += t
-            if not touched:
-                off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
-                far = np.hypot(aim.x - place[0], aim.y - place[1])
-                costs[k] += far / pace.speed + off / pace.turning
-        last = last_on_screen(recall.recent, rows[k] + 1, rows[k] + recall.soon)
-        longer = times(recall.repeat, recall.recent, rows[k] + 1, recall.stay)
-        costs[k] += longer * again_cost(recall.tick - last, recall.again, recall.memory)
+        costs[k], free[k] = _cost(sampler, legal, rows[k], start, towards, recall)
     return costs, free
+
+
+@leaf_kernel
+def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-untyped-def]
+    """The cost of following the row `begin`, and whether it stays in the tank; see `look`."""
+    goal, aim, pace = towards
+    cost, free, touched = 0.0, True, False
+    row, place, t = begin, (start[0], start[1], start[2]), 0
+    while t < pace.horizon and sampler.usable[row] and not touched:
+        later = moved(place, sampler.states[row + 1], pace)
+        company, tick = recall.company, recall.tick + t
+        met = not clear_ahead(company, row + 1, later[0], later[1], later[2], tick)
+        if met or not inside(legal, later[0], later[1]):  # it is held up, and turns on
+            later, free = (place[0], place[1], later[2]), False
+            cost += pace.wall
+        place, row, t = later, row + 1, t + 1
+        touched = not goal.free and touches(place[0], place[1], place[2], goal)
+    cost += pace.dear[row] - pace.dear[begin]
+    if not goal.free:
+        cost += t
+        if not touched:
+            off = abs(wrap(bearing(place[0], place[1], aim.x, aim.y) - place[2]))
+            far = np.hypot(aim.x - place[0], aim.y - place[1])
+            cost += far / pace.speed + off / pace.turning
+    last = last_on_screen(recall.recent, begin + 1, begin + recall.soon)
+    longer = times(recall.repeat, recall.recent, begin + 1, recall.stay)
+    return cost + longer * again_cost(recall.tick - last, recall.again, recall.memory), free
 
 
 @kernel

@@ -9,7 +9,7 @@ import numpy as np
 
 from finloop.animate.arena import inside
 from finloop.base.arrays import Floats, Mask
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 
 
 class Spot(NamedTuple):
@@ -49,19 +49,19 @@ class Turning(NamedTuple):
     sideways: Floats
 
 
-@kernel
+@leaf_kernel
 def wrap(angle: float) -> float:
     """The same angle in (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0
 
 
-@kernel
+@leaf_kernel
 def bearing(x: float, y: float, to_x: float, to_y: float) -> float:
     """Direction of one point seen from another."""
     return np.degrees(np.arctan2(y - to_y, to_x - x))
 
 
-@kernel
+@leaf_kernel
 def towards_by(own: float, error: float, most: float) -> float:
     """By how much a fish turns that its pictures turn by `own`, and whose heading is `error` off.
 
@@ -73,7 +73,7 @@ def towards_by(own: float, error: float, most: float) -> float:
     return min(max(both, -fastest), fastest)
 
 
-@kernel
+@leaf_kernel
 def ahead(x: float, y: float, heading: float, forward: float, sideways: float):  # type: ignore[no-untyped-def]
     """Where one comes to, `forward` along the heading and `sideways` to its left."""
     angle = np.radians(heading)
@@ -81,7 +81,7 @@ def ahead(x: float, y: float, heading: float, forward: float, sideways: float): 
     return x + forward * cos - sideways * sin, y - forward * sin - sideways * cos
 
 
-@kernel
+@leaf_kernel
 def touches(x: float, y: float, heading: float, spot: Spot) -> bool:
     """Whether a fish touches a spot."""
     dx, dy = x - spot.x, y - spot.y

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.base.arrays import Ints
-from finloop.base.kernel import for_kernels, kernel, kernel_part
+from finloop.base.kernel import for_kernels, kernel, kernel_part, leaf_kernel
 
 NEVER = -(10**9)
 """The tick at which a row was last on screen that never was."""
@@ -39,7 +39,7 @@ def again_cost(ago, again, memory):  # type: ignore[no-untyped-def]
     return again * np.maximum(0.0, 1.0 - ago / memory)
 
 
-@kernel
+@leaf_kernel
 def last_on_screen(recent: Ints, first: int, last: int) -> int:
     """The tick at which any of the rows first … last was last on screen."""
     low, high = 0, len(recent)
@@ -99,7 +99,7 @@ def remembered(recent: Ints, first: int, last: int, tick: int, since: float) -> 
     return kept[:n].copy()
 
 
-@kernel
+@leaf_kernel
 def repeated(repeat: Repeat, recent: Ints, first: int, last: int) -> Repeat:
     """The repeat after the rows first … last; recent: as it was before they were shown."""
     tick, ticks = repeat.tick, repeat.ticks

@@ -8,7 +8,7 @@ branch is as near, but much farther along. On a closed path the arc length goes 
 from typing import NamedTuple
 
 from finloop.base.arrays import Floats
-from finloop.base.kernel import finite_kernel
+from finloop.base.kernel import finite_leaf
 
 _BEHIND = 2.0  # times `Route.ahead`; on a path with times a foot is no farther behind
 
@@ -46,7 +46,7 @@ class Route(NamedTuple):
         return bool(done(self, along, tick))
 
 
-@finite_kernel
+@finite_leaf
 def done(route: Route, along: float, tick: int) -> bool:
     """See `Route.done`."""
     if route.when.size:
@@ -54,7 +54,7 @@ def done(route: Route, along: float, tick: int) -> bool:
     return not route.closed and along >= route.step * (route.x.size - 1 - 1e-6)
 
 
-@finite_kernel
+@finite_leaf
 def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
     """The places before and after a place along the path, and its share of the way between."""
     n = route.x.size
@@ -69,7 +69,7 @@ def _cells(route: Route, along: float):  # type: ignore[no-untyped-def]
     return k, k + 1, share
 
 
-@finite_kernel
+@finite_leaf
 def place(route: Route, along: float):  # type: ignore[no-untyped-def]
     """The place (x, y) so far along the path."""
     a, b, share = _cells(route, along)
@@ -77,20 +77,20 @@ def place(route: Route, along: float):  # type: ignore[no-untyped-def]
     return x, route.y[a] + share * (route.y[b] - route.y[a])
 
 
-@finite_kernel
+@finite_leaf
 def heading_at(route: Route, along: float) -> float:
     """The heading that is asked for so far along the path, degrees."""
     a, b, share = _cells(route, along)
     return route.heading[a] + share * (route.heading[b] - route.heading[a])
 
 
-@finite_kernel
+@finite_leaf
 def asked_at(route: Route, tick: int) -> float:
     """How far along a path with times the fish is to be at a tick."""
     return route.when[min(max(tick - route.begins, 0), route.when.size - 1)]
 
 
-@finite_kernel
+@finite_leaf
 def least_along(route: Route, along: float, tick: int) -> float:
     """From where on the path a foot is looked for, if it was `along` before.
 
@@ -101,7 +101,7 @@ def least_along(route: Route, along: float, tick: int) -> float:
     return along
 
 
-@finite_kernel
+@finite_leaf
 def foot(route: Route, x: float, y: float, along: float):  # type: ignore[no-untyped-def]
     """The place of the path nearest to a point, not before `along` and not far ahead.
 

@@ -22,7 +22,7 @@ from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import for_kernels, kernel
+from finloop.base.kernel import for_kernels, kernel, leaf_kernel
 
 
 class Here(NamedTuple):
@@ -80,7 +80,7 @@ class Rules(NamedTuple):
         )  # fmt: skip
 
 
-@kernel
+@leaf_kernel
 def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     """A displacement on the screen (y down), turned anticlockwise as seen."""
     angle = np.radians(rot)
@@ -88,7 +88,7 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
-@kernel
+@leaf_kernel
 def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most for so long. ticks: stride, most.
 
@@ -122,7 +122,7 @@ def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
     return t, touched
 
 
-@kernel
+@leaf_kernel
 def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
     """About how many ticks it is to a point: way / pace + turn / turning; 0 for who wanders."""
     if aim.free:
@@ -167,25 +167,37 @@ def look(
     ends_at = Ends(np.full(count, np.inf), np.full(count, 180.0))
     search, n = begin(film, legal, candidates, here, 0.0, rules.beam)
     while n:
-        m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
-        for s in range(n):
-            way = search.ways[s]
-            most, shown = max(rules.horizon - way.ticks, 1), way.row
-            ticks, touched = _leg(film.rows, legal, way, aim, here, (rules.stride, most))
-            if not leads_on(film, search.found, way, ticks):
-                continue
-            if way.ticks == ticks:  # the first leg; the next ones are decided anew
-                way.cost += film.rows[way.row].dear - film.rows[shown].dear
-            if touched or way.ticks >= rules.horizon:
-                _finish(film, way, touched, (search.found, ends_at), aim, rules)
-            else:
-                m = _branch(film, way, s, (search.beam, m), here, (aim, rules))
-        n = int(m)
+        n = _legs(film, legal, search, n, here, (aim, rules, ends_at))
         search = go_on(film, search, n)
     return search.found, ends_at
 
 
-@kernel
+@leaf_kernel
+def _legs(film, legal, search, n, here, towards):  # type: ignore[no-untyped-def]
+    """Follow n ways for a leg: how many branches there are after it.
+
+    towards: the aim, `Rules`, `Ends`.
+    """
+    (aim, rules, ends_at), m = (
+        towards,
+        np.int64(0),
+    )  # not 0: for a literal `_branch` is compiled again
+    for s in range(n):
+        way = search.ways[s]
+        most, shown = max(rules.horizon - way.ticks, 1), way.row
+        ticks, touched = _leg(film.rows, legal, way, aim, here, (rules.stride, most))
+        if not leads_on(film, search.found, way, ticks):
+            continue
+        if way.ticks == ticks:  # the first leg; the next ones are decided anew
+            way.cost += film.rows[way.row].dear - film.rows[shown].dear
+        if touched or way.ticks >= rules.horizon:
+            _finish(film, way, touched, (search.found, ends_at), aim, rules)
+        else:
+            m = _branch(film, way, s, (search.beam, m), here, (aim, rules))
+    return m
+
+
+@leaf_kernel
 def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped-def]
     """A way has come to the aim or to the horizon. results: `Found`, `Ends`."""
     found, ends_at = results
@@ -199,7 +211,7 @@ def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped
             ends_at.error[way.first] = abs(wrap(off))
 
 
-@kernel
+@leaf_kernel
 def _branch(film, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
     """Way s at a loop end: playing on, and every jump, where they are among the best.
 

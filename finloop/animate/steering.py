@@ -13,7 +13,7 @@ from finloop.animate.arena import inside
 from finloop.animate.route import Route, asked_at, done, foot, heading_at, least_along, place
 from finloop.animate.search import moved
 from finloop.base.arrays import Floats
-from finloop.base.kernel import finite_kernel, kernel
+from finloop.base.kernel import finite_leaf, kernel
 
 _ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
 
@@ -38,7 +38,7 @@ class Steering(NamedTuple):
     pace: float
 
 
-@finite_kernel
+@finite_leaf
 def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
     """By how much to turn now, degrees, + = left.
 
@@ -57,7 +57,7 @@ def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  
     return min(max(want, -steering.turn), steering.turn)
 
 
-@finite_kernel
+@finite_leaf
 def shifted(route: Route, at, speed: float, tick: int, steering: Steering):  # type: ignore[no-untyped-def]
     """Shift a fish towards the path, and along it where it is too early or too late.
 
@@ -78,7 +78,7 @@ def shifted(route: Route, at, speed: float, tick: int, steering: Steering):  # t
     return x + cx, y + cy, along, fx, fy, far
 
 
-@finite_kernel
+@finite_leaf
 def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
     """What a tick costs, in ticks: beside the path, late, headed otherwise, and by its effort.
 
@@ -96,7 +96,7 @@ def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) ->
     return cost + steering.effort * (used[0] * used[0] + used[1] * used[1])
 
 
-@finite_kernel
+@finite_leaf
 def near(far2: float, unit2: float) -> float:
     """The square of a distance in units; beyond one unit it grows as the distance does."""
     share = far2 / unit2

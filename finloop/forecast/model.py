@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Reals
-from finloop.base.kernel import finite_kernel
+from finloop.base.kernel import finite_leaf
 
 Weights = NDArray[np.float32]
 _LAYERS = ("first", "second", "third")
@@ -118,11 +118,13 @@ def silu(x: Reals) -> Reals:
     return x / (1 + np.exp(-x))
 
 
-@finite_kernel
-def next_mean(net: Net, past: Weights, out: Floats) -> None:
-    """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last."""
-    d, h = out.size, net.second_bias.shape[1]
-    first, second = np.empty(h, np.float32), np.empty(h, np.float32)
+@finite_leaf
+def next_mean(net: Net, past: Weights, out: Floats, hidden: Weights) -> None:
+    """The mean of the next state into `out` (d,); past: (l d + 2,) raw, the control last.
+
+    hidden (2, h): room for the layers.
+    """
+    d, h, first, second = out.size, hidden.shape[1], hidden[0], hidden[1]
     for j in range(d):
         out[j] = past[j]
     for side in range(2):
@@ -135,7 +137,7 @@ def next_mean(net: Net, past: Weights, out: Floats) -> None:
                 out[j] += second[i] * net.third[side, i, j]
 
 
-@finite_kernel
+@finite_leaf
 def _layer(x, weights, bias, out):  # type: ignore[no-untyped-def]
     """SiLU(x weights + bias) into `out`."""
     for j in range(out.size):

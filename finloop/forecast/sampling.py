@@ -162,6 +162,7 @@ def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -
         for j in range(d):
             states[ticks + i, j] = past[i, j]
     x, mean = np.empty(lags.size * d + 2, np.float32), np.empty(d)
+    hidden = np.empty((2, swim.net.second_bias.shape[1]), np.float32)
     for t in range(ticks):
         now = ticks - t
         for i in range(lags.size):
@@ -169,7 +170,7 @@ def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -
                 x[i * d + j] = states[now + lags[i], j]
         for j in range(2):
             x[lags.size * d + j] = swim.control[row + t, j] + control[j] - swim.control[row, j]
-        next_mean(swim.net, x, mean)
+        next_mean(swim.net, x, mean, hidden)
         for j in range(d):
             value = swim.states[row + t + 1, j]
             value += swim.settle[j] * (mean[j] - swim.mean[row + t, j])
