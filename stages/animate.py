@@ -23,14 +23,14 @@ from finloop.animate.swim import Player, Swim
 from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
-from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS
 from finloop.given_path import given_line
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
+from finloop.io.mapped import open_array
 from finloop.io.record import load_record, save_records
-from finloop.io.table import load_lists, load_table, save_csv, save_table
+from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS as LOOPS_TABLE
@@ -44,7 +44,6 @@ from stages.rules import FOLDER, load_rule
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
-OUTLINE = ("outline_x_px", "outline_y_px")
 
 WORKERS_NEED = ["finloop.animate.planner", "finloop.animate.measures", "stages.forecasts"]
 Swum = tuple[np.ndarray, np.ndarray]
@@ -61,7 +60,6 @@ def material(p: Settings) -> Iterator[Material]:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
     poses = load_poses(features)
-    schema = tracks_schema(load_record(DATA / "extract/scene.json", SceneFacts, "extract").points)
     with (
         open_cutouts(DATA / "sprites/sprites.arrow") as store,
         open_cutouts(DATA / "extract/cutouts.arrow") as frames,
@@ -70,7 +68,7 @@ def material(p: Settings) -> Iterator[Material]:
             facts.frame_rate_hz,
             load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
             Reel(features, frames, sprites, store),
-            np.stack(load_lists(DATA / "extract/tracks.parquet", schema, *OUTLINE), -1),
+            open_array(DATA / "pose/outlines.npy", (len(features), None, 2), "float32"),
             load_record(DATA / "bpn/model.json", motion_model, "bpn"),
             load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
             load_table(DATA / "distance/steps.parquet", STEPS),

@@ -13,7 +13,6 @@ from finloop.bpn.model import INPUTS, motion_model
 from finloop.features.table import FEATURES
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
-from finloop.forecast.graph import NEIGHBOURS, table
 from finloop.forecast.learning import learn
 from finloop.forecast.model import Forecast
 from finloop.forecast.neighbours import similar_rows
@@ -21,20 +20,28 @@ from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
+from finloop.io.mapped import open_array
 from finloop.io.record import load_record, save_json
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, load_facts
+from finloop.jumps.table import VisibleFacts
 from finloop.jumps.visible import VisibleDistance
 from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
-from stages.forecasts import load_look, states_of
+from stages.forecasts import load_look, save_graph, states_of
 from stages.poses import load_poses
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/forecast"), Path("reports/forecast")
 FREE_TICKS = 20_000  # of the fish that swims freely, at most
 CURVE = ["epoch", "train_error", "held_out_error"]
+
+
+def load_visible(poses: FilmPoses) -> VisibleDistance:
+    """The visible distance of rows, from the stage `jumps`; poses: of the same rows."""
+    folder = DATA / "jumps"
+    natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
+    pictures = open_array(folder / "pictures.npy", (len(poses.codes), None, None, None), "uint8")
+    return VisibleDistance(pictures, poses.pose.posture, natural)
 
 
 def area_numbers(
@@ -83,9 +90,7 @@ def main() -> None:
         try:
             film = states_of(features, poses, look, rate_hz)
             parts = split(film, p)
-            with open_cutouts(DATA / "extract/cutouts.arrow") as frames:
-                visible = VisibleDistance.of(Reel(features, frames), poses, load("jumps").look_px)
-            graph = similar_rows(film, look, visible, p)
+            graph = similar_rows(film, look, load_visible(poses), p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})
@@ -95,8 +100,8 @@ def main() -> None:
         with progress("forecast", p.epochs, "epochs") as advance:
             model, curve = learn(film, parts, p, advance)
         save_json(folder / "model.json", model.record())
-        save_table(folder / "neighbours.parquet", table(graph), NEIGHBOURS)
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
+        save_graph(folder, swim)
         numbers = quality(film, swim, parts, rng, folder)
         numbers |= area_numbers(features, poses, film, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)

@@ -6,11 +6,11 @@ import pandas as pd
 
 from finloop.base.arrays import Floats
 from finloop.forecast.film import FilmStates, film_states, shown_mirror
-from finloop.forecast.graph import NEIGHBOURS, from_table
 from finloop.forecast.model import forecast_model
 from finloop.forecast.sampling import Sampler, sampler
+from finloop.io.mapped import open_array, save_array
 from finloop.io.record import load_record
-from finloop.io.table import load_lists, load_table
+from finloop.io.table import load_lists
 from finloop.jumps.table import LOOK
 from finloop.pose.film import FilmPoses
 from stages.settings import load
@@ -42,5 +42,14 @@ def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> S
         return None
     film = states_of(features, poses, load_look(), rate_hz)
     model = load_record(FOLDER / "model.json", forecast_model, "forecast")
-    edges = load_table(FOLDER / "neighbours.parquet", NEIGHBOURS)
-    return sampler(film, model, from_table(edges, len(film.states)), load("forecast"))
+    rows, numbers = film.states.shape
+    start = open_array(FOLDER / "start.npy", (rows + 1,), "int64")
+    graph = start, open_array(FOLDER / "neighbours.npy", (int(start[-1]),), "int64")
+    mean = open_array(FOLDER / "mean.npy", (rows, numbers), "float64")
+    return sampler(film, model, graph, load("forecast"), mean)
+
+
+def save_graph(folder: Path, swim: Sampler) -> None:
+    """Write what `load_forecast` maps: the graph of similar rows, and the foretold states."""
+    for name, array in {"start": swim.start, "neighbours": swim.to, "mean": swim.mean}.items():
+        save_array(folder / f"{name}.npy", array)

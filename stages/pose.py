@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.extract.table import SceneFacts, tracks_schema
+from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
+from finloop.io.mapped import new_array
 from finloop.io.record import load_record, save_record
-from finloop.io.table import load_table, save_table
+from finloop.io.table import load_table, read_lists, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, USED
@@ -18,6 +19,8 @@ from finloop.pose.settings import Settings
 from stages.settings import load
 
 DATA, OUT, REPORT = Path("data"), Path("data/pose"), Path("reports/pose")
+OUTLINE = ("outline_x_px", "outline_y_px")
+ROWS = 50_000  # of the table of tracks, at a time
 
 
 def main() -> None:
@@ -31,6 +34,7 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
+        save_outlines(folder / "outlines.npy", points, len(features))
     explained = 100 * poses.shapes.explained
     numbers = {
         "shapes": len(explained),
@@ -43,6 +47,15 @@ def main() -> None:
         "bend_rms_rad": float(np.sqrt((poses.codes**2).sum(1).mean())),
     }
     save_metrics(REPORT / "metrics.json", numbers)
+
+
+def save_outlines(path: Path, points: int, rows: int) -> None:
+    """Write the outlines (rows, k, 2) x, y px of all rows, to be mapped; points: of a backbone."""
+    outlines = new_array(path, (rows, OUTLINE_POINTS, 2), "float32")
+    table, first = DATA / "extract/tracks.parquet", 0
+    for axes in read_lists(table, tracks_schema(points), OUTLINE, ROWS):
+        outlines[first : first + len(axes[0])] = np.stack(axes, -1)
+        first += len(axes[0])
 
 
 if __name__ == "__main__":

@@ -25,8 +25,8 @@ from toy_film import (
     waters_of,
 )
 
+from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
-from finloop.animate import measures
 from finloop.animate.arena import in_sight, inside, place_goals, roamed, room, tank
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
@@ -87,6 +87,13 @@ def test_without_an_arena_the_fish_is_where_animals_were_filmed():
     assert np.array_equal(roamed(given, wide, "filmed"), given & there)
     assert roamed(whole, wide, "arena").all()
     assert roamed(whole, disc(20.0), "auto").all()  # it held its place
+
+
+def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_a_time(monkeypatch):
+    whole, wide = np.ones((160, 200), bool), disc(66.0)
+    there = roamed(whole, wide, "filmed")
+    monkeypatch.setattr(arena, "_LOT", 3)
+    assert np.array_equal(roamed(whole, wide, "filmed"), there)
 
 
 def test_the_edge_of_the_picture_is_a_wall():

@@ -1117,7 +1117,7 @@ def test_outlines_of_frames_are_ahead_and_to_the_left():
     places = pd.DataFrame({"x_px": [100.0], "y_px": [50.0], "heading_deg": [90.0]})
     outline = np.array([[[100.0, 30.0], [95.0, 50.0], [100.0, 80.0]]])
     hull = frame_hulls(outline, places, np.array([2.0]))
-    assert hull[0] == pytest.approx(np.array([[40, 0], [0, 10], [-60, 0]]), abs=1e-4)
+    assert hull[:][0] == pytest.approx(np.array([[40, 0], [0, 10], [-60, 0]]), abs=1e-4)
 
 
 def test_the_outline_of_a_frame_is_where_its_pixels_were():
@@ -1131,7 +1131,9 @@ def test_the_outline_of_a_frame_is_where_its_pixels_were():
         }
     )
     outline = places[["x_px", "y_px"]].to_numpy()[:, None] + rng.normal(0, 20, (n, 12, 2))
-    ahead_, left = np.moveaxis(frame_hulls(outline, places, np.ones(n)), -1, 0)
+    hulls = frame_hulls(outline, places, np.ones(n))
+    ahead_, left = np.moveaxis(hulls[:], -1, 0)
+    assert np.array_equal(hulls[7:9], hulls[:][7:9]) and len(hulls) == n
     angle = np.radians(places["heading_deg"].to_numpy())[:, None]
     x = places["x_px"].to_numpy()[:, None] + ahead_ * np.cos(angle) - left * np.sin(angle)
     y = places["y_px"].to_numpy()[:, None] - ahead_ * np.sin(angle) - left * np.cos(angle)

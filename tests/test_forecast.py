@@ -11,6 +11,7 @@ import pytest
 from toy_swim import DELTA, HOW, MIRROR, NOISE, RATE, plain, swum, unseen
 
 from finloop.base.errors import FinloopError
+from finloop.forecast import neighbours
 from finloop.forecast.assess import (
     ahead,
     autocorrelation,
@@ -21,7 +22,6 @@ from finloop.forecast.assess import (
     of_free_run,
 )
 from finloop.forecast.film import MOTION, film_states
-from finloop.forecast.graph import from_table, table
 from finloop.forecast.learning import learn
 from finloop.forecast.model import forecast_model
 from finloop.forecast.neighbours import similar_rows
@@ -31,6 +31,7 @@ from finloop.forecast.sampling import (
     follow,
     free_run,
     go_over,
+    means,
     sampler,
     step,
     ways,
@@ -167,7 +168,7 @@ def test_a_damaged_model_is_refused(learnt, fault):
 
 
 def test_whoever_has_a_neighbour_is_its_neighbour_and_so_are_the_mirror_images(film, swim):
-    a, b = table((swim.start, swim.to)).to_numpy().astype(np.int64).T
+    a, b = np.repeat(np.arange(len(swim.start) - 1), np.diff(swim.start)), swim.to
     n, m = film.count, len(film.states)
     pairs = np.unique(m * a + b)
     assert np.array_equal(pairs, np.unique(m * b + a))
@@ -220,12 +221,22 @@ def test_rows_that_are_apart_to_the_eye_are_no_neighbours(film):
     assert max(rows.max(), other.max()) < film.count and mirrored.any() and not mirrored.all()
 
 
-def test_a_graph_is_read_as_it_was_written(film, swim):
-    start, to = from_table(table((swim.start, swim.to)), len(film.states))
-    assert np.array_equal(start, swim.start)
-    assert np.array_equal(to, swim.to)
-    with pytest.raises(ValueError, match="row"):
-        from_table(table((swim.start, swim.to)), 10)
+def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, monkeypatch):
+    def seen(rows, to, mirrored):
+        return np.where((rows + to) % 3 == 0, 9.0, 0.0)
+
+    whole = similar_rows(film, plain(film), seen, HOW)
+    monkeypatch.setattr(neighbours, "_LOT", 7)
+    monkeypatch.setattr(neighbours, "_BLOCK", 50)
+    assert len(film.rows) > 100
+    for one, other in zip(whole, similar_rows(film, plain(film), seen, HOW), strict=True):
+        assert np.array_equal(one, other)
+
+
+def test_a_sampler_takes_means_that_were_foretold_before(film, learnt, swim):
+    again = sampler(film, learnt[0], (swim.start, swim.to), HOW, means(film, learnt[0]))
+    assert np.array_equal(again.mean, swim.mean)
+    assert (again.mean[film.rows] != 0).any()
 
 
 def test_in_the_long_run_all_rows_are_visited_alike(swim):

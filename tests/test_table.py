@@ -8,7 +8,7 @@ import pytest
 
 from finloop.base.errors import FinloopError
 from finloop.base.schema import ANY, Column, Schema, columns, lists_to_array
-from finloop.io.table import load_lists, load_table, save_csv, save_table
+from finloop.io.table import load_lists, load_table, read_lists, save_csv, save_table
 
 SCHEMA = Schema(
     Column("frame", "int32", "1"),
@@ -56,6 +56,19 @@ def test_a_table_without_rows_is_as_it_is_loaded(tmp_path):
     schema = Schema(*SCHEMA.columns, Column("any", "int16", "1", nullable=True, length=ANY))
     save_table(tmp_path / "a.parquet", schema.empty(), schema)
     pd.testing.assert_frame_equal(load_table(tmp_path / "a.parquet", schema), schema.empty())
+
+
+def test_lists_are_read_some_rows_at_a_time(tmp_path):
+    path, lines = tmp_path / "a.parquet", np.arange(30, dtype=np.float32).reshape(10, 3)
+    schema = Schema(*SCHEMA.columns[:1], SCHEMA.columns[-1])
+    save_table(path, pd.DataFrame({"frame": range(10), "line_px": list(lines)}), schema)
+    lots = [some for (some,) in read_lists(path, schema, ["line_px"], 4)]
+    assert [len(some) for some in lots] == [4, 4, 2]
+    assert np.array_equal(np.concatenate(lots), lines)
+    with pytest.raises(FinloopError, match="other: missing"):
+        list(read_lists(path, schema, ["other"], 4))
+    with pytest.raises(FinloopError, match="cannot be read"):
+        list(read_lists(tmp_path / "b.parquet", schema, ["line_px"], 4))
 
 
 def test_missing_is_null_and_never_nan_in_the_file(tmp_path):

@@ -21,6 +21,7 @@ _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37
 # Of the way from edge to middle, kept free by a fish larger than the picture: 0.5, 0.75, 0.9 leave
 # the centre of the sunfish 36, 14, 5 % of the picture; it reaches 46, 54, 75 % of its goals there.
 _ROOM = 0.75
+_LOT = 10_000  # outlines at a time
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
 
 
@@ -131,9 +132,12 @@ def filmed_area(arena: Mask, outline_px: Reals) -> Mask:
 
     outline_px (n, k, 2): x, y of all.
     """
-    points = np.round(np.asarray(outline_px).reshape(-1, 2)).astype(np.int32)
+    lots = [outline_px[first : first + _LOT] for first in range(0, len(outline_px), _LOT)]
+    corners = [
+        cv2.convexHull(np.round(np.asarray(lot).reshape(-1, 2)).astype(np.int32)) for lot in lots
+    ]
     hull = np.zeros(arena.shape, np.uint8)
-    cv2.fillConvexPoly(hull, cv2.convexHull(points), 1)
+    cv2.fillConvexPoly(hull, cv2.convexHull(np.concatenate(corners)), 1)
     return arena & hull.astype(bool)
 
 

@@ -7,7 +7,7 @@ bend and turn for some ticks, and the second picture of a cross-fade, are not lo
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -19,6 +19,13 @@ _STEP = 1 / 60  # of a body's extent; points of an outline are no farther apart
 _LOT = 10_000  # outlines at a time
 _SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
+
+
+class Hulls(Protocol):
+    """Outlines (n, p, 2) that are looked at in lots: an array, or one that stays in a file."""
+
+    def __len__(self) -> int: ...
+    def __getitem__(self, rows: slice, /) -> Reals: ...
 
 
 class Discs(NamedTuple):
@@ -93,7 +100,7 @@ def near_first(company: Company, x: float, y: float, pace: float) -> Company:
     return Company(company.start, places, company.discs, company.until, first)
 
 
-def discs_of(frame_hulls: Reals, sprite_hulls: Sequence[Floats]) -> Discs:
+def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
     """The discs of outlines (n, p, 2), (p, 2), px ahead of and to the left of the mass centre."""
     lots = [frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT)]
     lots += [np.asarray(hull)[None] for hull in sprite_hulls]

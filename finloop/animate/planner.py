@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.animate.arena import place_goals, room
 from finloop.animate.bodies import Bodies
+from finloop.animate.company import Hulls
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
@@ -28,9 +28,8 @@ from finloop.animate.settings import Settings
 from finloop.animate.shoal import Task, by_rule, deal, refuse_meetings, settle, shoal, tasks
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, Player, Swim, random_goals
+from finloop.animate.swim import Cast, FrameHulls, Player, Swim, random_goals
 from finloop.base.arrays import Floats, Ints, Mask, Reals
-from finloop.base.axes import ahead_left
 from finloop.base.line import Line
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts, mapped
@@ -210,25 +209,18 @@ def planner(made: Material, p: Settings) -> Planner:
     return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
 
 
-def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> NDArray[np.float32]:
-    """Outlines (n, k, 2) of the film's frames, px ahead of and to the left of the mass centre.
+def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
+    """The outlines of the film's frames about their mass centre.
 
     outline_px (n, k, 2): x, y as filmed; places: x_px, y_px, heading_deg of each; scale (n,):
     drawn size / filmed size.
     """
     centre = places[["x_px", "y_px"]].to_numpy(float)
-    angle = np.radians(places["heading_deg"].to_numpy(float))[:, None]
-    made = np.empty(np.shape(outline_px), np.float32)
-    for first in range(0, len(made), _LOT):
-        lot = slice(first, first + _LOT)
-        offset = (outline_px[lot] - centre[lot, None]) * scale[lot, None, None]
-        made[lot] = ahead_left(offset, angle[lot])
-    return made
+    heading = np.radians(places["heading_deg"].to_numpy(float))
+    return FrameHulls(outline_px, centre, heading, scale)
 
 
-def reach(
-    sprite_hulls: Sequence[Floats], hulls: NDArray[np.float32], quantile: float
-) -> tuple[float, Mask]:
+def reach(sprite_hulls: Sequence[Floats], hulls: Hulls, quantile: float) -> tuple[float, Mask]:
     """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
 
     quantile: of the frames' reach; wider ones are mostly faults.

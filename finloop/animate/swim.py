@@ -15,6 +15,7 @@ from finloop.animate.company import (
     ALONE,
     Company,
     Discs,
+    Hulls,
     can_stay,
     company_of,
     discs_of,
@@ -29,7 +30,8 @@ from finloop.animate.policies import Policy
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
 from finloop.animate.state import Fish, State, Stretch, Waters, after
-from finloop.base.arrays import Floats, Ints
+from finloop.base.arrays import Floats, Ints, Reals
+from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.social.rule import Shoaling
 
@@ -42,16 +44,39 @@ class NoRoom(FinloopError):
 
 
 @dataclass(frozen=True)
+class FrameHulls:
+    """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
+
+    They are turned when they are looked at: of a film of hours the outlines stay in their file.
+    outline_px (n, k, 2): x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each
+    frame, the last drawn size / filmed size.
+    """
+
+    outline_px: Reals
+    centre_px: Floats
+    heading_rad: Floats
+    scale: Floats
+
+    def __len__(self) -> int:
+        return len(self.centre_px)
+
+    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
+        """The outlines (m, k, 2) of some frames."""
+        offset = (self.outline_px[rows] - self.centre_px[rows, None]) * self.scale[rows, None, None]
+        return ahead_left(offset, self.heading_rad[rows, None]).astype(np.float32)
+
+
+@dataclass(frozen=True)
 class Cast:
     """What is drawn: the table of sprites (n rows), and the outlines of all pictures.
 
     sprite_hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass
-    centre, at the drawn size; frame_hulls (rows, k, 2): of every frame.
+    centre, at the drawn size; frame_hulls: of every frame.
     """
 
     sprites: pd.DataFrame
     sprite_hulls: Sequence[Floats]
-    frame_hulls: NDArray[np.float32]
+    frame_hulls: Hulls
 
     @cached_property
     def sprite_scale(self) -> Floats:
@@ -181,7 +206,7 @@ class Player:
     def hull(self, kind: str, source: int) -> Floats:
         """The outline of a frame or sprite."""
         if kind == FRAME:
-            return self.cast.frame_hulls[source].astype(float)
+            return self.cast.frame_hulls[source : source + 1][0].astype(float)
         return self.cast.sprite_hulls[source]
 
     def following(self, kind: str, number: int) -> int:

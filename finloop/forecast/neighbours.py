@@ -9,7 +9,7 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 1953): in the long run all rows are visited equally often, as in the film.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 
 import numpy as np
@@ -23,6 +23,7 @@ from finloop.forecast.settings import Settings
 from finloop.nearest import Nearest
 
 _LOT = 512  # rows at a time
+_BLOCK = 50_000  # rows at a time in the embedding
 _SPARE = 2  # times `count`: rows of different passages that are drawn for `count` that look alike
 _NEAR = 8  # times as many nearest rows that look alike are examined for these, ...
 _MOST = 16_384  # ... among this number of nearest rows at most
@@ -54,18 +55,8 @@ def similar_rows(
     rows after two neighbours, which a fish shows next, are at most `p.look` apart in it, and at
     most `p.seen` natural steps to the eye. FinloopError if no two rows are similar.
     """
-    n, m, count = film.count, len(film.states), p.neighbours
-    there = _similar(film, look, p)
-    place = np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0])
-    few = np.flatnonzero(place < count)
-    near = np.zeros(len(there), bool)
-    near[few] = _visible(there[few], n, visible) <= p.seen
-    # The remaining pairs are drawn only for rows that lack neighbours.
-    lacks = np.bincount(there[few, 0], near[few], minlength=m) < count
-    rest = np.flatnonzero((place >= count) & lacks[there[:, 0]])
-    near[rest] = _visible(there[rest], n, visible) <= p.seen
-    there = there[near]
-    there = there[np.arange(len(there)) - np.searchsorted(there[:, 0], there[:, 0]) < count]
+    every = [_alike(pairs, film.count, visible, p) for pairs in _similar(film, look, p)]
+    there = np.concatenate([np.empty((0, 2), np.int64), *every])
     if not len(there):
         raise FinloopError(
             "no two rows of the film are similar and look alike",
@@ -74,34 +65,64 @@ def similar_rows(
             "take a longer film, in which postures come back, or raise these, or "
             "animate.sprites=paper, which needs less",
         )
-    image = (there + n) % m if m > n else there
-    every = np.concatenate([there, image, there[:, ::-1], image[:, ::-1]])
-    row, neighbour = np.divmod(np.unique(every[:, 0] * m + every[:, 1]), m)
-    return np.searchsorted(row, np.arange(m + 1)), neighbour
+    return _both_ways(there, film.count, len(film.states))
 
 
-def _similar(film: FilmStates, look: Reals, p: Settings) -> Ints:
+def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, Ints]:
+    """The graph of pairs (k, 2), of these the other way round, and of their mirror images.
+
+    count: the film's own rows, of `rows` with their mirror images.
+    """
+    image = (there + count) % rows if rows > count else there
+    ways = ((pairs, side) for pairs in (there, image) for side in (0, 1))
+    edges = np.concatenate([pairs[:, side] * rows + pairs[:, 1 - side] for pairs, side in ways])
+    edges.sort()  # in place, as below: of a million rows there are 50 million
+    edges = edges[np.append(True, edges[1:] != edges[:-1])]
+    start = np.searchsorted(edges, np.arange(rows + 1) * rows)
+    edges %= rows
+    return start, edges
+
+
+def _space(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:
+    """The `embedding` (m, l d) of rows about its mean."""
+    lots = [rows[first : first + _BLOCK] for first in range(0, len(rows), _BLOCK)]
+    mean = sum(embedding(film, lot, fade).sum(0) for lot in lots) / len(rows)
+    return np.concatenate([(embedding(film, lot, fade) - mean).astype(np.float32) for lot in lots])
+
+
+def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
     """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage.
+    another passage. They come lot by lot of the rows.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
-    space, looks = (
-        (values - values.mean(0)).astype(np.float32)
-        for values in (embedding(film, rows, p.fade), np.asarray(look)[rows + 1])
-    )
+    space, looks = _space(film, rows, p.fade), np.asarray(look)[rows + 1]
+    looks = (looks - looks.mean(0)).astype(np.float32)
     index, limits = Nearest.of(space), (near, passage, _SPARE * count)
-    pairs = [np.empty((0, 2), np.int64)]
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
         (choice,) = index.choose(
             space[lot], near, partial(_passages, rows, lot, (looks, p.look), limits), _MOST
         )
         at, place = np.nonzero(choice >= 0)
-        pairs.append(np.column_stack([rows[lot[at]], choice[at, place]]))
-    return np.concatenate(pairs)
+        yield np.column_stack([rows[lot[at]], choice[at, place]])
+
+
+def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: Settings) -> Ints:
+    """Of pairs (k, 2) of `_similar` the first `p.neighbours` of each row that look alike."""
+    _, row = np.unique(pairs[:, 0], return_inverse=True)
+    place = np.arange(len(pairs)) - np.searchsorted(row, row)
+    few = np.flatnonzero(place < p.neighbours)
+    near = np.zeros(len(pairs), bool)
+    near[few] = _visible(pairs[few], count, visible) <= p.seen
+    # The remaining pairs are drawn only for rows that lack neighbours.
+    lacks = np.bincount(row[few], near[few]) < p.neighbours
+    rest = np.flatnonzero((place >= p.neighbours) & lacks[row])
+    near[rest] = _visible(pairs[rest], count, visible) <= p.seen
+    pairs, row = pairs[near], row[near]
+    return pairs[np.arange(len(pairs)) - np.searchsorted(row, row) < p.neighbours]
 
 
 def _visible(pairs: Ints, count: int, visible: VisibleDistance) -> Floats:

@@ -57,13 +57,25 @@ class State(NamedTuple):
     row: int
 
 
-def sampler(film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings) -> Sampler:
-    """The sampler of a film and its model. graph: of `neighbours.similar_rows`."""
-    rows, d = film.rows, len(film.scale)
+def means(film: FilmStates, model: Forecast) -> Floats:
+    """The states (m, d) foretold from all rows that can be learnt from, 0 of the others."""
     mean = np.zeros_like(film.states)
-    for start in range(0, len(rows), _LOT):
-        lot = rows[start : start + _LOT]
+    for start in range(0, len(film.rows), _LOT):
+        lot = film.rows[start : start + _LOT]
         mean[lot] = model.mean(film.past(lot), film.control[lot])
+    return mean
+
+
+def sampler(
+    film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings,
+    mean: Floats | None = None,
+) -> Sampler:  # fmt: skip
+    """The sampler of a film and its model.
+
+    graph: of `neighbours.similar_rows`; mean: of `means`, None where that is to be called.
+    """
+    rows, d = film.rows, len(film.scale)
+    mean = means(film, model) if mean is None else mean
     some = np.arange(0, len(graph[1]), 1 + len(graph[1]) // _EDGES)
     source = np.searchsorted(graph[0], some, "right") - 1
     differ = film.control[source] - film.control[graph[1][some]]

@@ -125,6 +125,29 @@ def load_lists(path: Path, schema: Schema, *names: str) -> list[NDArray[Any]]:
     return arrays
 
 
+def read_lists(
+    path: Path, schema: Schema, names: Sequence[str], rows: int
+) -> Iterator[list[NDArray[Any]]]:
+    """List columns of a table as arrays (k, length), at most so many rows at a time.
+
+    All lists of a column are of the schema's length. Nothing but the columns' names is checked.
+    FinloopError if the file is missing, unreadable, or has other columns.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            if missing := [name for name in names if name not in file.schema_arrow.names]:
+                raise _refused(str(path), [f"{name}: missing" for name in missing], _AGAIN)
+            for batch in file.iter_batches(rows, columns=list(names)):
+                lengths = [column.length for column in schema.columns if column.name in names]
+                yield [
+                    batch.column(name).flatten().to_numpy(zero_copy_only=False).reshape(-1, length)
+                    for name, length in zip(names, lengths, strict=True)
+                ]
+    except (OSError, pa.ArrowException) as error:
+        came = f"{path} cannot be read as a table ({error})"
+        raise FinloopError(came=came, wanted="a Parquet file", do=_AGAIN) from error
+
+
 def _checked(path: Path, schema: Schema, columns: Sequence[str] | None) -> tuple[pa.Table, Schema]:
     """A table's columns, or some of them, after every check, and their schema."""
     if columns is not None:

@@ -12,7 +12,7 @@ from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Straight, parts, scaled, signatures
-from finloop.jumps.visible import VisibleDistance
+from finloop.jumps.visible import Pictures, VisibleDistance
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 
@@ -33,9 +33,11 @@ class FilmJumps(NamedTuple):
 
 def film_jumps(
     reel: Reel, poses: FilmPoses, settings: Settings,
-    advance: Callable[[int], None] = lambda _: None,
+    advance: Callable[[int], None] = lambda _: None, pictures: Pictures | None = None,
 ) -> FilmJumps:  # fmt: skip
     """The jumps of a film. poses: of the reel's rows; advance(n): n more rows are done.
+
+    pictures: of `VisibleDistance.of`.
 
     A fish whose sides differ is not mirrored, unless the settings say so.
     """
@@ -47,7 +49,7 @@ def film_jumps(
     values = signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.least * delta_of(reel.features)))
     search = Search.of(values, track, settings.candidates, least, mirror)
-    visible, tables = VisibleDistance.of(reel, poses, settings.look_px), []
+    visible, tables = VisibleDistance.of(reel, poses, settings.look_px, pictures), []
     for start in range(0, len(track), _LOT):
         lot = np.arange(start, min(start + _LOT, len(track)))
         near = search(lot)

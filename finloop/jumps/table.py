@@ -1,6 +1,16 @@
 """The tables of jumps, and of how rows look."""
 
+from dataclasses import dataclass
+
 from finloop.base.schema import ANY, Column, Schema, columns
+
+
+@dataclass(frozen=True)
+class VisibleFacts:
+    """What `VisibleDistance` holds beside pictures and postures; natural: see there."""
+
+    natural: float
+
 
 JUMPS = Schema(
     *columns("int32", "row", "row", "to"),

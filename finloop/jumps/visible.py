@@ -16,7 +16,14 @@ from finloop.puppet import draw
 from finloop.puppet.pairs import PictureSet, apart_in_pose, nearest_in_pose
 from finloop.reel import Reel
 
+Pictures = NDArray[np.uint8]
+
 _LOT = 1000  # pictures at a time
+
+
+def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
+    """The shape (n, s, s, c) of pictures of all rows, `size` px across."""
+    return len(reel), size, size, reel.film[0].pixels.shape[2]
 
 
 @dataclass(frozen=True)
@@ -27,20 +34,24 @@ class VisibleDistance:
     median of Eq. 5 from a row to the one a natural step later in its track.
     """
 
-    pictures: NDArray[np.uint8]
+    pictures: Pictures
     postures: Floats
     natural: float
 
     @classmethod
-    def of(cls, reel: Reel, poses: FilmPoses, size: int) -> "VisibleDistance":
-        """Draw the rows of a reel, `size` px across; poses: of the same rows."""
+    def of(
+        cls, reel: Reel, poses: FilmPoses, size: int, pictures: Pictures | None = None
+    ) -> "VisibleDistance":
+        """Draw the rows of a reel, `size` px across; poses: of the same rows.
+
+        pictures: where they are drawn, for a long film a mapped file; None: in memory.
+        """
         middle, length = (size - 1) / 2, size / SPAN
-        channels = reel.film[0].pixels.shape[2]
-        pictures = np.empty((len(reel), size, size, channels), np.uint8)
+        if pictures is None:
+            pictures = np.empty(shape_of(reel, size), np.uint8)
+        there = poses.pose.at(middle, middle, 0.0, length)
         for row in range(len(reel)):
-            pose = poses.pose[row]
-            here = pose.at(middle, middle, 0.0, length)
-            picture = draw(reel.film[row], pose, here, (size, size), sharp=False)
+            picture = draw(reel.film[row], poses.pose[row], there[row], (size, size), sharp=False)
             pictures[row] = np.round(255 * picture).clip(0, 255)
         ends = np.stack(reel.step_ends)
         step = [

@@ -1,0 +1,49 @@
+"""Arrays of a film's rows too long to be loaded: `.npy` files, mapped into memory.
+
+Opening one costs nothing, any row is reached at once, and processes share what they have read.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.errors import FinloopError
+from finloop.io.atomic import whole_file
+
+
+def save_array(path: Path, array: NDArray[Any]) -> None:
+    """Write an array, whole or not at all."""
+    with whole_file(path) as part:
+        np.save(part, array, allow_pickle=False)
+
+
+def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
+    """A mapped array to be filled, in a file that appears at once; for `whole_folder`.
+
+    kind: its dtype.
+    """
+    made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
+    return made.view(np.ndarray)
+
+
+def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
+    """A mapped array of a file. What is written into it stays in this process.
+
+    shape: None for any length; kind: its dtype. FinloopError if the file is missing, damaged, or
+    holds another kind of array.
+    """
+    again = "run the stage that makes it again: `dvc repro`"
+    wanted = f"an array of {kind} of shape {shape}, None for any length"
+    try:
+        array = np.load(path, mmap_mode="c", allow_pickle=False)
+    except (EOFError, OSError, ValueError) as error:
+        raise FinloopError(f"{path} cannot be read as an array ({error})", wanted, again) from error
+    same = len(array.shape) == len(shape) and all(
+        length in (None, own) for length, own in zip(shape, array.shape, strict=True)
+    )
+    if array.dtype != np.dtype(kind) or not same:
+        came = f"{path} holds an array of {array.dtype} of shape {array.shape}"
+        raise FinloopError(came, wanted, again)
+    return array.view(np.ndarray)

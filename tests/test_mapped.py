@@ -1,0 +1,61 @@
+"""Mapped arrays: round trips; what is no array of the kind that is wanted is said."""
+
+import numpy as np
+import pytest
+
+from finloop.base.errors import FinloopError
+from finloop.io.atomic import whole_folder
+from finloop.io.mapped import new_array, open_array, save_array
+
+ROWS = np.arange(24, dtype=np.int64).reshape(6, 4)
+
+
+def test_round_trip(tmp_path):
+    path = tmp_path / "a.npy"
+    save_array(path, ROWS)
+    back = open_array(path, (None, 4), "int64")
+    assert np.array_equal(back, ROWS)
+    assert [file.name for file in tmp_path.iterdir()] == ["a.npy"]
+
+
+def test_what_is_written_into_it_stays_in_this_process(tmp_path):
+    path = tmp_path / "a.npy"
+    save_array(path, ROWS)
+    back = open_array(path, ROWS.shape, "int64")
+    back[0] = -1
+    assert back[0].tolist() == [-1] * 4
+    assert np.array_equal(open_array(path, ROWS.shape, "int64"), ROWS)
+
+
+def test_a_new_array_is_in_the_folder_when_that_is_whole(tmp_path):
+    with whole_folder(tmp_path / "out") as folder:
+        made = new_array(folder / "a.npy", ROWS.shape, "int64")
+        for row, values in enumerate(ROWS):
+            made[row] = values
+    assert np.array_equal(open_array(tmp_path / "out/a.npy", ROWS.shape, "int64"), ROWS)
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind", "said"),
+    [
+        ((7, 4), "int64", r"shape \(6, 4\)"),
+        ((None,), "int64", r"shape \(6, 4\)"),
+        ((6, 4), "float32", "of int64"),
+    ],
+)
+def test_an_array_of_another_film_is_refused(tmp_path, shape, kind, said):
+    save_array(tmp_path / "a.npy", ROWS)
+    with pytest.raises(FinloopError, match=said):
+        open_array(tmp_path / "a.npy", shape, kind)
+
+
+@pytest.mark.parametrize("content", [None, b"", b"no array", "cut off"])
+def test_what_is_no_array_is_refused(tmp_path, content):
+    path = tmp_path / "a.npy"
+    if content == "cut off":
+        save_array(path, ROWS)
+        path.write_bytes(path.read_bytes()[:-9])
+    elif content is not None:
+        path.write_bytes(content)
+    with pytest.raises(FinloopError, match="cannot be read as an array"):
+        open_array(path, ROWS.shape, "int64")
