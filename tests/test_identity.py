@@ -46,17 +46,24 @@ def test_who_swims_straight_on_is_foretold():
 def test_who_wanders_gets_as_far_as_a_random_walk(rng):
     ways = np.cumsum(rng.normal(0, 1, (40, 400, 2)), axis=1)
     drift = motion.drift(table_of(*ways))
-    # The mean distance after g steps of spread 1 is sqrt(pi g / 2): twice the scale.
-    assert drift.error[:-1] == pytest.approx(0.5 * np.sqrt(np.pi * drift.gaps[:-1] / 2), rel=0.1)
+    # Half of the walks of g steps of spread 1 end within sqrt(2 ln 2 g).
+    assert drift.error[:-1] == pytest.approx(np.sqrt(2 * np.log(2) * drift.gaps[:-1]), rel=0.1)
     assert np.all(drift.share[:-1] < 0.1)
 
 
 def test_the_ratio_of_places_is_that_of_densities(rng):
     """Over the whole tank the density of the same animal adds up to one, as that of any does."""
-    drift = motion.Drift(np.array([1.0, 2.0]), np.array([0.7, 0.7]), np.zeros(2), 400.0, 4)
+    drift = motion.Drift(np.array([1.0, 2.0]), np.array([1.5, 1.5]), np.zeros(2), 400.0, 4)
     place = rng.uniform(-10, 10, (200_000, 2))
     ratio = np.exp(drift.log_ratio(np.ones(len(place)), np.hypot(*place.T)))
-    assert ratio.mean() == pytest.approx(1.0, rel=0.03)
+    assert ratio.mean() == pytest.approx(1.0, rel=0.04)
+
+
+def test_half_of_the_places_lie_within_the_median_error():
+    drift = motion.Drift(np.array([1.0, 2.0]), np.array([0.7, 0.7]), np.zeros(2), 400.0, 4)
+    apart = np.linspace(0, 0.7, 2001)
+    ring = 2 * np.pi * apart * np.exp(drift.log_ratio(np.ones(len(apart)), apart)) / drift.tank
+    assert np.trapezoid(ring, apart) == pytest.approx(0.5, rel=0.03)
 
 
 def test_a_track_is_joined_to_one_that_begins_where_it_leads():
@@ -184,6 +191,16 @@ def test_animals_that_differ_are_told_by_their_looks(rng):
     same = animal[:, None] == animal
     assert (ratio[same & other] > 0).mean() > 0.95
     assert (ratio[~same] < 0).mean() > 0.95
+
+
+def test_one_track_of_two_animals_leaves_the_others_told(rng):
+    animal, tracks = looks_of(rng, rng.normal(0, 1, (6, 5)), 0.5)
+    tracks[0][:10] += 100.0
+    ratio = looked_at(tracks, np.arange(30) // 6)[1:, 1:]
+    same = animal[1:, None] == animal[1:]
+    one = np.median(ratio[same & ~np.eye(29, dtype=bool)])
+    assert one > 1.0
+    assert one > 1.0 + np.median(ratio[~same])
 
 
 def test_animals_that_look_the_same_are_not_told(rng):

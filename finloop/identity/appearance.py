@@ -62,7 +62,8 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
 
     tracks: of each the numbers (k, d) of its pictures, in the order of time. at_once: the tracks
     that have a frame in common. All zeros where the film has too few pairs to learn from. Ratios
-    are limited to the number of pairs that they were learnt from.
+    are limited to the number of pairs that they were learnt from, and distances to the median of
+    those of two animals.
     """
     long = np.array([i for i in range(len(tracks)) if len(tracks[i]) >= 2 * _PARTS], np.intp)
     one_animal, two = list[Floats](), list[Floats]()
@@ -77,17 +78,20 @@ def log_ratios(tracks: Sequence[Floats], at_once: Pairs, pairs: Pairs) -> Floats
     counts = [len(apart) for apart in distances]
     if min(counts) < _LEAST:
         return np.zeros(len(pairs.a))
+    # A track of two animals that touch is far from itself, and one such would flatten the curve.
+    farthest = float(np.median(distances[1]))
     from sklearn.linear_model import LogisticRegression
 
     learnt = LogisticRegression(class_weight="balanced").fit(
-        np.concatenate(distances)[:, None], np.repeat([1, 0], counts)
+        np.minimum(np.concatenate(distances), farthest)[:, None], np.repeat([1, 0], counts)
     )
     slope, offset = float(learnt.coef_[0, 0]), float(learnt.intercept_[0])
     if slope >= 0:  # what is farther apart would be more alike: nothing was learnt
         return np.zeros(len(pairs.a))
     first, last = _ends(tracks, _tells(tracks, long))
     most = float(np.log(min(counts)))
-    return np.clip(slope * _apart(last[pairs.a], first[pairs.b]) + offset, -most, most)
+    apart = np.minimum(_apart(last[pairs.a], first[pairs.b]), farthest)
+    return np.clip(slope * apart + offset, -most, most)
 
 
 def _tells(tracks: Sequence[Floats], learnt: Tracks) -> "LinearDiscriminantAnalysis | None":

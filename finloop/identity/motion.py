@@ -1,7 +1,7 @@
 """The drift of an animal during a gap between tracks, measured in its film.
 
-Trial gaps in whole tracks measure it: the error is the distance of the animal's place after the gap
-from the place foretold by its motion before. Places are in body lengths, gaps in frames.
+Trial gaps in whole tracks measure it: the error is the distance between the places half way that
+are foretold from before the gap and from after it. Places are in body lengths, gaps in frames.
 """
 
 from dataclasses import dataclass
@@ -60,9 +60,9 @@ def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
 
 @dataclass(frozen=True)
 class Drift:
-    """The error of a foretold place after a gap. gaps (k,): frames, ascending; error (k,).
+    """The error of the place foretold half way through a gap. gaps (k,): frames, ascending.
 
-    before: frames over which the velocity is measured.
+    error (k,): the median; before: frames over which the velocity is measured.
     """
 
     gaps: Floats
@@ -74,12 +74,13 @@ class Drift:
     def log_ratio(self, gap: Floats, apart: Floats) -> Floats:
         """Log of how much more probable a place is for the same animal than for any animal.
 
-        log((1 − ε) A exp(−d / s) / (2 π s²) + ε), for a distance d from the foretold place
-        (`apart`, body lengths), the scale s of the error over a `gap` (frames), a tank of area A,
-        and ε of animals that dart.
+        log((1 − ε) A m² / (π (m² + d²)²) + ε), for a distance d between the foretold places
+        (`apart`, body lengths), its median m over a `gap` (frames), a tank of area A, and ε of
+        animals that may be anywhere. The density is Student's t in the plane, with two degrees of
+        freedom: most animals swim on, some dart, and those that touch dart more often.
         """
         error = np.maximum(np.interp(gap, self.gaps, self.error), _NO_ERROR)
-        near = np.exp(-apart / error) / (2 * np.pi * error**2)
+        near = error**2 / (np.pi * (error**2 + apart**2) ** 2)
         return np.log((1 - _TAIL) * np.minimum(near * self.tank, _SUREST) + _TAIL)
 
     def shares(self, gap: Floats) -> Floats:
@@ -96,7 +97,7 @@ def drift(tracks: pd.DataFrame) -> Drift:
     """
     spread = tracks[["x", "y"]].quantile(0.99) - tracks[["x", "y"]].quantile(0.01)
     tank = float(np.maximum(spread, 1.0).prod())
-    anywhere = float(np.sqrt(tank / (2 * np.pi)))
+    anywhere = float(np.sqrt(tank / np.pi))
     trials = [(before, *_errors(tracks, before)) for before in _BEFORE]
     common = min(len(error) for _, error, _ in trials if error) if trials[0][1] else 0
     if not common:
@@ -114,18 +115,19 @@ def drift(tracks: pd.DataFrame) -> Drift:
 
 
 def _errors(tracks: pd.DataFrame, before: int) -> tuple[list[float], list[float]]:
-    """For gaps of 1, 2, 4 … frames: scale of the error, share of the velocity that lasts."""
+    """For gaps of 1, 2, 4 … frames: median error, share of the velocity that lasts."""
     place = tracks[["x", "y"]].to_numpy(float)
     error, shares = list[float](), list[float]()
     gap = 1
-    while (same := _together(tracks, before + gap)).sum() >= _LEAST:
-        at = np.flatnonzero(same)
-        pace = (place[at + before] - place[at]) / before
-        went = place[at + before + gap] - place[at + before]
-        share = float(np.clip((pace * went).sum() / max(gap * (pace**2).sum(), 1e-12), 0, 1))
+    while (same := _together(tracks, 2 * before + gap)).sum() >= _LEAST:
+        first, end = np.flatnonzero(same), np.flatnonzero(same) + before
+        leaving = (place[end] - place[first]) / before
+        arriving = (place[end + gap + before] - place[end + gap]) / before
+        went = place[end + gap] - place[end]
+        share = float(np.clip((leaving * went).sum() / max(gap * (leaving**2).sum(), 1e-12), 0, 1))
         shares.append(share)
-        # Of a spread that is exponential in all directions the mean distance is twice its scale.
-        error.append(0.5 * float(np.hypot(*(went - share * gap * pace).T).mean()))
+        apart = went - 0.5 * share * gap * (leaving + arriving)
+        error.append(float(np.median(np.hypot(*apart.T))))
         gap *= 2
     return error, shares
 

@@ -15,8 +15,8 @@ class Settings:
     looked_at: Annotated[int, Field(ge=4)]  # pictures of a track for its descriptors
     size_px: Annotated[int, Field(ge=8)]  # px, sides of these pictures
     components: Count  # principal components of the pictures, at most
-    # share of the ends of tracks at which an animal comes or goes for good. The zebrafish films' 79
-    # tracks become 20 animals at 0.01, 22 at 0.05, 26 at 0.2; no trial gap is joined wrong
+    # share of the ends of tracks at which an animal comes or goes for good. The 36 tracks of
+    # eight zebrafish become 9 animals at 0.01, 10 at 0.05; no trial gap is joined wrong
     strangers: Share
     least_probability: Share  # a join that is less probable is not made
     seed: Seed  # of the noise that gives probabilities
