@@ -133,6 +133,15 @@ def test_an_animal_that_moves_by_fits_and_starts_doubles_nothing():
     assert doubled(np.array([np.nan, 0.0, 0.0, 0.0])).share == 0
 
 
+def test_an_animal_that_rests_and_darts_away_doubles_nothing():
+    # Bouts of 7 frames between rests of 6 frames and more.
+    speed = np.full(1500, 0.2)
+    starts = np.cumsum(RNG.integers(13, 30, 50))
+    for start in starts:
+        speed[start : start + 7] = RNG.uniform(6, 12) * np.sin(np.linspace(0.7, 3, 7))
+    assert doubled(changes(np.arange(1500), speed)).share < 0.01
+
+
 def test_stutter_is_told_from_a_conversion():
     times = np.arange(1500)
     late = RNG.choice(np.arange(1, 1500), 150, replace=False)

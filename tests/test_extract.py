@@ -803,6 +803,18 @@ def test_the_ghost_of_a_fish_that_moves_less_than_its_length_is_painted_out():
     assert np.median([f.fish.backbone.length_px for f in found]) == pytest.approx(60, rel=0.05)
 
 
+def test_bubbles_that_cover_more_than_the_fish_are_not_the_typical_fish():
+    rng = np.random.default_rng(6)
+    tank = np.full((160, 240), 150, np.uint8)
+    frames = []
+    for k in range(28):
+        picture = laid(tank, coverage(50 + 5 * k, 50 + 2 * k, size=tank.shape), 50)
+        for at in rng.uniform((10, 10), (230, 150), (14, 2)):
+            picture = laid(picture, coverage(*at, long=5.0, wide=4.0, size=tank.shape), 130)
+        frames.append(picture)
+    assert surveyed(frames)[1].area_px == pytest.approx(np.pi * LONG * WIDE, rel=0.1)
+
+
 def test_a_fish_that_does_not_move_at_all_is_found():
     tank = np.full((160, 220), 170, np.uint8)
     still = [laid(tank, coverage(110, 80, size=tank.shape), 60)] * 20

@@ -1,7 +1,8 @@
 """Pictures that a film shows twice, as after a conversion to a higher rate (25 → 30 Hz).
 
 The change from one frame to the next is that of the blocks that change most. Where animals move, it
-goes up and down smoothly; a doubled picture is a change that is small between large ones.
+goes up and down smoothly; a doubled picture is a change that is small between large ones. An animal
+that rests and darts away has small changes before large ones, and no doubled pictures.
 """
 
 from typing import NamedTuple
@@ -15,6 +16,7 @@ _THIN = 2  # every 2nd pixel in both directions
 _BLOCK = 12  # px of the thinned picture
 _MOST = 0.01  # share of the blocks, those that change most
 _AROUND = 6  # frames to each side with which a change is compared
+_BESIDE = 3  # frames to each side, one of which is new: film of a quarter of its rate or more
 _GAP = 2.5  # between the changes of doubled pictures and those of new ones, as a ratio
 _THIRD = 3  # largest change around; so that two flashes do not decide
 _LEAST = 1.0  # grey levels; where less changes, a frame is undecidable
@@ -82,7 +84,17 @@ def _decidable(changes: Floats) -> tuple[Mask, Mask]:
     gap = ratios.argmax(axis=1)
     below = np.take_along_axis(around, gap[:, None], axis=1)[:, 0]
     twice = (np.nan_to_num(changes) <= below) & (ratios.max(axis=1) >= _GAP)
-    return decidable, decidable & twice
+    return decidable, decidable & twice & _amid(changes, below)
+
+
+def _amid(changes: Floats, below: Floats) -> Mask:
+    """Frames (frames,) with a change above `below` (frames,) on both sides, or the film's end.
+
+    A resting animal that darts away has small changes on one side alone.
+    """
+    beyond = np.pad(np.nan_to_num(changes), _BESIDE, constant_values=np.inf)
+    sides = np.lib.stride_tricks.sliding_window_view(beyond, _BESIDE).max(axis=1)
+    return np.asarray((sides[: len(changes)] > below) & (sides[_BESIDE + 1 :] > below))
 
 
 def _cadence(decidable: Mask, twice: Mask) -> tuple[float, Ints, Mask]:

@@ -134,15 +134,16 @@ def _survey(
 def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Settings) -> Typical:
     """The typical fish of a clip, from silhouettes of sample frames.
 
-    Its area is the median of the silhouettes' areas, weighted by area so that specks of dirt count
-    little; length and contrast are the medians of the silhouettes of about that area.
+    Its area is the median of the silhouettes' areas, weighted by area and contrast so that dirt,
+    bubbles and figures of a clock count little; length and contrast are the medians of the
+    silhouettes of about that area.
     """
     free = [s for s in candidates if not s.at_border]
     if not free:
         raise _no_fish(candidates, scene, settings)
-    areas = np.sort([s.area_px for s in free])
-    weight = np.cumsum(areas)
-    area = float(areas[np.searchsorted(weight, 0.5 * weight[-1])])
+    free.sort(key=attrgetter("area_px"))
+    weight = np.cumsum([s.area_px * s.contrast for s in free])
+    area = free[int(np.searchsorted(weight, 0.5 * weight[-1]))].area_px
     alike = [s for s in free if 0.7 * area <= s.area_px <= 1.4 * area][:200]
     lines = [trace(s.mask, s.field, settings.points, scene.threshold) for s in alike]
     lengths = [line.length_px for line in lines if line is not None]

@@ -43,7 +43,9 @@ def film_jumps(
     """
     track = reel.features["track_id"].to_numpy()
     row_parts = parts(reel, poses, settings)
-    sides, hand = sides_apart(Straight(reel, poses, settings.look_px), track), handedness(row_parts)
+    block = max(1, round(settings.block * delta_of(reel.features)))
+    sides = sides_apart(Straight(reel, poses, settings.look_px), track)
+    hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)

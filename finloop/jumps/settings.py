@@ -26,3 +26,4 @@ class Settings:
     # alike: the distance to its mirror image over that of its pictures is at most this, and ...
     sides_most: Positive
     handed_most: Share  # ... the mean of its bends and turns over their size at most this
+    block: Positive  # Δ; what a fish does within so long a time tells its handedness once
