@@ -113,8 +113,9 @@ def scene_of(tank, polarity="dark", threshold=6.0):
 WHOLE = np.full(SIZE, 255, np.uint8)
 
 
-def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4):
-    return list(silhouettes(frame, scene, arena[: frame.shape[0], : frame.shape[1]], least, share))
+def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
+    inside = arena[: frame.shape[0], : frame.shape[1]]
+    return list(silhouettes(frame, scene, inside, least, share, shadow))
 
 
 # -- background ---------------------------------------------------------------------------------
@@ -761,6 +762,23 @@ def test_memory_does_not_grow_with_the_film(drawn, monkeypatch):
     peak(40)  # to and fro once
     assert peak(120) < 1.05 * peak(40)
     assert max(alive) <= 2
+
+
+@pytest.mark.parametrize("colour", [False, True])
+def test_the_dark_patches_of_a_white_fish_belong_to_it_and_its_shadow_does_not(colour):
+    tank = np.full((*SIZE, 3) if colour else SIZE, 90, np.uint8)
+    fish = coverage(80, 60)
+    picture = laid(tank, coverage(84, 68), 72)  # a shadow
+    picture = laid(picture, fish, 235)
+    patch = coverage(92, 54, long=10.0, wide=6.0) * fish  # at the outline
+    picture = laid(picture, patch, 36)
+    (silhouette,) = patches(picture, scene_of(tank, "both"))
+    mask = np.zeros(SIZE, bool)
+    h, w = silhouette.mask.shape
+    mask[silhouette.y0 : silhouette.y0 + h, silhouette.x0 : silhouette.x0 + w] = silhouette.mask
+    assert mask[patch > 0.9].mean() > 0.95
+    assert mask[fish > 0.9].mean() > 0.98
+    assert not mask[cv2.dilate(fish, np.ones((5, 5))) == 0].any()
 
 
 def test_a_fish_that_hardly_moves():

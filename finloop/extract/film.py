@@ -93,7 +93,8 @@ class Detector:
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         scene = in_light_of(scene, frame)
-        patches = list(silhouettes(frame, scene, self.arena, least, settings.outline_share))
+        edges = settings.outline_share, settings.shadow
+        patches = list(silhouettes(frame, scene, self.arena, least, *edges))
         verdicts = [judge(s, self.typical, settings) for s in patches]
         fish = [
             measure(s, frame, scene, settings.points) if verdict == "fish" else None

@@ -116,11 +116,12 @@ def _survey(
     scene = survey_noise(
         sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast
     )
+    edges = settings.outline_share, settings.shadow
     candidates = [
         s
         for frame in sample
         for s in silhouettes(
-            frame, in_light_of(scene, frame), arena, settings.least_area_px, settings.outline_share
+            frame, in_light_of(scene, frame), arena, settings.least_area_px, *edges
         )
     ]
     typical = typical_fish(candidates, scene, settings)

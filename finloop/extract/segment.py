@@ -2,7 +2,8 @@
 
 Two thresholds: pixels above the noise form *candidate* patches; within a patch the silhouette are
 the pixels above a share of that fish's own contrast. The first threshold finds pale fish, the
-second keeps soft shadows, wakes and reflections out of the silhouette.
+second keeps soft shadows, wakes and reflections out of the silhouette. Of a fish that is brighter
+and darker than the tank, what is darker than a shadow belongs to the silhouette, too.
 """
 
 from collections.abc import Iterator
@@ -62,13 +63,14 @@ class Fish:
 
 
 def silhouettes(
-    frame: Picture, scene: Scene, arena: Picture, least_area: float, share: float
+    frame: Picture, scene: Scene, arena: Picture, least_area: float, share: float, shadow: float
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
     `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
-    edge of a patch lies at `share` of its own contrast. The rectangle about a candidate may hold
-    parts of others, which are left out.
+    edge of a patch lies at `share` of its own contrast; a shadow takes at most the share `shadow`
+    of the tank's light. The rectangle about a candidate may hold parts of others, which are left
+    out.
     """
     change = difference(frame, scene)
     height, width = change.shape
@@ -82,12 +84,33 @@ def silhouettes(
         contrast = upper_level(patch, scene.threshold, _CONTRAST)
         level = max(int(scene.threshold), int(share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
+        if scene.polarity == "both":
+            window = np.s_[top:bottom, left:right]
+            dark = _darker_than_shadows(frame[window], scene.background[window], shadow)
+            above = _with_dark_skin(above, dark & (patch > scene.threshold))
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
             if cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0:
                 part = _silhouette(edge, patch, (left, top), contrast, arena)
                 if part.area_px >= least_area:
                     yield part
+
+
+def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
+    """Pixels (h, w) that lack more than a share of the tank's light, in every channel."""
+    dark = cv2.subtract(tank, film) > shadow * tank
+    return dark if dark.ndim == 2 else dark.all(axis=-1)
+
+
+def _with_dark_skin(above: Picture, dark: Mask) -> Picture:
+    """The mask `above` (0 or 255) of a fish, with its `dark` patches.
+
+    Where bright skin becomes dark skin a pixel is as bright as the tank: such seams are closed.
+    """
+    if not (dark & (above == 0)).any():
+        return above
+    both = np.where(dark, np.uint8(255), above)
+    return np.asarray(cv2.morphologyEx(both, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8)))
 
 
 def _candidates(change: Picture, arena: Picture, level: int) -> Iterator[Edge]:

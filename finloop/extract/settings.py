@@ -24,6 +24,9 @@ class Settings:
     least_contrast: Positive  # grey levels; the threshold is never below
     # a silhouette ends where the difference falls to this share of the fish's contrast
     outline_share: Share
+    # of the tank's light that a shadow takes at most; of fish that are brighter and darker than the
+    # tank, what lacks more is dark skin
+    shadow: Share
     least_area_px: Annotated[float, Field(ge=4)]  # px²; smaller patches are never looked at
     least_area_ratio: Share  # of a typical fish's area; a smaller silhouette is no fish
     # of a typical fish's area; a larger silhouette is several fish that touch
