@@ -21,12 +21,13 @@ from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player
 from finloop.base.line import PX, Line
-from finloop.forecast.film import film_states
+from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split
-from finloop.forecast.sampling import sampler
+from finloop.forecast.sampling import at_row, follow, sampler
 
+REST = np.zeros(3000, bool)
 GOALS = [Goal("A", 120, 100), Goal("B", 680, 500), Goal("C", 120, 500)]
 
 
@@ -63,7 +64,8 @@ def waters(mirrored=True, barred=()):
 def swimmer(rarity=None, **film):
     here = waters(**film)
     none = Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
-    return ForecastSwimmer(here, endless(sample(), here.film.more), np.arange(60), rarity or none)
+    film = endless(sample(), here.film.more, REST)
+    return ForecastSwimmer(here, film, np.arange(60), rarity or none)
 
 
 def player(**film):
@@ -151,10 +153,26 @@ def test_rows_that_must_not_be_shown_are_not_and_neither_are_mirror_images_that_
 
 
 def test_only_rows_that_are_shown_are_similar():
-    one = endless(sample(), waters(mirrored=False).film.more)
+    one = endless(sample(), waters(mirrored=False).film.more, REST)
     assert (one.to < 3000).all()
     assert one.usable[one.to].all()
     assert one.start[-1] == len(one.to)
+
+
+def test_where_the_film_rests_a_fish_moves_as_the_film_does_and_its_mirror_image_too():
+    rest = REST.copy()
+    rest[500:510] = True
+    more = waters().film.more
+    plain, resting = (endless(sample(), more, each) for each in (REST, rest))
+    for row in (495, 3495):
+        past = at_row(plain, row).past + 0.1
+        control = plain.control[row]
+        free, held = (follow(one, past, row, 20, control)[::-1] for one in (plain, resting))
+        film = plain.states[row + 1 : row + 21]
+        assert np.array_equal(held[4:14, -MOTION:], film[4:14, -MOTION:])
+        assert (free[4:14, -MOTION:] != film[4:14, -MOTION:]).all()
+        assert np.array_equal(held[:4], free[:4])
+        assert (held[4:14, :-MOTION] != film[4:14, :-MOTION]).all()  # its posture settles
 
 
 def test_rows_that_only_lead_to_an_end_of_the_film_are_not_followed():
@@ -165,7 +183,7 @@ def test_rows_that_only_lead_to_an_end_of_the_film_are_not_followed():
     gone |= np.isin(whole.to, np.r_[lonely])
     start = np.append(0, np.cumsum(~gone))[start]
     more = np.arange(3000) % 1101 != 1100
-    one = endless(whole._replace(start=start, to=whole.to[~gone]), more)
+    one = endless(whole._replace(start=start, to=whole.to[~gone]), more, REST)
     assert not one.usable[lonely].any()
     assert one.usable[800:999].all()
     assert one.start[1000] > one.start[999]  # from the last one it goes over
@@ -179,7 +197,7 @@ def test_rows_that_only_lead_round_among_themselves_are_not_followed():
     trap = (one >= 1050) & (one < 1101)
     into = np.where(trap, 1060, whole.to)  # a few frames, again and again
     more = np.arange(3000) % 1101 != 1100
-    film = endless(whole._replace(to=into), more)
+    film = endless(whole._replace(to=into), more, REST)
     assert not film.usable[1050:1101].any()
     assert film.usable[600:1000].mean() > 0.9
 

@@ -6,15 +6,25 @@ import numpy as np
 import pytest
 from toy_film import DELTA, RATE, bodies_of, players_of, rich_film, waters_of
 
-from finloop.animate.edit_list import CUT, FADE, HYBRID, INERTIAL, LOOPS, NETWORK, Goal
+from finloop.animate.edit_list import (
+    CUT,
+    FADE,
+    FRAME,
+    HYBRID,
+    INERTIAL,
+    LOOPS,
+    NETWORK,
+    SPRITE,
+    Goal,
+)
 from finloop.animate.joins import Joins, Shown, inertialized, joins
 from finloop.animate.listing import play
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0
-HOW = Joins(INERTIAL, 3, DECAY, bodies_of(rich_film()), lambda *_: True)
-BODIES = HOW.bodies
+BODIES = bodies_of(rich_film())
+HOW = Joins(INERTIAL, 3, DECAY, BODIES, lambda *_: True, np.zeros(len(BODIES.goes_on), bool))
 
 
 def frames(*runs, mirrored=False, rot=0.0):
@@ -96,6 +106,22 @@ def test_a_picture_that_is_held_does_not_bend_on_and_on():
     apart = np.linalg.norm(found.codes - BODIES.codes(own(shown)), axis=1)
     step = np.linalg.norm(np.diff(BODIES.poses.codes[10:30], axis=0), axis=1).max()
     assert apart.max() < 3 * step and not found.posed[25:39].any()
+
+
+def test_while_the_film_rests_what_a_join_left_stays_as_it_is():
+    rest = np.zeros_like(HOW.rests)
+    rest[315:325] = True
+    moving, resting = (replace(HOW, bodies=FREE, rests=each) for each in (HOW.rests, rest))
+    shown = frames((10, 30), (310, 60))
+    codes, turn = BODIES.codes(own(shown)), heading(shown, made(shown)) - own(shown).heading_deg
+    free, held = (made(shown, how) for how in (moving, resting))
+    left, stays = free.codes - codes, held.codes - codes
+    count = len(shown.number) - 10
+    assert np.allclose(np.delete(stays, np.r_[35:45], 0), left[:count], atol=1e-6)
+    assert np.allclose(stays[35:45], stays[34], atol=1e-6) and np.abs(stays[34]).max() > 0.05
+    assert np.allclose(np.delete(held.turn_deg, np.r_[35:45]), turn[:count])
+    assert held.posed.sum() == free.posed.sum() + 10
+    assert resting.moving(FRAME, shown.number) == resting.moving(SPRITE, shown.number) - 10
 
 
 def test_two_joins_in_a_row_carry_the_rest():

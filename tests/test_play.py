@@ -16,7 +16,7 @@ from toy_film import (
     players_of,
     waters_of,
 )
-from toy_tank import played, read, toy_players, view_of
+from toy_tank import played, read, resting_players, toy_players, view_of
 
 from finloop.animate import kinematics as step
 from finloop.animate import policies
@@ -43,12 +43,13 @@ def steps(rows):
 # --- the same engine
 
 
+@pytest.mark.parametrize("rest", [0.0, 0.8])
 @pytest.mark.parametrize("mode", MODES)
-def test_left_alone_it_is_the_edit_list_of_animate(mode):
-    ticks = 240
-    found = swim(toy_players()[mode], [], ticks, np.random.default_rng([7, 0]))
-    wanted = edit_list(found, ticks, toy_players()[mode])
-    tank = LiveTank(toy_players(), mode, 1, 7)
+def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
+    ticks, players = 240, resting_players(rest)
+    found = swim(players[mode], [], ticks, np.random.default_rng([7, 0]))
+    wanted = edit_list(found, ticks, players[mode])
+    tank = LiveTank(players, mode, 1, 7)
     rows = pd.DataFrame(
         np.append(np.array([tank.fish[0].at(0)[:-1]], ROW), played(tank, ticks - 1))
     )

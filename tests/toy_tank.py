@@ -1,6 +1,7 @@
 """The live tank of the made-up fish, and frames taken apart, for the tests of the tank and page."""
 
 import json
+from dataclasses import replace
 from functools import cache
 
 import cv2
@@ -19,6 +20,15 @@ from finloop.render.painter import Painter
 @cache
 def toy_players(join="inertial"):
     return players_of(waters_of(fade=0.6, join=join))
+
+
+def resting_players(share):
+    """Players of a film that rests at a share of its rows, picked at random."""
+    players = toy_players()
+    rest = np.random.default_rng(0).random(len(rich_film().more)) < share
+    return {
+        mode: replace(one, joins=replace(one.joins, rests=rest)) for mode, one in players.items()
+    }
 
 
 def drop() -> np.ndarray:

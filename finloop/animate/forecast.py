@@ -181,13 +181,14 @@ class ForecastSwimmer:
         )  # fmt: skip
 
 
-def endless(sampler: Sampler, more: Mask) -> Sampler:
+def endless(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
     """A sampler of those rows of `animate.Film` from which a fish can swim for ever.
 
-    more: which of them the film goes on from. Without the film's mirror images, where it has none,
-    and without rows that must not be shown. Of the rest: the largest set of rows that lead to each
-    other, and all that lead there; not those that only lead to an end of the film, or round and
-    round in a few frames. So the last row of a stretch, which cannot be followed, has neighbours.
+    more: which of them the film goes on from; rests: at which of the film's own it rests. Without
+    the film's mirror images, where it has none, and without rows that must not be shown. Of the
+    rest: the largest set of rows that lead to each other, and all that lead there; not those that
+    only lead to an end of the film, or round and round in a few frames. So the last row of a
+    stretch, which cannot be followed, has neighbours.
     """
     n, m = len(more), len(sampler.usable)
     shown = np.zeros(m + 1, bool)
@@ -205,7 +206,8 @@ def endless(sampler: Sampler, more: Mask) -> Sampler:
     usable = leads[:-1] & leads[1:]
     goes = leads[one] & usable[sampler.to]
     start = np.append(0, np.cumsum(goes))[sampler.start]
-    return sampler._replace(usable=usable, start=start, to=sampler.to[goes])
+    still = np.resize(rests, m)  # those of mirror images follow
+    return sampler._replace(usable=usable, start=start, to=sampler.to[goes], rests=still)
 
 
 def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:

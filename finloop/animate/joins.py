@@ -8,8 +8,9 @@ picture would have shown and the new one,
 
 decays as a critically damped spring and is added to the new picture's own. It is linear, so what is
 left of one join adds to the next. Where the two pictures are no more alike in one posture than each
-in its own, as backbones of fat bodies say little, the posture is left as it is. Light and skin go
-over by a cross-fade in that pose. FADE mixes the two pictures as they are, CUT changes at once.
+in its own, as backbones of fat bodies say little, the posture is left as it is. While the film
+rests the difference stays as it is: τ counts the ticks at which it moves. Light and skin go over by
+a cross-fade in that pose. FADE mixes the two pictures as they are, CUT changes at once.
 
 D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of War", GDC 2018.
 """
@@ -24,6 +25,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.bodies import Bodies, Body
 from finloop.animate.edit_list import CUT, FRAME, INERTIAL, SPRITE
+from finloop.animate.rest import rests
 from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.features.table import wrap_deg
@@ -40,7 +42,8 @@ class Joins:
     """kind: INERTIAL, FADE or CUT. fade: ticks of a cross-fade.
 
     decay: ticks after which 5 % of an offset are left; bodies: the film's; helps: whether a row is
-    more like another one in the other's posture, of their numbers and whether each is mirrored.
+    more like another one in the other's posture, of their numbers and whether each is mirrored;
+    rests (n,): whether the film rests at each row.
     """
 
     kind: str
@@ -48,15 +51,23 @@ class Joins:
     decay: float
     bodies: Bodies
     helps: Helps
+    rests: Mask
 
     @property
     def reach(self) -> int:
-        """Ticks that a join is seen for, with those before it that it depends on."""
+        """Ticks that a join is seen for, with those before it that it depends on.
+
+        Those alone count at which the film moves.
+        """
         return max(self.fade, self._ticks) + 3
 
     @property
     def _ticks(self) -> int:
         return int(np.ceil(_REACH * self.decay)) if self.kind == INERTIAL else 0
+
+    def moving(self, kind: str, number: Ints) -> int:
+        """How many pictures of a kind, numbered as `Film` does, count of the time of a join."""
+        return len(number) if kind == SPRITE else int((~self.rests[number % len(self.rests)]).sum())
 
     def spring(self) -> tuple[Floats, Floats]:
         """What is left after 0, 1, 2 … ticks of an offset of 1, and of a velocity of 1 a tick."""
@@ -71,7 +82,8 @@ def joins(p: Settings, bodies: Bodies, delta: int, helps: Helps) -> Joins:
     if time == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
     fade = 0 if p.join == CUT else round(p.fade * delta)
-    return Joins(p.join, fade, max(float(time) * delta, 1.0), bodies, helps)
+    still = rests(bodies, p.rest)
+    return Joins(p.join, fade, max(float(time) * delta, 1.0), bodies, helps, still)
 
 
 @dataclass(frozen=True)
@@ -109,6 +121,7 @@ def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
     follows = _expected(last, (frame[:-1], number[:-1]), np.diff(line_deg), bodies)
     natural = (new.row == follows.row) & (new.mirrored == follows.mirrored)
     natural &= (frame[1:] == frame[:-1]) & bodies.goes_on[last.row]
+    moves = np.append(True, ~(natural & how.rests[new.row]))
     natural[1:] |= (new.row[1:] == last.row[1:]) & (last.row[1:] == last.row[:-1])  # it is held
     at = np.flatnonzero(~natural) + 1
     old = follows.some(at - 1)
@@ -119,9 +132,11 @@ def inertialized(shown: Shown, line_deg: Floats, how: Joins) -> Inertial:
     plain = at[[not how.helps(one, other, bool(a), bool(b)) for one, other, a, b in pairs]]
     offset[plain, :-1] = velocity[plain, :-1] = 0
     springs = how.spring()
-    left = scipy.signal.lfilter(springs[0], [1.0], offset, axis=0)
-    left += scipy.signal.lfilter(springs[1], [1.0], velocity, axis=0)
-    since = np.arange(len(frame)) - np.maximum.accumulate(_last(at, len(frame)))
+    clock = np.cumsum(moves) - 1
+    left = scipy.signal.lfilter(springs[0], [1.0], offset[moves], axis=0)
+    left += scipy.signal.lfilter(springs[1], [1.0], velocity[moves], axis=0)
+    left = left[clock]
+    since = clock - np.maximum.accumulate(_last(clock[at], clock[-1] + 1))[clock]
     posed, codes = since < len(springs[0]), bodies.codes(own)
     codes[posed] += left[posed, :-1]
     shapes = bodies.poses.shapes  # what is so near to a filmed posture is possible

@@ -198,7 +198,7 @@ def planner(made: Material, p: Settings) -> Planner:
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
     by_mode = players(waters, cast, made.model, gates, how)
-    swum = None if made.forecast is None else endless(made.forecast, way.more)
+    swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
     if swum is not None and swum.usable.any() and p.sprites == "learned":
         swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy(), rarity)
         for mode in (NETWORK, HYBRID):

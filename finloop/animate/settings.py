@@ -48,6 +48,9 @@ class Settings:
     join_time: Literal["auto"] | Positive
     join_least: Positive  # Δ, the shortest that is taken where join_time is auto ...
     join_most: Positive  # ... and the longest
+    # of the film's movement from frame to frame (RMS); where it moves less, the animal rests, and
+    # neither joins nor forecasts move it
+    rest: NotNegative
     fade: NotNegative  # Δ, cross-fade of the pictures; 0 = none
     # natural steps; pictures farther apart (Eq. 5) are not mixed where joins are fades
     fade_steps: NotNegative

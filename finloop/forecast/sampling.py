@@ -32,7 +32,8 @@ class Sampler(NamedTuple):
     low, high: (d,) the range of the film's states; lags: (l,) ticks; settle: (d,) the share of a
     difference that remains after a tick; start, to: the graph of similar rows; follow: ticks, on
     average, for which a row is followed; obey: (2,) the difference of a row's control from the
-    given one at which the row's likelihood is exp(−1/2).
+    given one at which the row's likelihood is exp(−1/2);
+    rests: (m,) whether a fish at the row moves as the film does, not as is foretold: it rests.
     """
 
     net: Net
@@ -48,6 +49,7 @@ class Sampler(NamedTuple):
     to: Ints
     follow: float
     obey: Floats
+    rests: Mask
 
 
 class State(NamedTuple):
@@ -85,7 +87,7 @@ def sampler(
         film.states[rows].min(0), film.states[rows].max(0), film.lags,
         0.5 ** (1 / (half * film.delta)), *graph,
         max(1.0, p.follow * film.delta, film.memory),
-        p.obey * np.sqrt((differ**2).mean(0)),
+        p.obey * np.sqrt((differ**2).mean(0)), np.zeros(len(film.states), bool),
     )  # fmt: skip
 
 
@@ -185,6 +187,7 @@ def follow(swim: Sampler, past: Floats, row: int, ticks: int, control: Floats) -
         next_mean(swim.net, x, mean, hidden)
         for j in range(d):
             value = swim.states[row + t + 1, j]
-            value += swim.settle[j] * (mean[j] - swim.mean[row + t, j])
+            if not (swim.rests[row + t + 1] and j >= d - MOTION):
+                value += swim.settle[j] * (mean[j] - swim.mean[row + t, j])
             states[now - 1, j] = min(max(value, swim.low[j]), swim.high[j])
     return states[:ticks]

@@ -292,13 +292,16 @@ class LiveFish:
     def _rows(self) -> tuple[NDArray[np.void], NDArray[Any]]:
         """What is drawn of the last stretch, its rows and their poses.
 
-        It depends on what of those before has not died away.
+        It depends on what of those before has not died away: longer where the film rests.
         """
-        ticks, recent = 0, deque[Choice]()
+        ticks, moved, recent = 0, 0, deque[Choice]()
+        joins, last = self._player.joins, self._choices[-1]
         for choice in reversed(self._choices):
             recent.appendleft(choice)
             ticks += len(choice.stretch.way)
-            if ticks - len(self._choices[-1].stretch.way) > self._player.joins.reach:
+            if choice is not last:
+                moved += joins.moving(choice.stretch.kind, choice.stretch.number)
+            if moved > joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]
         columns = edit_columns(stretches, names, ticks, self._player)
