@@ -35,6 +35,12 @@ from stages.settings import load
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 PIECES = Path("data/.extract.part")  # outside of what DVC removes before it runs the stage
 LONG = 60  # frames of a long track
+_UNUSED = {
+    "places_no_silhouette": "show no silhouette",
+    "places_shared": "share a silhouette",
+    "places_not_isolated": "show no isolated animal",
+    "places_in_short_runs": "are in runs shorter than extract.least_frames",
+}
 WORKERS_NEED = ["finloop.extract.film", "finloop.io.pieces"]
 """What the workers of a cluster import before they begin."""
 
@@ -100,7 +106,13 @@ def notes_on_given(numbers: Mapping[str, float]) -> Iterator[str]:
     """Notes for the user on tracks from a file; none without one."""
     if numbers:
         animals, unused = numbers["animals"], numbers["animals"] - numbers["animals_used"]
-        yield f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"
+        why = (
+            f"{numbers[name] / max(1, numbers['places']):.1%} {words}"
+            for name, words in _UNUSED.items()
+            if numbers[name]
+        )
+        used = f"{numbers['places_used_share']:.1%} of the places in the file of tracks are used"
+        yield "; ".join([used, *why])
         if unused:
             yield f"of its {animals:g} animals {unused:g} never have a silhouette of their own"
 
