@@ -16,7 +16,7 @@ import stages.identity
 import stages.plots.identity
 from finloop.identity import appearance, motion
 from finloop.identity.film import IDENTITIES
-from finloop.identity.joins import Pairs, at_once, best, later
+from finloop.identity.joins import Pairs, at_once, best, in_passes, later
 from finloop.io.table import load_table
 
 
@@ -154,6 +154,35 @@ def test_probabilities_are_near_those_of_all_sets_of_joins(rng):
         if found.before[b] >= 0:
             truth = weight[found.before[b], b] / total
             assert found.probability[b] == pytest.approx(truth, abs=0.15)
+
+
+def test_tracks_that_are_joined_tell_more_together(rng):
+    """Where the first join is made, the second becomes probable; a chain keeps its order."""
+
+    def scores(chains):
+        if chains == [[0, 1, 2]]:
+            return Pairs(np.zeros(0, int), np.zeros(0, int)), np.zeros(0)
+        if chains == [[0, 1], [2]]:
+            return Pairs(np.array([0]), np.array([1])), np.full(1, 20.0)
+        pairs = Pairs(np.array([0, 1, 0]), np.array([1, 2, 2]))
+        return pairs, np.array([20.0, -20.0, -20.0])
+
+    def of(count, pairs, log_ratio):
+        return best(count, pairs, log_ratio, 0.01, 0.5, rng)
+
+    assert of(3, *scores([[0], [1], [2]])).before.tolist() == [-1, 0, -1]
+    assert in_passes(3, scores, 0.9, of).before.tolist() == [-1, 0, 1]
+
+
+def test_where_no_join_is_sure_passes_are_one(rng):
+    pairs = Pairs(np.array([0, 0, 1, 1]), np.array([2, 3, 2, 3]))
+    once = best(4, pairs, np.full(4, 6.0), 1e-6, 0.3, np.random.default_rng(0))
+
+    def of(count, pairs, log_ratio):
+        return best(count, pairs, log_ratio, 1e-6, 0.3, np.random.default_rng(0))
+
+    joins = in_passes(4, lambda _: (pairs, np.full(4, 6.0)), 0.9, of)
+    np.testing.assert_array_equal(joins, once)
 
 
 # --- looks

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -14,7 +15,7 @@ from finloop.base.stretches import spread
 from finloop.distance.picture import BODY
 from finloop.features.head import tail_first
 from finloop.identity import appearance, motion
-from finloop.identity.joins import Joins, at_once, best, later
+from finloop.identity.joins import Chains, Joins, Pairs, at_once, best, in_passes, later
 from finloop.identity.settings import Settings
 from finloop.reel import Reel
 
@@ -140,7 +141,8 @@ def spans(features: pd.DataFrame) -> Spans:
 def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
     """The joins of tracks, or of parts of tracks: rows in the order of frames.
 
-    The score of a join is that of motion and appearance together.
+    The score of a join is that of motion and appearance together; the appearance of tracks that are
+    joined is that of all their pictures.
     """
     reel, p = film.reel, film.settings
     features = reel.features
@@ -152,8 +154,6 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
         [frame[rows] for rows in parts], [place[rows] for rows in parts], drift.before
     )
     segment = np.array([film.segment[rows[0]] for rows in parts])
-    pairs = later(ends.start, ends.stop, segment)
-    motion_ratio = motion.log_ratios(ends, drift, pairs)
     some = [spread(rows, p.looked_at) for rows in parts]
     every = np.concatenate(some)
     looks = appearance.descriptors(
@@ -162,9 +162,21 @@ def joins_of(film: Evidence, parts: list[NDArray[np.intp]]) -> Joins:
         p.components,
     )
     by_track = np.split(looks, np.cumsum([len(rows) for rows in some])[:-1])
-    look_ratio = appearance.log_ratios(by_track, at_once(ends.start, ends.stop), pairs)
+
+    def scores(chains: Chains) -> tuple[Pairs, Floats]:
+        between = motion.ends_of(ends, chains)
+        pairs = later(between.start, between.stop, segment[[chain[0] for chain in chains]])
+        looks = [np.concatenate([by_track[k] for k in chain]) for chain in chains]
+        look_ratio = appearance.log_ratios(looks, at_once(between.start, between.stop), pairs)
+        return pairs, motion.log_ratios(between, drift, pairs) + look_ratio
+
     rng = np.random.default_rng(p.seed)
-    return best(len(parts), pairs, motion_ratio + look_ratio, p.strangers, p.least_probability, rng)
+    return in_passes(
+        len(parts),
+        scores,
+        p.sure,
+        partial(best, strangers=p.strangers, least=p.least_probability, rng=rng),
+    )
 
 
 def _numbers(joins: Joins, lengths: list[int]) -> NDArray[np.intp]:

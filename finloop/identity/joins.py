@@ -1,5 +1,6 @@
 """The best set of joins between tracks, and how probable each join is."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +16,8 @@ _DRAWS = 500  # best sets under noise; a probability is a share of them
 _SOONEST = 64
 
 Tracks = NDArray[np.intp]
+Chains = list[list[int]]
+"""Tracks of one animal each, in the order of time."""
 
 
 class Pairs(NamedTuple):
@@ -82,6 +85,44 @@ def best(
     probability = np.where(before >= 0, times / _DRAWS, 1.0)
     sure = probability >= least
     return Joins(np.where(sure, before, -1), np.where(sure, probability, 1.0))
+
+
+def in_passes(
+    tracks: int,
+    scores: Callable[[Chains], tuple[Pairs, Floats]],
+    sure: float,
+    best_of: Callable[[int, Pairs, Floats], Joins],
+) -> Joins:
+    """The joins of tracks, the sure ones first.
+
+    Tracks that a join of at least the probability `sure` connects are one chain in the next pass:
+    more of an animal is seen there, and fewer ends are open. scores: pairs of chains, and the log
+    ratio of a join of each; best_of: `best`, of so many chains.
+    """
+    before, probability = np.full(tracks, -1), np.ones(tracks)
+    chains: Chains = [[track] for track in range(tracks)]
+    while True:
+        joins = best_of(len(chains), *scores(chains))
+        made = joins.before >= 0
+        is_sure = made & (joins.probability >= sure)
+        new = is_sure if is_sure.any() else made
+        first, last = (np.array([chain[k] for chain in chains], np.intp) for k in (0, -1))
+        before[first[new]] = last[joins.before[new]]
+        probability[first[new]] = joins.probability[new]
+        if not is_sure.any():
+            return Joins(before, probability)
+        chains = _chains(before)
+
+
+def _chains(before: Tracks) -> Chains:
+    """Tracks in chains: each after the one before it, in the order of their first tracks."""
+    after = np.full(len(before), -1)
+    after[before[before >= 0]] = np.flatnonzero(before >= 0)
+    chains: Chains = [[int(track)] for track in np.flatnonzero(before < 0)]
+    for chain in chains:
+        while (track := int(after[chain[-1]])) >= 0:
+            chain.append(track)
+    return chains
 
 
 class _Part(NamedTuple):

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Floats, Reals
-from finloop.identity.joins import Pairs
+from finloop.identity.joins import Chains, Pairs
 
 _BEFORE = (2, 4, 8, 16, 32)  # frames over which a velocity may be measured: the best of them
 _LEAST = 30  # trial gaps from which an error is measured
@@ -50,6 +50,15 @@ def ends(frames: list[Reals], places: list[Floats], before: int) -> Ends:
         np.array([_pace(f, p, 0, n) for f, p, n in zip(frames, places, back, strict=True)]),
         np.array([_pace(f, p, -1 - n, -1) for f, p, n in zip(frames, places, back, strict=True)]),
     )
+
+
+def ends_of(tracks: Ends, chains: Chains) -> Ends:
+    """Where chains of tracks begin and end."""
+    first, last = ([chain[k] for chain in chains] for k in (0, -1))
+    return Ends(
+        tracks.start[first], tracks.stop[last], tracks.first[first], tracks.last[last],
+        tracks.arriving[first], tracks.leaving[last],
+    )  # fmt: skip
 
 
 def _pace(frames: Reals, places: Floats, a: int, b: int) -> Floats:
