@@ -44,12 +44,13 @@ def load_forecast(features: pd.DataFrame, poses: FilmPoses, rate_hz: float) -> S
     model = load_record(FOLDER / "model.json", forecast_model, "forecast")
     rows, numbers = film.states.shape
     start = open_array(FOLDER / "start.npy", (rows + 1,), "int64")
-    graph = start, open_array(FOLDER / "neighbours.npy", (int(start[-1]),), "int64")
+    graph = start, open_array(FOLDER / "neighbours.npy", (int(start[-1]),), "int32")
     mean = open_array(FOLDER / "mean.npy", (rows, numbers), "float64")
     return sampler(film, model, graph, load("forecast"), mean)
 
 
 def save_graph(folder: Path, swim: Sampler) -> None:
     """Write what `load_forecast` maps: the graph of similar rows, and the foretold states."""
-    for name, array in {"start": swim.start, "neighbours": swim.to, "mean": swim.mean}.items():
-        save_array(folder / f"{name}.npy", array)
+    save_array(folder / "start.npy", swim.start)
+    save_array(folder / "neighbours.npy", swim.to)
+    save_array(folder / "mean.npy", swim.mean)

@@ -2,6 +2,7 @@
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +10,12 @@ import numpy as np
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import new_array
+from finloop.io.mapped import new_array, save_array
 from finloop.io.record import load_record, save_record
 from finloop.io.table import load_table, read_lists, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.pose import film_poses
-from finloop.pose.film import POSES, USED
+from finloop.pose.film import POSES, USED, restored
 from finloop.pose.settings import Settings
 from stages.settings import load
 
@@ -34,6 +35,9 @@ def main() -> None:
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
+        # As they would be worked out from the files, to the last bit.
+        again = restored(features, poses.codes, asdict(poses.facts))
+        save_array(folder / "postures.npy", again.pose.posture)
         save_outlines(folder / "outlines.npy", points, len(features))
     explained = 100 * poses.shapes.explained
     numbers = {

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
+from finloop.io.mapped import open_array
 from finloop.io.record import load_json, made_by
 from finloop.io.table import load_lists
 from finloop.pose.film import POSES, FilmPoses, restored
@@ -18,6 +19,9 @@ def load_poses(features: pd.DataFrame) -> FilmPoses:
     """
     folder = DATA / "pose"
     (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
+    postures = open_array(folder / "postures.npy", (len(features), None), "float64")
     return load_json(
-        folder / "shapes.json", lambda facts: restored(features, codes, facts), *made_by("pose")
+        folder / "shapes.json",
+        lambda facts: restored(features, codes, facts, postures),
+        *made_by("pose"),
     )

@@ -5,12 +5,14 @@ from functools import cache
 
 import numpy as np
 import pytest
+import scipy
 from toy_film import LENGTH, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
 from finloop.animate.edit_list import FRAME, NETWORK, Goal
+from finloop.animate.endless import endless, leading, parts
 from finloop.animate.film import ROW
-from finloop.animate.forecast import ForecastSwimmer, endless, farther
+from finloop.animate.forecast import ForecastSwimmer, farther
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FORECAST
 from finloop.animate.path_measures import swum_path
@@ -200,6 +202,31 @@ def test_rows_that_only_lead_round_among_themselves_are_not_followed():
     film = endless(whole._replace(to=into), more, REST)
     assert not film.usable[1050:1101].any()
     assert film.usable[600:1000].mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rows_that_lead_to_the_largest_set_are_those_that_scipy_finds(seed):
+    rng = np.random.default_rng(seed)
+    m = 300
+    count = rng.poisson(rng.choice([0.1, 0.3, 1.0]), m)
+    start, to = np.append(0, np.cumsum(count)), rng.integers(0, m, count.sum()).astype(np.int32)
+    shown = np.append(rng.random(m) < rng.choice([0.7, 0.95]), False)
+    one = np.repeat(np.arange(m), count)
+    goes = shown[one] & shown[to] & shown[to + 1]
+    plays = np.flatnonzero(shown[:-1] & shown[1:])
+    ends = np.append(one[goes], plays), np.append(to[goes], plays) + 1
+    graph = scipy.sparse.csr_array((np.ones(len(ends[0])), ends), shape=(m, m))
+    number, true = scipy.sparse.csgraph.connected_components(graph, connection="strong")
+    part = parts(shown, start, to)
+    assert (
+        len(np.unique(part)) == number == len(set(zip(part.tolist(), true.tolist(), strict=True)))
+    )
+    assert (part[ends[0]] >= part[ends[1]]).all()
+    leads = leading(shown, start, to, (part, np.argsort(part, kind="stable")))
+    inner = np.flatnonzero(part == np.bincount(part).argmax())
+    assert leads[inner].all()
+    order = scipy.sparse.csgraph.breadth_first_order(graph.T, inner[0], True, False)
+    assert set(np.flatnonzero(leads).tolist()) == set(order.tolist())
 
 
 def test_farther_round_there_are_more_rows():

@@ -311,5 +311,5 @@ def foretold_film(film: Film, sampler: Sampler) -> Film:
     rows["more"][-1:] = False
     rows["endless"] = sampler.usable[:n] | leads
     rows["end"] = np.where(leads, np.arange(n), -1)
-    to = sampler.to[: start[-1]].astype(np.int32)
+    to = sampler.to[: start[-1]]
     return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)

@@ -7,10 +7,10 @@ past and that row's control. The frame of the row is drawn, its pose going on as
 """
 
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
+from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
 from finloop.animate.company import Company, clear_ahead, clear_ticks
@@ -181,38 +181,10 @@ class ForecastSwimmer:
         )  # fmt: skip
 
 
-def endless(sampler: Sampler, more: Mask, rests: Mask) -> Sampler:
-    """A sampler of those rows of `animate.Film` from which a fish can swim for ever.
-
-    more: which of them the film goes on from; rests: at which of the film's own it rests. Without
-    the film's mirror images, where it has none, and without rows that must not be shown. Of the
-    rest: the largest set of rows that lead to each other, and all that lead there; not those that
-    only lead to an end of the film, or round and round in a few frames. So the last row of a
-    stretch, which cannot be followed, has neighbours.
-    """
-    n, m = len(more), len(sampler.usable)
-    shown = np.zeros(m + 1, bool)
-    shown[:n] = sampler.usable[:n] & more[:m]
-    one = np.repeat(np.arange(m), np.diff(sampler.start))
-    goes = shown[one] & shown[sampler.to] & shown[sampler.to + 1]
-    plays = np.flatnonzero(shown[:-1] & shown[1:])
-    ends = np.append(one[goes], plays), np.append(sampler.to[goes], plays) + 1
-    graph = scipy.sparse.csr_array((np.ones(len(ends[0]), np.int8), ends), shape=(m, m))
-    part = scipy.sparse.csgraph.connected_components(graph, connection="strong")[1]
-    inner = int(np.flatnonzero(part == np.bincount(part).argmax())[0])
-    leads = np.zeros(m + 1, bool)
-    leads[scipy.sparse.csgraph.breadth_first_order(graph.T, inner, True, False)] = True
-    leads &= shown
-    usable = leads[:-1] & leads[1:]
-    goes = leads[one] & usable[sampler.to]
-    start = np.append(0, np.cumsum(goes))[sampler.start]
-    still = np.resize(rests, m)  # those of mirror images follow
-    return sampler._replace(usable=usable, start=start, to=sampler.to[goes], rests=still)
-
-
 def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:
     """Rows (k,) that are similar to similar rows, all equally likely."""
-    lists = [rows, *(sampler.to[sampler.start[row] : sampler.start[row + 1]] for row in rows)]
+    lists: list[NDArray[Any]] = [rows]
+    lists += [sampler.to[sampler.start[row] : sampler.start[row + 1]] for row in rows]
     every = np.unique(np.concatenate(lists))
     return every, np.full(len(every), 1 / len(every))
 

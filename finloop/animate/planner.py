@@ -12,8 +12,9 @@ from finloop.animate.bodies import Bodies
 from finloop.animate.company import Hulls
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
+from finloop.animate.endless import endless
 from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
-from finloop.animate.forecast import ForecastSwimmer, endless
+from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.joins import Joins, joins
 from finloop.animate.listing import edit_lists
 from finloop.animate.loops import FilmSwimmer

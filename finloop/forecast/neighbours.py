@@ -46,7 +46,7 @@ VisibleDistance = Callable[[Ints, Ints, Mask], Floats]
 
 def similar_rows(
     film: FilmStates, look: Reals, visible: VisibleDistance, p: Settings
-) -> tuple[Ints, Ints]:
+) -> tuple[Ints, NDArray[np.int32]]:
     """The graph of similar rows: those of row i are `to[start[i]:start[i + 1]]`, (m + 1,), (e,).
 
     A row has at most `p.neighbours`, each of another passage: apart from the row and from each
@@ -68,7 +68,7 @@ def similar_rows(
     return _both_ways(there, film.count, len(film.states))
 
 
-def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, Ints]:
+def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, NDArray[np.int32]]:
     """The graph of pairs (k, 2), of these the other way round, and of their mirror images.
 
     count: the film's own rows, of `rows` with their mirror images.
@@ -80,7 +80,7 @@ def _both_ways(there: Ints, count: int, rows: int) -> tuple[Ints, Ints]:
     edges = edges[np.append(True, edges[1:] != edges[:-1])]
     start = np.searchsorted(edges, np.arange(rows + 1) * rows)
     edges %= rows
-    return start, edges
+    return start, edges.astype(np.int32)
 
 
 def _space(film: FilmStates, rows: Ints, fade: float) -> NDArray[np.float32]:

@@ -14,6 +14,7 @@ the network has learnt.
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import finite_kernel
@@ -23,6 +24,10 @@ from finloop.forecast.settings import Settings
 
 _LOT = 50_000  # rows at a time
 _EDGES = 1_000_000  # of the graph, a sample: how much controls of similar rows differ
+
+
+Similar = NDArray[np.int32]
+"""Rows that are similar to others: of a million rows there are 50 million."""
 
 
 class Sampler(NamedTuple):
@@ -46,7 +51,7 @@ class Sampler(NamedTuple):
     lags: Ints
     settle: Floats
     start: Ints
-    to: Ints
+    to: Similar
     follow: float
     obey: Floats
     rests: Mask
@@ -69,7 +74,7 @@ def means(film: FilmStates, model: Forecast) -> Floats:
 
 
 def sampler(
-    film: FilmStates, model: Forecast, graph: tuple[Ints, Ints], p: Settings,
+    film: FilmStates, model: Forecast, graph: tuple[Ints, Similar], p: Settings,
     mean: Floats | None = None,
 ) -> Sampler:  # fmt: skip
     """The sampler of a film and its model.

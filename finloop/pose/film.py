@@ -107,11 +107,14 @@ def film_poses(tracks: pd.DataFrame, features: pd.DataFrame, p: Settings) -> Fil
     return _poses(features, codes, shapes, (apart, spread, memory))
 
 
-def restored(features: pd.DataFrame, codes: Reals, facts: dict[str, Any]) -> FilmPoses:
+def restored(
+    features: pd.DataFrame, codes: Reals, facts: dict[str, Any], posture: Floats | None = None
+) -> FilmPoses:
     """The postures as the stage `pose` stored them.
 
     features: x_px, y_px, heading_deg, body_length_px, track_id; codes (n, c): of `POSES`; facts:
-    the fields of `ShapeFacts`. ValueError where they do not belong together.
+    the fields of `ShapeFacts`; posture (n, d): what the codes stand for, None where that is to be
+    worked out. ValueError where they do not belong together.
     """
     values, shape = codes.astype(float), ShapeFacts(**facts)
     mean, shapes = np.array(shape.mean), np.array(shape.shapes)
@@ -126,12 +129,14 @@ def restored(features: pd.DataFrame, codes: Reals, facts: dict[str, Any]) -> Fil
         values,
         bare,
         (shape.trunk, shape.tail_spread, shape.memory_frames),
+        posture,
     )
 
 
 def _poses(
-    features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float]
-) -> FilmPoses:
+    features: pd.DataFrame, codes: Floats, shapes: PoseShapes, facts: tuple[bool, float, float],
+    posture: Floats | None = None,
+) -> FilmPoses:  # fmt: skip
     both = np.concatenate([codes, codes @ shapes.mirror])
     whole = PoseShapes(
         shapes.mean, shapes.shapes, shapes.weights, shapes.variance, shapes.total_variance, both,
@@ -140,6 +145,7 @@ def _poses(
     pose = Pose(
         features["x_px"].to_numpy(float), features["y_px"].to_numpy(float),
         np.radians(features["heading_deg"].to_numpy(float)),
-        typical_length(features).to_numpy(float), whole.decode(codes),
+        typical_length(features).to_numpy(float),
+        whole.decode(codes) if posture is None else posture,
     )  # fmt: skip
     return FilmPoses(pose, codes, whole, *facts)
