@@ -224,6 +224,13 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
                 "farther away",
                 file=sys.stderr,
             )
+        if p.tank == "auto" and waters.tank.arena.all():
+            print(
+                "animate: the film is too short, or its animals keep too much to one place, to "
+                "show where the tank ends, so that the fish may be anywhere in the picture; where "
+                "that shows more than the tank, give it (clip.arena), or take animate.tank=filmed",
+                file=sys.stderr,
+            )
         goals = plans.goals()
         plans.check_room(goals)
         save_records(folder / "goals.json", goals)

@@ -27,7 +27,7 @@ from toy_film import (
 
 from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
-from finloop.animate.arena import in_sight, inside, place_goals, roamed, room, tank
+from finloop.animate.arena import in_sight, inside, place_goals, roamed, room, settled, tank
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
@@ -87,6 +87,20 @@ def test_without_an_arena_the_fish_is_where_animals_were_filmed():
     assert np.array_equal(roamed(given, wide, "filmed"), given & there)
     assert roamed(whole, wide, "arena").all()
     assert roamed(whole, disc(20.0), "auto").all()  # it held its place
+
+
+def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it_ends():
+    whole, wide = np.ones((160, 200), bool), disc(66.0)
+    order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
+    assert settled(wide) and not settled(wide[order])
+    assert roamed(whole, wide[order], "auto").all()
+    there = roamed(whole, wide, "auto")
+    assert np.array_equal(roamed(whole, wide[order], "filmed"), there) and not there.all()
+    both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
+    assert settled(both) and np.array_equal(roamed(whole, both, "auto"), there)
+    rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
+    assert settled(rests)  # a half that adds little shows that there is little to add
+    assert not settled(wide[:1])
 
 
 def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_a_time(monkeypatch):

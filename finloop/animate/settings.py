@@ -20,7 +20,8 @@ class Settings:
     # their unit: shares of the tank's width and height, from the upper left; or px of the clip
     goals_in: Literal["tank", "px"]
     # where the fish may be: in the clip's arena, or where animals were filmed; auto: the arena if
-    # one was given, else where animals were filmed if they filled a quarter of the picture
+    # one was given, else where animals were filmed if they filled a quarter of the picture and
+    # the film is long enough to show the tank
     tank: Literal["auto", "arena", "filmed"]
     goal_radius: Positive  # body lengths from a goal at which head or centre have reached it
     seconds: Positive  # s, of the animation, in every mode
