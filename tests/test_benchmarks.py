@@ -3,12 +3,13 @@
 import subprocess
 import sys
 
+import numpy as np
 import pandas as pd
 import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from benchmarks import films
+from benchmarks import films, identities
 from benchmarks.pipeline import ROOT, peak_mib
 
 HOLD = "held = b'x' * ({} << 20)"
@@ -86,3 +87,58 @@ def test_a_film_that_fails_is_a_row_and_the_next_one_is_run(tmp_path, monkeypatc
     assert list(table["film"]) == ["one", "drawn carp, 98 frames"]
     assert table["failed"][0] == "no fish" and table["rows"][1] == 7
     assert table["failed"].isna()[1] and table["rows"].isna()[0]
+
+
+# --- identities
+
+
+@pytest.fixture
+def two_fish():
+    """Two fish that swim side by side, four body lengths apart, for 20 frames."""
+    frame, animal = np.divmod(np.arange(40), 2)
+    return pd.DataFrame(
+        {"frame": frame, "animal": animal, "x_px": 3.0 * frame, "y_px": 40.0 * animal}
+    )
+
+
+def switches(truth, told):
+    return identities.switches(identities.matches(truth, told, 10.0))
+
+
+def test_other_names_are_no_switches(two_fish):
+    told = two_fish.assign(animal=7 - two_fish["animal"])
+    of = identities.matches(two_fish, told, 10.0)
+    assert len(of) == identities.right(of) == 40
+    assert not len(identities.switches(of))
+
+
+def test_names_that_change_places_are_two_switches(two_fish):
+    later = two_fish["frame"] >= 12
+    told = two_fish.assign(animal=np.where(later, 1 - two_fish["animal"], two_fish["animal"]))
+    found = switches(two_fish, told[~told["frame"].isin([11, 12])])  # a gap hides none
+    assert found[["frame", "last_frame", "was", "becomes"]].to_numpy().tolist() == [
+        [13, 10, 0, 1], [13, 10, 1, 0],
+    ]  # fmt: skip
+    assert identities.right(identities.matches(two_fish, told, 10.0)) == 24
+
+
+def test_places_in_doubt_are_not_compared(two_fish):
+    near = two_fish["frame"].between(8, 10)
+    truth = two_fish.assign(y_px=np.where(near, two_fish["animal"], two_fish["y_px"]))
+    told = truth.assign(
+        animal=np.where(near, 1 - truth["animal"], truth["animal"]), x_px=truth["x_px"] + 0.6
+    )
+    of = identities.matches(truth, told, 10.0)
+    assert sorted(of["frame"].unique()) == [k for k in range(20) if not 8 <= k <= 10]
+    assert not len(identities.switches(of))
+
+
+def test_shares_are_of_all_fish_and_frames(two_fish):
+    told = two_fish[two_fish["frame"] < 15].assign(
+        animal=lambda t: t["animal"] + (t["frame"] > 9) * 2
+    )
+    row = identities.numbers(told, 2, 20, identities.matches(two_fish, told, 10.0))
+    assert row == {
+        "animals": 4, "fish_frames_pct": 75.0, "fish_frames_of_most_pct": 50.0, "switches": 2,
+        "same_animal_pct": 50.0,
+    }  # fmt: skip

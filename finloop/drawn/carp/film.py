@@ -147,15 +147,18 @@ def _window(
     return np.s_[top:low, left:right], np.s_[top - y0 : low - y0, left - x0 : right - x0]
 
 
-def film(params: CarpFilm) -> Iterator[tuple[Picture, list[Row]]]:
+def film(params: CarpFilm, poses: Motion | None = None) -> Iterator[tuple[Picture, list[Row]]]:
     """Stream the frames with their truth.
+
+    poses: of the fish, where they are not those of `motion`; later fish are painted over earlier.
 
     Yields
     ------
     frame : (height, width, 3) RGB or (height, width) grey, uint8; a new array each time
     rows : one dictionary a fish, keys as in `finloop.drawn.truth.TRUTH`, sorted by fish_id
     """
-    poses, skins, lamp = motion(params), looks(params), light(params)
+    poses = motion(params) if poses is None else poses
+    skins, lamp = looks(params), light(params)
     noise_rng = _streams(params.seed)[3]
     empty = empty_tank(params)
     vignette = cv2.blur(empty.mean(axis=2), (61, 61))

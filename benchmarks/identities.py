@@ -1,0 +1,307 @@
+"""Whose tracks are whose: finloop beside idtracker.ai 6.0.14, on its own clips and on drawn carp.
+
+`python -m benchmarks.identities [--environment FOLDER | --alone] [--films A B drawn-1 …]`
+
+idtracker.ai runs from its command line in an environment of its own, which pip makes unless
+`--environment` names one that has it; `--alone` leaves it out. Clips A and B are those of its
+wheel, eight zebrafish each; the drawn films show five carp that swim through one another for a
+minute, with the truth.
+idtracker.ai gets the number of animals, the tank, and the thresholds of its own example and test;
+finloop gets the path. Both write the place and the animal of every fish-frame. A switch is a change
+of the animal that a program sees in a fish, between two of its places that are beyond doubt: of the
+true fish of a drawn film; of clips A and B, whose truth nobody knows, of the other program's.
+
+On a processor idtracker.ai's default, contrastive learning, takes hours of a clip:
+`--idtracker "--disable_contrastive true"` asks for what its version 5 did, and the table says so.
+
+Results: identities.csv, a row for each film and program, in place of what it said of that film; and
+in the folder `--keep` disagreements.csv, every switch with its frames and place.
+"""
+
+import argparse
+import os
+import resource
+import subprocess
+import tempfile
+import time
+import venv
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.distance import cdist
+
+from benchmarks.films import file_overrides
+from benchmarks.pipeline import ROOT, prepare, stage
+from finloop.base.arrays import Floats, Mask
+from finloop.base.settings import settings
+from finloop.clip.settings import Carp
+from finloop.drawn.carp.film import film
+from finloop.drawn.carp.motion import Motion, room_of, simulate
+from finloop.features.table import FEATURES
+from finloop.identity.film import IDENTITIES
+from finloop.io.movie import VideoWriter
+from finloop.io.poses import load_poses
+from finloop.io.table import load_table, save_csv
+from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.wheel import PACKAGE, TANK_PX, cache_folder, zebrafish_clips
+
+# PyTorch and torchvision are wanted by the package, which leaves their choice to its user.
+PACKAGES = (PACKAGE, "torch", "torchvision")
+TABLE = ROOT / "benchmarks/identities.csv"
+FISH, RATE = 5, 25  # of a drawn film
+_TOUCH, _TWICE = 0.5, 2.0  # body lengths; how much farther the next animal must be
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film, how each program is asked for it, and its truth, if it is known.
+
+    box: left, top, width, height of the tank, px; dark: the brightest level of an animal; least_px:
+    the least area of one; truth: frame, animal, x_px, y_px.
+    """
+
+    path: Path
+    overrides: list[str]
+    animals: int
+    box: tuple[int, int, int, int]
+    dark: int
+    least_px: int
+    truth: pd.DataFrame | None = None
+
+
+def zebrafish(part: str, dark: int, least_px: int) -> Film:
+    """A clip of the package."""
+    (path,) = zebrafish_clips([part], cache_folder())
+    return Film(path, ["clip=zebrafish", f"clip.parts={part}"], 8, TANK_PX, dark, least_px)
+
+
+def carp(seed: int, folder: Path) -> Film:
+    """Carp that know nothing of each other, so that they swim through one another."""
+    p = settings(
+        "clip", source="carp", frames=60 * RATE, fish=FISH, width_px=480, height_px=360,
+        body_length_px=60.0, frame_rate_hz=float(RATE), colour=False, seed=seed,
+    )  # fmt: skip
+    path, rows = folder / "carp.mp4", list[dict[str, object]]()
+    with VideoWriter(path, p.width_px, p.height_px, Fraction(RATE), p.colour) as writer:
+        for picture, of_frame in film(p, crossing(p)):
+            writer.write(picture)
+            rows += of_frame
+    truth = pd.DataFrame(rows).rename(columns={"fish_id": "animal"})
+    inside = 12, 12, p.width_px - 24, p.height_px - 24  # the rim is dark
+    overrides = file_overrides(path)
+    return Film(path, overrides, FISH, inside, 125, 100, truth[["frame", "animal", *_PLACE]])
+
+
+def crossing(p: Carp) -> Motion:
+    """Poses of carp of which each swims as if it were alone."""
+    room = room_of(p.width_px, p.height_px, p.body_length_px)
+    streams = np.random.default_rng(p.seed).spawn(p.fish)
+    alone = [simulate(p.frames, 1, room, p.frame_rate_hz, p.fins, rng) for rng in streams]
+    names = [field.name for field in fields(Motion)]
+    return Motion(*(np.concatenate([getattr(one, n) for one in alone], axis=1) for n in names))
+
+
+FILMS: dict[str, Callable[[Path], Film]] = {
+    "A": lambda _: zebrafish("A", 155, 100),  # the thresholds of the example in its manual
+    "B": lambda _: zebrafish("B", 130, 150),  # the thresholds of its own test
+    **{f"drawn-{seed}": partial(carp, seed) for seed in (1, 2, 3)},
+}
+_PLACE = ["x_px", "y_px"]
+
+
+# --- the two programs
+
+
+def environment(folder: Path) -> Path:
+    """The environment of idtracker.ai; made there if it is not."""
+    if not command(folder).exists():
+        venv.create(folder, with_pip=True)
+        python = command(folder).with_name("python")
+        subprocess.run([python, "-m", "pip", "install", "--quiet", *PACKAGES], check=True)
+    return folder
+
+
+def command(environment: Path) -> Path:
+    """The program of that environment."""
+    return environment / "bin/idtrackerai"
+
+
+def idtracker(one: Film, folder: Path, environment: Path, own: Sequence[str]) -> pd.DataFrame:
+    """The places that idtracker.ai gives animals; `own`: further words for its command line."""
+    left, top, width, height = map(float, one.box)
+    right, low = left + width, top + height
+    asked = {
+        "name": "film",
+        "video_paths": [str(one.path)],
+        "output_dir": str(folder),
+        "intensity_ths": [0, one.dark],
+        "area_ths": [float(one.least_px), float("inf")],
+        "number_of_animals": one.animals,
+        "roi_list": [f"+ Polygon [[{left}, {top}], [{right}, {top}], [{right}, {low}], "
+                     f"[{left}, {low}]]"],
+        "trajectories_formats": ["npy"],
+    }  # fmt: skip
+    toml = folder / "film.toml"
+    text = "\n".join(f"{key} = {value!r}" for key, value in asked.items())
+    toml.write_text(text, encoding="utf-8")
+    told = os.environ | {"IDTRACKERAI_DISABLE_ANALYTICS": "1", "QT_QPA_PLATFORM": "offscreen"}
+    line = [str(command(environment)), "--load", str(toml), "--track", *own]
+    with (folder / "log.txt").open("w", encoding="utf-8") as log:
+        subprocess.run(line, cwd=folder, env=told, stdout=log, stderr=log, check=True)
+    session = folder / "session_film"
+    if not (session / "trajectories").is_dir():  # it ends with status 0 where it fails, too
+        raise SystemExit(f"idtracker.ai made no trajectories of {one.path}; see {folder}/log.txt")
+    poses = load_poses(session, "idtracker.ai", RATE)
+    places = pd.DataFrame(poses.places[:, 0], columns=_PLACE)
+    return places.assign(frame=poses.frame, animal=poses.individual)
+
+
+def finloop(one: Film, folder: Path) -> pd.DataFrame:
+    """The places that finloop gives animals."""
+    prepare(folder, one.overrides)
+    for word in ("clip", "extract", "features", "identity"):
+        stage(folder, word)
+    rows = load_table(folder / "data/features/features.parquet", FEATURES)
+    whose = load_table(folder / "data/identity/identities.parquet", IDENTITIES)
+    rows = rows.merge(whose, on="track_id").rename(columns={"identity": "animal"})
+    return rows[["frame", "animal", *_PLACE, "body_length_px"]]
+
+
+# --- the comparison
+
+
+def matches(reference: pd.DataFrame, other: pd.DataFrame, length: float) -> pd.DataFrame:
+    """Places of two tables that are of one fish beyond doubt: frame, animal, x_px, y_px, other.
+
+    They are each other's nearest, less than half a body length apart, and no third place is within
+    twice that distance of either.
+    """
+    there = dict(list(other.groupby("frame")))
+    parts = [reference.iloc[:0].assign(other=0)]
+    for frame, rows in reference.groupby("frame"):
+        if frame in there:
+            far = cdist(rows[_PLACE], there[frame][_PLACE]) / length
+            row, column = np.nonzero(clear(far) & clear(far.T).T)
+            seen = there[frame]["animal"].to_numpy()[column]
+            parts.append(rows.iloc[row].assign(other=seen))
+    return pd.concat(parts).sort_values(["animal", "frame"], ignore_index=True)
+
+
+def clear(far: Floats) -> Mask:
+    """Of each row (n, m) of distances, the least, where no other is as small, nor near it."""
+    nearest = np.sort(np.pad(far, ((0, 0), (0, 1)), constant_values=np.inf), axis=1)
+    sure = (nearest[:, 0] < _TOUCH) & (nearest[:, 1] > _TWICE * nearest[:, 0])
+    return sure[:, None] & (far == nearest[:, :1])
+
+
+def switches(of: pd.DataFrame) -> pd.DataFrame:
+    """Changes of the animal that the other table sees in a fish; `of`: `matches`."""
+    before = of.shift()
+    changed = of[(of["animal"] == before["animal"]) & (of["other"] != before["other"])]
+    last = before.loc[changed.index, ["frame", "other"]].astype(int)
+    return changed.rename(columns={"other": "becomes"}).assign(
+        last_frame=last["frame"], was=last["other"]
+    )
+
+
+def right(of: pd.DataFrame) -> int:
+    """Matched fish-frames with the right animal, when each fish has at most one."""
+    table = pd.crosstab(of["animal"], of["other"]).to_numpy()
+    return int(table[linear_sum_assignment(table, maximize=True)].sum())
+
+
+def numbers(
+    told: pd.DataFrame, animals: int, frames: int, of: pd.DataFrame
+) -> dict[str, float]:  # fmt: skip
+    """The numbers of a program, shares of all fish-frames; `of`: `matches` with its places."""
+    rows = told.groupby("animal").size().sort_values(ascending=False)
+    share = 100 / (animals * frames)
+    return {
+        "animals": len(rows),
+        "fish_frames_pct": share * len(told),
+        "fish_frames_of_most_pct": share * float(rows.iloc[:animals].sum()),
+        "switches": len(switches(of)),
+        "same_animal_pct": share * right(of),
+    }
+
+
+def timed(work: Callable[[], pd.DataFrame]) -> tuple[pd.DataFrame, dict[str, float]]:
+    """What `work` gives, and the time and processor time of the programs that it ran."""
+    begin, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
+    result = work()
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    busy = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return result, {"time_s": time.perf_counter() - begin, "processor_s": busy}
+
+
+def compared(
+    name: str, folder: Path, environment: Path | None, own: Sequence[str]
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The rows of a film in the table, and the switches of both programs, or of finloop alone."""
+    one = FILMS[name](folder)
+    (ours := folder / "finloop").mkdir(exist_ok=True)
+    mine, my_time = timed(lambda: finloop(one, ours))
+    frames = load_facts(ours / "data/clip" / FACTS_NAME).frames
+    length = float(mine["body_length_px"].median())
+    told = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
+    if environment is not None:
+        (theirs := folder / "idtracker").mkdir(exist_ok=True)
+        its, its_time = timed(lambda: idtracker(one, theirs, environment, own))
+        told.append(("idtracker.ai", " ".join(own), its, its_time))
+    rows, found = list[dict[str, object]](), list[pd.DataFrame]()
+    for number, (program, words, places, took) in enumerate(told):
+        of = matches(told[1 - number][2] if one.truth is None else one.truth, places, length)
+        rows.append({
+            "film": name, "program": program, "settings": words,
+            "beside": "the other" if one.truth is None else "truth",
+            **numbers(places, one.animals, frames, of), **took,
+        })  # fmt: skip
+        found.append(switches(of).assign(film=name, program=program))
+    return pd.DataFrame(rows), pd.concat(found)
+
+
+def keep(rows: pd.DataFrame) -> None:
+    """Write the rows of a film into the table, in place of those of the same programs."""
+    if TABLE.is_file():
+        key = ["film", "program"]
+        table = pd.read_csv(TABLE, keep_default_na=False)
+        rows = pd.concat([table, rows]).drop_duplicates(key, keep="last").sort_values(key)
+    save_csv(TABLE, rows, decimals=2)
+
+
+def main() -> None:
+    """Run both programs on each film; print and keep what they say of it."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--environment", type=Path, help="with idtracker.ai; else one is made")
+    parser.add_argument("--alone", action="store_true", help="finloop, on films with a truth")
+    parser.add_argument("--keep", type=Path, help="a folder to work in, which stays")
+    parser.add_argument("--films", nargs="*", choices=list(FILMS))
+    parser.add_argument("--idtracker", default="", help="more words for its command line")
+    args = parser.parse_args()
+    films = args.films or [name for name in FILMS if not args.alone or name.startswith("drawn")]
+    if args.alone and not all(name.startswith("drawn") for name in films):
+        parser.error("--alone wants films with a truth: clips A and B have none")
+    with tempfile.TemporaryDirectory() as scratch:
+        home = (args.keep or Path(scratch)).resolve()
+        home.mkdir(parents=True, exist_ok=True)
+        its = None
+        if not args.alone:
+            its = environment((args.environment or home / "environment").resolve())
+        found = list[pd.DataFrame]()
+        for name in films:
+            (folder := home / name).mkdir(exist_ok=True)
+            rows, changes = compared(name, folder, its, args.idtracker.split())
+            print(rows.round(2).to_string(), changes.round(1).to_string(), sep="\n", flush=True)
+            keep(rows)
+            found.append(changes)
+        pd.concat(found).to_csv(home / "disagreements.csv", index=False)
+
+
+if __name__ == "__main__":
+    main()
