@@ -62,7 +62,7 @@ from finloop.animate.motion import FILM as IN_FILM
 from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
-from finloop.animate.search import Ends, Here, Rules
+from finloop.animate.search import Ends, Here, Rules, allowed, space_of
 from finloop.animate.shoal import swim
 from finloop.animate.state import Decision, Fish, Options, after
 from finloop.animate.swim import random_goals
@@ -296,7 +296,8 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
         rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
         candidates = Candidates(rows, rots, costs, sinces)
-        (value, ticks, over), (far, error) = ahead.look(reel, legal, candidates, here, aim, rules)
+        space = space_of(reel, legal, rules)
+        (value, ticks, over), (far, error) = ahead.look(space, candidates, here, aim, rules)
         assert not over.any()
         for i, row in enumerate(rows):
             wanted = slow_look(reel, room, here, rots[i], row, costs[i], sinces[i], aim, rules)
@@ -314,10 +315,9 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
         candidates = Candidates(rows, rng.uniform(-180, 180, 12), np.zeros(12), np.zeros(12, int))
         here = Here(400.0, 300.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
         aim = spot(*rng.uniform(100, 500, 2))
+        space = space_of(rich_film(), open_tank().legal, RULES)
         found = [
-            ahead.look(
-                rich_film(), open_tank().legal, candidates, here, aim, RULES._replace(beam=beam)
-            )[0]
+            ahead.look(space, candidates, here, aim, RULES._replace(beam=beam))[0]
             for beam in (4, 4000)
         ]
         (narrow, _, gone), (wide, _, none) = found
@@ -327,18 +327,34 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
     assert given_up
 
 
+def test_a_space_has_every_jump_the_cheapest_first_and_is_legal_where_the_tank_is():
+    rng, reel = np.random.default_rng(7), rich_film()
+    legal = np.ones((50, 70), bool)  # no whole number of cells
+    legal[rng.integers(50, size=20), rng.integers(70, size=20)] = False
+    space = space_of(reel, legal, RULES)
+    for row in np.flatnonzero(reel.end >= 0):
+        first, last = reel.start[reel.end[row] : reel.end[row] + 2]
+        faster = reel.speed[reel.to[first:last]] - reel.speed[row]
+        seam, jerk, _ = ahead.jump_cost(reel.seam[first:last], faster, np.inf, RULES)
+        wanted = sorted(zip(seam + jerk, reel.to[first:last], strict=True))
+        jumps = space.jumps[first:last]
+        assert (np.diff(jumps["cost"]) >= 0).all()
+        assert sorted(zip(jumps["cost"], jumps["to"], strict=True)) == wanted
+    for x, y in rng.uniform(-20, 90, (2000, 2)):
+        assert allowed(space, x, y) == inside(legal, x, y)
+
+
 def test_where_no_way_leads_on_more_are_followed():
     swimmer, rng, found = swimmer_of(loops_player(beam=2)), np.random.default_rng(6), 0
     reel, tank_ = swimmer.waters.film, swimmer.waters.tank
+    space = space_of(reel, tank_.legal, swimmer.rules)
     for _ in range(150):
         row, rot = int(rng.choice(np.flatnonzero(reel.more))), float(rng.uniform(-180, 180))
         fish = Fish(*tank_.random_point(rng), 0.0, SPEED, IN_FILM, -1, row=row, rot=rot, since=100)
         aim, ways = spot(*tank_.random_point(rng)), decide.ways_on(reel, row + 1, rot, True)
         here = Here(*swimmer.arrival(fish), 0, SPEED, 100, fish.recent)
         narrow, wide = (
-            decide.weigh(reel, tank_.legal, ways, here, aim, swimmer.rules._replace(beam=beam))[
-                1
-            ].value
+            decide.weigh(space, ways, here, aim, swimmer.rules._replace(beam=beam))[1].value
             for beam in (2, 16)
         )
         blocked = np.isinf(narrow).all()

@@ -94,12 +94,12 @@ class Search(NamedTuple):
 
 
 @kernel_part
-def begin(film: Film, legal: Mask, candidates: Candidates, here, along: float, width: int):  # type: ignore[no-untyped-def]
+def begin(space, candidates: Candidates, here, along: float, width: int):  # type: ignore[no-untyped-def]
     """The search of a beam of so many ways, and how many there are: one a candidate, where legal.
 
-    here: of `search.Here`; along: px along the path, if there is one.
+    space, here: of `search.Space`, `search.Here`; along: px along the path, if there is one.
     """
-    count = candidates.rows.size
+    film, count = space.film, candidates.rows.size
     found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
     beam = Beam(np.empty(width, BRANCH), found.over)
     most = max(width, count)
@@ -108,7 +108,7 @@ def begin(film: Film, legal: Mask, candidates: Candidates, here, along: float, w
     for c in range(count):
         first = film.rows[candidates.rows[c]]
         heading = first.heading + candidates.rots[c]
-        free = inside(legal, x, y) and clear_ahead(
+        free = inside(space.legal, x, y) and clear_ahead(
             here.company, candidates.rows[c], x, y, heading, here.tick
         )
         if first.endless and free:
@@ -168,15 +168,15 @@ def keep_best(beam: Beam, n: int, branch: Branch) -> int:
 
 
 @kernel_part
-def go_on(film: Film, search: Search, n: int) -> Search:
-    """Follow the best branches of a leg, which are n, from now on."""
-    found = search.found
+def go_on(space, search: Search, n: int) -> Search:  # type: ignore[no-untyped-def]
+    """Follow the best branches of a leg, which are n, from now on. space: of `search.Space`."""
+    film, found = space.film, search.found
     for k in range(n):
         branch = search.beam.branches[k]
         way = search.spare[k]
         search.spare[k] = search.ways[branch.way]
         if branch.jump >= 0:
-            row = film.to[branch.jump]
+            row = space.jumps[branch.jump].to
             if film.body:
                 way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[row].heading)
             way.row, way.cost, way.since = row, way.cost + branch.cost, 0

@@ -10,7 +10,7 @@ from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, touches, wrap
 from finloop.animate.recent import last_on_screen, times
-from finloop.animate.search import Ends, Here, Rules, jump_cost, look, moved
+from finloop.animate.search import Ends, Here, Rules, Space, jump_cost, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.loops.positions import next_end
@@ -80,15 +80,15 @@ def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Ca
 
 
 @kernel
-def weigh(film: Film, legal: Mask, ways: Ways, here: Here, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
+def weigh(space: Space, ways: Ways, here: Here, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
     """Look ahead from ways (k,).
 
     Returns
     -------
     terms (k, 3) : what each costs at once, of `priced`; what becomes of it; its verdict.
     """
-    terms, candidates = priced(film, ways, here, rules)
-    found, ends = look(film, legal, candidates, here, aim, rules)
+    terms, candidates = priced(space.film, ways, here, rules)
+    found, ends = look(space, candidates, here, aim, rules)
     before = np.hypot(aim.x - here.x, aim.y - here.y)
     return terms, found, verdicts(found, ends, before, rules.error, aim.free)
 

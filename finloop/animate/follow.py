@@ -9,18 +9,17 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.arena import inside
 from finloop.animate.beam import Branch, begin, ends, go_on, jumps_of, keep_best, leads_on
 from finloop.animate.company import clear_ahead
 from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film
-from finloop.animate.recent import last_on_screen
+from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.route import Route, asked_at, place
-from finloop.animate.search import Here, jump_cost, moved
+from finloop.animate.search import Here, Space, allowed, moved
 from finloop.animate.steering import near, shifted, tick_cost, turn_to
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
-from finloop.base.kernel import finite_leaf, kernel, leaf_kernel
+from finloop.base.kernel import finite_leaf, kernel, kernel_part, leaf_kernel
 
 LEAD = np.dtype([("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("ticks", "i8")])
 """Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
@@ -29,18 +28,23 @@ and to the left."""
 
 class Footage(NamedTuple):
     """What a fish swims by. run (n,): ticks that the film goes on from each row; leads (n,): of
-    dtype `LEAD`; legal: of `Tank`.
+    dtype `LEAD`.
     """
 
-    film: Film
+    space: Space
     run: Ints
     leads: NDArray[np.void]
-    legal: Mask
+
+    @property
+    def film(self) -> Film:
+        """Its film."""
+        return self.space.film
 
 
-def footage_of(film: Film, legal: Mask, reach: int) -> Footage:
+def footage_of(space: Space, reach: int) -> Footage:
     """What a fish swims by that looks `reach` ticks ahead."""
-    rows, here = film.rows, np.arange(len(film.rows))
+    rows = space.film.rows
+    here = np.arange(len(rows))
     run = runs(rows["more"])
     leads = np.zeros(len(rows), LEAD)
     leads["ticks"] = np.minimum(run, reach)
@@ -48,7 +52,7 @@ def footage_of(film: Film, legal: Mask, reach: int) -> Footage:
     leads["dx"], leads["dy"] = (rows[axis][there] - rows[axis] for axis in "xy")
     offset = np.column_stack([leads["dx"], leads["dy"]])
     leads["ahead"], leads["left"] = ahead_left(offset, np.radians(rows["heading"])).T
-    return Footage(film, run, leads, legal)
+    return Footage(space, run, leads)
 
 
 def runs(more: Mask) -> Ints:
@@ -66,7 +70,7 @@ def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
     ends, leaves the tank or meets another fish. Returns the ticks that were played.
     """
     rules, steering = by
-    rows = footage.film.rows
+    rows = footage.space.film.rows
     angle = np.radians(way.rot)
     cos, sin = np.cos(angle), np.sin(angle)
     x, y, along, row, rot, cost = way.x, way.y, way.along, way.row, way.rot, way.cost
@@ -88,7 +92,7 @@ def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
         x, y, along, fx, fy, shift = shifted(route, (x, y, along), at.speed, tick, steering)
         heading = rows[row].heading + rot
         if not (
-            inside(footage.legal, x, y) and clear_ahead(here.company, row, x, y, heading, tick)
+            allowed(footage.space, x, y) and clear_ahead(here.company, row, x, y, heading, tick)
         ):
             row = -1
             break
@@ -110,12 +114,12 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
     -------
     terms (k, 3) : what each costs at once, of `decide.priced`; what becomes of it.
     """
-    film, rules = footage.film, by[0]
-    terms, candidates = priced(film, ways, here, rules)
-    search, n = begin(film, footage.legal, candidates, here, along, rules.beam)
+    space, rules = footage.space, by[0]
+    terms, candidates = priced(space.film, ways, here, rules)
+    search, n = begin(space, candidates, here, along, rules.beam)
     while n:
         n = _legs(footage, search, n, here, along, (route, rules, by[1]))
-        search = go_on(film, search, n)
+        search = go_on(space, search, n)
     return terms, search.found
 
 
@@ -125,16 +129,14 @@ def _legs(footage, search, n, here, begun, by):  # type: ignore[no-untyped-def]
 
     begun: px along the path where all ways began; by: route, rules, steering.
     """
-    (route, rules, steering), m = (
-        by,
-        np.int64(0),
-    )  # not 0: for a literal `_branch` is compiled again
+    route, rules, steering = by
+    m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
     end = np.inf if route.closed else route.step * (route.x.size - 1)
     for s in range(n):
         way = search.ways[s]
         most = max(rules.horizon - way.ticks, 1)
         ticks = _leg(footage, route, way, most, here, (rules, steering))
-        if not leads_on(footage.film, search.found, way, ticks):
+        if not leads_on(footage.space.film, search.found, way, ticks):
             continue
         behind = 0.0
         if not route.when.size:
@@ -146,7 +148,7 @@ def _legs(footage, search, n, here, begun, by):  # type: ignore[no-untyped-def]
     return m
 
 
-@leaf_kernel
+@kernel_part
 def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
     """Way s at a loop end: playing on, and every jump, where they are among the best.
 
@@ -154,7 +156,8 @@ def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
     steering. Returns how many there are.
     """
     (beam, n), (behind, route, rules, steering) = kept, by
-    film, at, most = footage.film, footage.film.rows[way.row], beam.branches.size
+    film, most = footage.space.film, beam.branches.size
+    at = film.rows[way.row]
     tick, total = here.tick + way.ticks, way.cost + behind
     if n == most and total >= beam.branches[n - 1].total:
         beam.over[way.first] = True
@@ -167,23 +170,21 @@ def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
         n = keep_best(beam, n, Branch(total + off, way.first, s, -1, 0.0))
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
     for e in range(first, last):
-        other = film.to[e]
-        there = film.rows[other]
-        worst = beam.branches[n - 1].total if n == most else np.inf
-        seam, jerk, _ = jump_cost(film.seam[e], there.speed - at.speed, np.inf, rules)
-        if total + (seam + jerk) >= worst:
+        jump, worst = footage.space.jumps[e], np.inf
+        if n == most:
+            worst = beam.branches[n - 1].total
+        if total + jump.cost >= worst:
             beam.over[way.first] = True
-            continue
+            break  # those that follow cost as much, or more
         if not film.body:
-            angle = np.radians(there.heading + way.rot)
+            angle = np.radians(film.rows[jump.to].heading + way.rot)
             cos, sin = np.cos(angle), np.sin(angle)
-        off = _soon(footage.leads[other], way, cos, sin, tick, (route, steering))
-        if total + (seam + jerk) + off >= worst:
+        off = _soon(footage.leads[jump.to], way, cos, sin, tick, (route, steering))
+        if total + jump.cost + off >= worst:
             beam.over[way.first] = True
             continue
-        ago = float(tick - last_on_screen(here.recent, other, other))
-        seam, jerk, again = jump_cost(film.seam[e], there.speed - at.speed, ago, rules)
-        cost = seam + jerk + again
+        ago = float(tick - last_on_screen(here.recent, jump.to, jump.to))
+        cost = jump.cost + again_cost(ago, rules.again, rules.memory)
         n = keep_best(beam, n, Branch(total + cost + off, way.first, s, e, cost))
     return n
 
@@ -215,7 +216,7 @@ def onward(footage: Footage, begins: Floats, row: int, rot: float, ticks: int) -
     for i in range(k):  # `way[:k] = begins` takes six seconds to compile
         for c in range(3):
             way[i, c] = begins[i, c]
-    rows = footage.film.rows
+    rows = footage.space.film.rows
     for t in range(1, more + 1):
         dx, dy = moved(rows[row + t].x - rows[row].x, rows[row + t].y - rows[row].y, rot)
         way[k + t - 1, 0], way[k + t - 1, 1] = begins[k - 1, 0] + dx, begins[k - 1, 1] + dy
@@ -228,6 +229,6 @@ def next_stop(footage: Footage, row: int, stride: int, most: int) -> int:
     """Ticks from a row to the first loop end after a stride, or to where the film ends."""
     last = min(footage.run[row], most)
     for t in range(min(stride, last), last + 1):
-        if footage.film.rows[row + t].end >= 0:
+        if footage.space.film.rows[row + t].end >= 0:
             return t
     return last

@@ -34,7 +34,7 @@ from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
-from finloop.animate.search import Here, Rules
+from finloop.animate.search import Here, Rules, space_of
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.animate.steering import Steering, steered
 from finloop.base.arrays import Floats
@@ -77,13 +77,14 @@ class Follower:
             heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
         )  # fmt: skip
         self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
-        legal = waters.tank.legal
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:
-            self._film = footage_of(waters.film, legal, reach)
+            space = space_of(waters.film, waters.tank.legal, self.rules)
+            self._film = footage_of(space, reach)
         if policy.forecast is not None:
             table = foretold_film(waters.film, policy.forecast.sampler)
-            self._foretold = footage_of(table, legal, reach)
+            space = space_of(table, waters.tank.legal, self.rules)
+            self._foretold = footage_of(space, reach)
 
     def begin(self, route: Route, rng: np.random.Generator) -> Fish:
         """A fish at the beginning of the path, in the row from which it can be followed best."""

@@ -6,6 +6,7 @@ loop, some seconds ahead. `verdicts` are the tests of Fig. 19.
 """
 
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from finloop.animate.decide import Ways
 from finloop.animate.edit_list import ENTER, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FILM
-from finloop.animate.search import Here, Rules
+from finloop.animate.search import Here, Rules, Space, space_of
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.base.arrays import Mask
 from finloop.loops.positions import quadrant
@@ -31,6 +32,10 @@ class FilmSwimmer:
         p = waters.settings
         self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam)
         self._wide = self.rules._replace(beam=_WIDER * p.beam)
+
+    @cached_property
+    def _space(self) -> Space:
+        return space_of(self.waters.film, self.waters.tank.legal, self.rules)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, at a row from which the film goes on for ever."""
@@ -69,15 +74,14 @@ class FilmSwimmer:
 
         The cheapest ways are much alike, and may all run into one wall. Then more are followed.
         """
-        waters, rate = self.waters, self.waters.motion.rate_hz
+        rate = self.waters.motion.rate_hz
         here = Here(
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             fish.company,
         )  # fmt: skip
-        film, legal = waters.film, waters.tank.legal
-        terms, found, verdict = decide.weigh(film, legal, ways, here, aim, self.rules)
+        terms, found, verdict = decide.weigh(self._space, ways, here, aim, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
-            terms, found, verdict = decide.weigh(film, legal, ways, here, aim, self._wide)
+            terms, found, verdict = decide.weigh(self._space, ways, here, aim, self._wide)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 

@@ -3,8 +3,8 @@
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from finloop.animate.arena import inside
 from finloop.animate.beam import (
     Branch,
     Candidates,
@@ -22,7 +22,25 @@ from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.base.kernel import for_kernels, kernel, leaf_kernel
+from finloop.base.kernel import for_kernels, kernel, kernel_part, leaf_kernel
+
+_CELL = 4  # bits; where it is legal to be is looked up first by cells of 16 x 16 px
+
+JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
+"""A jump: ticks that it costs, but for what was on screen just now; the row that it leads to."""
+
+
+class Space(NamedTuple):
+    """What is searched: the film, and where in the tank it is legal to be.
+
+    jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first; legal:
+    of `Tank`; cells: whether all pixels of a cell are legal.
+    """
+
+    film: Film
+    jumps: NDArray[np.void]
+    legal: Mask
+    cells: Mask
 
 
 class Here(NamedTuple):
@@ -80,6 +98,31 @@ class Rules(NamedTuple):
         )  # fmt: skip
 
 
+def space_of(film: Film, legal: Mask, rules: Rules) -> Space:
+    """The space of a search by some rules."""
+    row = np.zeros(len(film.start), np.int64)
+    row[film.end[film.end >= 0]] = np.flatnonzero(film.end >= 0)
+    end = np.repeat(np.arange(len(film.start) - 1), np.diff(film.start))
+    faster = film.speed[film.to] - film.speed[row[end]]
+    seam, jerk, _ = jump_cost(film.seam, faster, np.inf, rules)
+    order = np.lexsort((seam + jerk, end))
+    jumps = np.empty(len(order), JUMP)
+    jumps["cost"], jumps["to"] = (seam + jerk)[order], film.to[order]
+    side = 1 << _CELL
+    whole = np.pad(legal, [(0, -n % side) for n in legal.shape], constant_values=True)
+    cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
+    return Space(film, jumps, legal, np.asarray(cells))
+
+
+@leaf_kernel
+def allowed(space: Space, x: float, y: float) -> bool:
+    """`inside` the legal; the cells, which are few, are quicker to look up than the pixels."""
+    legal, column, row = space.legal, round(x), round(y)
+    if not (0 <= row < legal.shape[0] and 0 <= column < legal.shape[1]):
+        return False
+    return bool(space.cells[row >> _CELL, column >> _CELL] or legal[row, column])
+
+
 @leaf_kernel
 def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     """A displacement on the screen (y down), turned anticlockwise as seen."""
@@ -88,15 +131,15 @@ def moved(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
     return dx * cos + dy * sin, dy * cos - dx * sin
 
 
-@leaf_kernel
-def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
+@kernel_part
+def _leg(space, way, aim, here, ticks):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most for so long. ticks: stride, most.
 
     `way` is moved on; its row is −1 where the film ends, leaves the tank or meets another fish.
     Returns the ticks that were played, and whether the last one touches the aim.
     """
     stride, most = ticks
-    tick = here.tick + way.ticks
+    rows, tick = space.film.rows, here.tick + way.ticks
     x, y, row = way.x, way.y, way.row
     cos, sin = np.cos(np.radians(way.rot)), np.sin(np.radians(way.rot))
     t, touched = 0, False
@@ -110,7 +153,7 @@ def _leg(rows, legal, way, aim, here, ticks):  # type: ignore[no-untyped-def]
         t, row = t + 1, row + 1
         at = rows[row]
         heading = at.heading + way.rot
-        if not (inside(legal, x, y) and clear_ahead(here.company, row, x, y, heading, tick + t)):
+        if not (allowed(space, x, y) and clear_ahead(here.company, row, x, y, heading, tick + t)):
             row = -1
             break
         # A fish that has reached its goal must be able to swim on.
@@ -155,9 +198,8 @@ class Ends(NamedTuple):
 
 @kernel
 def look(
-    film: Film, legal: Mask, candidates: Candidates, here: Here, aim: Spot,
-    rules: Rules,
-) -> tuple[Found, Ends]:  # fmt: skip
+    space: Space, candidates: Candidates, here: Here, aim: Spot, rules: Rules
+) -> tuple[Found, Ends]:
     """Follow every candidate (k,) through the film and its loops: a beam search.
 
     At loop ends ways are both kept to and left, as far as the horizon. A way costs its ticks, what
@@ -165,27 +207,25 @@ def look(
     """
     count = candidates.rows.size
     ends_at = Ends(np.full(count, np.inf), np.full(count, 180.0))
-    search, n = begin(film, legal, candidates, here, 0.0, rules.beam)
+    search, n = begin(space, candidates, here, 0.0, rules.beam)
     while n:
-        n = _legs(film, legal, search, n, here, (aim, rules, ends_at))
-        search = go_on(film, search, n)
+        n = _legs(space, search, n, here, (aim, rules, ends_at))
+        search = go_on(space, search, n)
     return search.found, ends_at
 
 
 @leaf_kernel
-def _legs(film, legal, search, n, here, towards):  # type: ignore[no-untyped-def]
+def _legs(space, search, n, here, towards):  # type: ignore[no-untyped-def]
     """Follow n ways for a leg: how many branches there are after it.
 
     towards: the aim, `Rules`, `Ends`.
     """
-    (aim, rules, ends_at), m = (
-        towards,
-        np.int64(0),
-    )  # not 0: for a literal `_branch` is compiled again
+    (aim, rules, ends_at), film = towards, space.film
+    m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
     for s in range(n):
         way = search.ways[s]
         most, shown = max(rules.horizon - way.ticks, 1), way.row
-        ticks, touched = _leg(film.rows, legal, way, aim, here, (rules.stride, most))
+        ticks, touched = _leg(space, way, aim, here, (rules.stride, most))
         if not leads_on(film, search.found, way, ticks):
             continue
         if way.ticks == ticks:  # the first leg; the next ones are decided anew
@@ -193,7 +233,7 @@ def _legs(film, legal, search, n, here, towards):  # type: ignore[no-untyped-def
         if touched or way.ticks >= rules.horizon:
             _finish(film, way, touched, (search.found, ends_at), aim, rules)
         else:
-            m = _branch(film, way, s, (search.beam, m), here, (aim, rules))
+            m = _branch(space, way, s, (search.beam, m), here, (aim, rules))
     return m
 
 
@@ -211,13 +251,13 @@ def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped
             ends_at.error[way.first] = abs(wrap(off))
 
 
-@leaf_kernel
-def _branch(film, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
+@kernel_part
+def _branch(space, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
     """Way s at a loop end: playing on, and every jump, where they are among the best.
 
     kept: the beam, and how many there were; returns how many there are.
     """
-    (beam, n), (aim, rules) = kept, towards
+    (beam, n), (aim, rules), film = kept, towards, space.film
     most = beam.branches.size
     at = film.rows[way.row]
     total = way.ticks + remaining(way.x, way.y, at.heading + way.rot, aim, rules)
@@ -229,20 +269,11 @@ def _branch(film, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
     if plays:
         n = keep_best(beam, n, Branch(total + way.cost, way.first, s, -1, 0.0))
     for e in range(first, last):
-        worst = beam.branches[n - 1].total if n == most else np.inf
-        # Most jumps are too dear for their seam, or their change of speed, alone.
-        seam, _, _ = jump_cost(film.seam[e], 0.0, np.inf, rules)
-        if total + (way.cost + seam) >= worst:
+        jump = space.jumps[e]
+        if n == most and total + (way.cost + jump.cost) >= beam.branches[n - 1].total:
             beam.over[way.first] = True
-            continue
-        other = film.to[e]
-        faster = film.rows[other].speed - at.speed
-        seam, jerk, _ = jump_cost(film.seam[e], faster, np.inf, rules)
-        if total + (way.cost + (seam + jerk)) >= worst:
-            beam.over[way.first] = True
-            continue
-        ago = float(here.tick + way.ticks - last_on_screen(here.recent, other, other))
-        seam, jerk, again = jump_cost(film.seam[e], faster, ago, rules)
-        cost = seam + jerk + again
+            break  # those that follow cost as much, or more
+        ago = float(here.tick + way.ticks - last_on_screen(here.recent, jump.to, jump.to))
+        cost = jump.cost + again_cost(ago, rules.again, rules.memory)
         n = keep_best(beam, n, Branch(total + (way.cost + cost), way.first, s, e, cost))
     return n

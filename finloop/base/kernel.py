@@ -64,11 +64,13 @@ kernel_part = numba.njit(cache=True, nogil=True, inline="always")
 """A kernel that is compiled as a part of each kernel that calls it, which is quicker."""
 
 _UNCOUNTED: Any = {"_nrt": False}  # numba's stubs do not know it
-leaf_kernel = numba.njit(cache=True, nogil=True, **_UNCOUNTED)
+leaf_kernel = numba.njit(cache=True, nogil=True, forceinline=True, **_UNCOUNTED)
 """A kernel that neither makes nor returns an array. References to the arrays that it is given are
 not counted, which in a function of a few numbers takes as long as its work."""
 
-finite_leaf = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=True, **_UNCOUNTED)
+finite_leaf = numba.njit(
+    cache=True, nogil=True, error_model="numpy", fastmath=True, forceinline=True, **_UNCOUNTED
+)
 """A `leaf_kernel` in which nothing is infinite or not a number."""
 
 for_kernels = numba.extending.register_jitable
