@@ -16,7 +16,7 @@ from finloop.animate.arena import inside
 from finloop.animate.company import Company, clear_ahead, clear_ticks
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
-from finloop.animate.motion import FORECAST
+from finloop.animate.motion import FORECAST, brisk_of
 from finloop.animate.rare import Rarity
 from finloop.animate.recent import Repeat, again_cost, last_on_screen, times
 from finloop.animate.state import Decision, Fish, Stretch, Waters
@@ -35,7 +35,7 @@ class Pace(NamedTuple):
 
     px: per tick at one body length/s; turn_deg: per tick at one rad/s; horizon: ticks looked ahead;
     speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick at a wall costs;
-    dear (n,): ticks that showing the rows up to each costs, summed up.
+    dear (n,): ticks that showing the rows up to each costs, summed up; wakes (n,): of `wakes`.
     """
 
     px: float
@@ -45,6 +45,7 @@ class Pace(NamedTuple):
     turning: float
     wall: float
     dear: Floats
+    wakes: Ints
 
 
 class Recall(NamedTuple):
@@ -81,11 +82,11 @@ class ForecastSwimmer:
         speed = sampler.states[usable][:, -MOTION:]
         px = motion.body_length_px / motion.rate_hz
         turn_deg = float(np.degrees(1 / motion.rate_hz))
-        self._pace = Pace(
+        self.pace = Pace(
             px, turn_deg, max(2, waters.ticks(p.ahead)),
-            float(np.quantile(np.hypot(speed[:, 0], speed[:, 1]), p.brisk)) * px,
-            max(float(np.quantile(np.abs(speed[:, 2]), p.brisk)) * turn_deg, 1e-6), p.wall,
-            waters.film.dear.copy(),
+            brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px,
+            brisk_of(np.abs(speed[:, 2]), p) * turn_deg, p.wall,
+            waters.film.dear.copy(), wakes(sampler),
         )  # fmt: skip
         rows = np.arange(len(sampler.usable))
         leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
@@ -125,7 +126,7 @@ class ForecastSwimmer:
         """The way (n + 1, 3) of states (n, d), the fish's own place first."""
         start = np.array([fish.x, fish.y, fish.heading])
         nowhere = Spot(fish.x, fish.y, 0.0, 0.0, True)
-        way, _, _ = course(self.waters.tank.legal, states, start, nowhere, self._pace)
+        way, _, _ = course(self.waters.tank.legal, states, start, nowhere, self.pace)
         return np.concatenate([start[None], way])
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
@@ -134,7 +135,7 @@ class ForecastSwimmer:
         swum, p = self.sampler, self.waters.settings
         aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
         start = np.array([fish.x, fish.y, fish.heading])
-        towards, soon = (goal, aim, self._pace), max(1, round(swum.follow))
+        towards, soon = (goal, aim, self.pace), max(1, round(swum.follow))
         again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))
         stay = max(1, self.waters.ticks(p.stay))
         recall = Recall(
@@ -147,8 +148,8 @@ class ForecastSwimmer:
         costs, free = self._look(fish, rows, start, towards, recall)
         if not free.any():  # a wall is ahead: look farther round
             more, likely = farther(swum, rows)
-            theirs, away = self._look(fish, more, start, towards, recall)
-            if away.any():
+            theirs, free = self._look(fish, more, start, towards, recall)
+            if free.any():
                 rows, chance, costs = more, likely, theirs
         with np.errstate(divide="ignore"):
             liked = np.log(chance) - costs / self.waters.ticks(p.chance)
@@ -159,9 +160,11 @@ class ForecastSwimmer:
             left = max(1, most - fish.since - 1) if other == fish.row else most
             foretold = follow(swum, past, other, min(ticks, left), swum.control[other])
             foretold = np.ascontiguousarray(foretold[::-1])  # kernels are compiled for it alone
-            whole = course(self.waters.tank.legal, foretold, start, goal, self._pace)
+            whole = course(self.waters.tank.legal, foretold, start, goal, self.pace)
             numbers = other + 1 + np.arange(len(foretold))
             good = min(whole[1], clear_ticks(fish.company, numbers, whole[0], fish.tick))
+            if good <= self.pace.wakes[other + 1] - other - 1 and not free.any():
+                good = 0  # to rest is no way round the wall
             if good > best:
                 row, states, (way, _, touched), best = other, foretold, whole, good
             if min(touched, len(way) - 1) < best:
@@ -179,6 +182,17 @@ class ForecastSwimmer:
             wrap_deg(way[:n, 2] - self.waters.film.heading[numbers]),
             past=np.concatenate([past[::-1], states[:n]]),
         )  # fmt: skip
+
+
+def wakes(sampler: Sampler) -> Ints:
+    """Of each row (n,) the row itself, or where its fish rests the next one where it swims.
+
+    Rows that cannot be followed count as swum.
+    """
+    n = len(sampler.usable)
+    rests = sampler.rests & sampler.usable
+    later = np.where(rests, n - 1, np.arange(n))
+    return np.minimum.accumulate(later[::-1])[::-1].copy()
 
 
 def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:
@@ -201,7 +215,8 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
     Of a fish that only wanders, of leaving the tank alone. More where what is shown then was on
-    screen just now (`Recall`). And whether (k,) a row stays in the tank.
+    screen just now (`Recall`). And whether (k,) a row stays in the tank. To rest before a wall is
+    no way out: what the wall holds up after the rest costs as much.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
     costs, free = np.empty(rows.size), np.empty(rows.size, np.bool_)
@@ -211,11 +226,31 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
 
 
 @leaf_kernel
+def _held_later(sampler, legal, row, place, swims):  # type: ignore[no-untyped-def]
+    """The ticks that a wall holds up a fish that follows a row from a place, rests left out.
+
+    swims: `Pace`, and so many ticks are swum.
+    """
+    pace, ticks = swims
+    walls = 0
+    for _ in range(ticks):
+        if not sampler.usable[row]:
+            break
+        row = pace.wakes[row + 1] - 1
+        x, y, heading = moved(place, sampler.states[row + 1], pace)
+        if not inside(legal, x, y):
+            x, y = place[0], place[1]
+            walls += 1
+        place, row = (x, y, heading), row + 1
+    return walls
+
+
+@leaf_kernel
 def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-untyped-def]
     """The cost of following the row `begin`, and whether it stays in the tank; see `look`."""
     goal, aim, pace = towards
     cost, free, touched = 0.0, True, False
-    row, place, t = begin, (start[0], start[1], start[2]), 0
+    row, place, t, swum = begin, (start[0], start[1], start[2]), 0, 0
     while t < pace.horizon and sampler.usable[row] and not touched:
         later = moved(place, sampler.states[row + 1], pace)
         company, tick = recall.company, recall.tick + t
@@ -224,7 +259,11 @@ def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-unt
             later, free = (place[0], place[1], later[2]), False
             cost += pace.wall
         place, row, t = later, row + 1, t + 1
+        swum += int(pace.wakes[row] == row)
         touched = not goal.free and touches(place[0], place[1], place[2], goal)
+    if swum < t and not touched:
+        walls = _held_later(sampler, legal, row, place, (pace, pace.horizon - swum))
+        cost, free = cost + walls * pace.wall, free and walls == 0
     cost += pace.dear[row] - pace.dear[begin]
     if not goal.free:
         cost += t

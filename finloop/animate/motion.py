@@ -29,6 +29,7 @@ STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
 STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
 """What a fish does: by sprites, as a stretch of film, or as is foretold."""
 
+_QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
 _LEARNT = 100_000  # rows; they show thousands of phases and turns, of which few are ever alike
 _MOTION = ("x_px", "y_px", "heading_deg", "bend")
 
@@ -145,7 +146,7 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
     speeds = np.concatenate([c.speed for c in courses])
     low, high = np.quantile(speeds, (settings.speed_low, settings.speed_high))
     turned = [np.abs(c.heading_deg[delta:] - c.heading_deg[:-delta]) / delta for c in courses]
-    brisk = float(np.quantile(np.concatenate(turned), settings.brisk))
+    brisk = brisk_of(np.concatenate(turned), settings)
     runs = [(c, *run) for c in courses for run in _runs(c.kind)]
     straight = [run for run in runs if run[1] == TYPE_STRAIGHT]
     still = settings.still * float(np.quantile(beating, 0.9))
@@ -156,6 +157,15 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
         raise _too_little("turning")
     between = np.array([last - first for _, _, first, last in straight], np.int32)
     return Motion(phases, turns, between, float(low), float(high), brisk, rate_hz, delta, length)
+
+
+def brisk_of(sizes: Floats, settings: Settings) -> float:
+    """The speed, or turn rate, of a brisk fish among those (n,) of a film.
+
+    A quantile; of a fish that rests for most of the film a share of the quickest.
+    """
+    quantile, quickest = np.quantile(sizes, (settings.brisk, _QUICKEST))
+    return float(max(quantile, settings.brisk_least * quickest, 1e-6))
 
 
 def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:

@@ -19,6 +19,7 @@ from finloop.animate.beam import (
 from finloop.animate.company import ALONE, Company, clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
+from finloop.animate.motion import brisk_of
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints, Mask
@@ -87,9 +88,9 @@ class Rules(NamedTuple):
         """The rules of some waters; ahead, stride: times in Δ."""
         motion, p = waters.motion, waters.settings
         swims, delta = waters.film.speed[waters.film.more], motion.delta
-        brisk = float(np.quantile(swims, p.brisk)) if len(swims) else 1.0
+        brisk = brisk_of(swims, p) if len(swims) else 1.0
         return cls(
-            pace=max(brisk, 1e-6) * motion.body_length_px / motion.rate_hz,
+            pace=brisk * motion.body_length_px / motion.rate_hz,
             turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
             horizon=max(2, waters.ticks(ahead)), stride=max(1, waters.ticks(stride)),
             stay=max(1, waters.ticks(p.stay)), beam=beam, seam=p.seam * delta,

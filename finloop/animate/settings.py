@@ -67,6 +67,7 @@ class Settings:
     # quantile of its speeds and turn rates at which a fish is brisk: so fast it is expected to swim
     # what remains of a way, and so fast it turns at most on the spot where there is no way
     brisk: Share
+    brisk_least: Share  # of the film's highest; who rests for most of the film is brisk at this
 
     # of the time for which the film shows no step from picture to picture as large, on average,
     # that showing one costs
