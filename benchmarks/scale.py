@@ -1,11 +1,13 @@
 """Everything after extraction, on films of ten thousand to a million pictures.
 
 `python -m benchmarks.scale [PICTURES …]` varies the film in data/ (`benchmarks.varied`), runs every
-stage that comes after `extract`, and writes scale.csv and scale.png: time, time of the processors,
-the most memory of all processes of a stage together, and what it leaves on disk.
+stage that comes after `extract`, starts the live tank, plans, and writes scale.csv and scale.png:
+time, time of the processors, the most memory of all processes of a stage together, and what it
+leaves on disk. With `--keep` it can be stopped: what a folder has figures of is not run again.
 """
 
 import argparse
+import json
 import os
 import resource
 import sys
@@ -24,8 +26,16 @@ from benchmarks.pipeline import ROOT, prepare
 from benchmarks.varied import varied
 
 PICTURES = (10_000, 100_000, 1_000_000)
-FORGOTTEN = {"gait"}  # reads the film, but of several thousand pictures no more than of a hundred
-_EVERY_S = 0.2  # memory is looked at so often
+FORGOTTEN = {"gait", "report"}  # gait: of several thousand pictures no more than of a hundred
+PROGRAMS = {"start": ["benchmarks.planning", "start"], "planning": ["benchmarks.planning", "plan"]}
+"""What is measured beside stages: the start of `make play`, and ticks planned in a second."""
+
+FILM, TOGETHER = "film", "together"
+"""The film itself, as extraction would have left it, and the sum of all stages."""
+
+MEMORY_GIB = 8.0  # at most, of a million pictures
+
+_EVERY_S = 1.0  # memory is looked at so often; a look at large processes takes long
 _TABLE = ROOT / "benchmarks/scale.csv"
 
 
@@ -42,41 +52,86 @@ def later_stages() -> list[str]:
 
 
 def measured(folder: Path, word: str) -> dict[str, float]:
-    """Run a stage in a folder: time, memory, disk. SystemExit with what it said if it fails."""
+    """Run a stage or program in a folder: time, memory, disk. SystemExit if it fails."""
     log = folder / f"{word}.log"
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     before, start = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     with log.open("wb") as said:
         process = psutil.Popen(
-            [sys.executable, "-m", f"stages.{word}"], cwd=folder, env=environment,
-            stdout=said, stderr=said,
+            [sys.executable, "-m", *PROGRAMS.get(word, [f"stages.{word}"])],
+            cwd=folder, env=environment, stdout=said, stderr=said,
         )  # fmt: skip
-        most = 0
+        most, worked = 0, dict[int, float]()
         while process.poll() is None:
-            most = max(most, _memory(process))
+            now, each = _looked_at(process)
+            most, worked = max(most, now), worked | each
             time.sleep(_EVERY_S)
     took, after = time.perf_counter() - start, resource.getrusage(resource.RUSAGE_CHILDREN)
+    waited_for = after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
     if process.returncode:
         raise SystemExit(f"{word} failed:\n{log.read_text(errors='replace')[-2000:]}")
     return {
         "seconds": took,
-        "processor_s": after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime,
+        "processor_s": max(waited_for, sum(worked.values())),
         "memory_gib": most / 2**30,
         "disk_gib": _on_disk(folder / "data" / word) / 2**30,
     }
 
 
-def _memory(process: psutil.Process) -> int:
-    """Bytes of a process and all that it has started; what they share is counted once."""
-    total = 0
-    for one in (process, *process.children(recursive=True)):
-        with suppress(psutil.Error):
-            total += one.memory_full_info().pss
-    return total
+def _looked_at(process: psutil.Process) -> tuple[int, dict[int, float]]:
+    """Bytes of a process and all that it has started, and the processor time of each by number.
+
+    What they share is counted once. The system does not add up the time of workers, whom no stage
+    itself has waited for.
+    """
+    total, worked = 0, {}
+    with suppress(psutil.Error):
+        for one in (process, *process.children(recursive=True)):
+            with suppress(psutil.Error):
+                total += one.memory_full_info().pss
+                worked[one.pid] = sum(one.cpu_times()[:2])
+    return total, worked
 
 
 def _on_disk(folder: Path) -> int:
     return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+
+
+def make_film(folder: Path, home: Path, pictures: int) -> None:
+    """Vary the film in `home` into a folder, unless it is there. Its time and what it takes."""
+    if (folder / "conf").exists():
+        return
+    start = time.perf_counter()
+    varied(home.resolve(), folder / "data", pictures)
+    took, disk = time.perf_counter() - start, _on_disk(folder / "data") / 2**30
+    keep(folder, FILM, {"seconds": took, "disk_gib": disk})
+    prepare(folder, ["clip=zebrafish"])
+
+
+def keep(folder: Path, word: str, numbers: dict[str, float]) -> None:
+    """Write the figures of a stage."""
+    path = folder / "figures" / f"{word}.json"
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(json.dumps(numbers), encoding="utf-8")
+
+
+def figures(folder: Path, word: str) -> dict[str, float]:
+    """The figures of a stage, `measured` now or, in a folder that is kept, before."""
+    path = folder / "figures" / f"{word}.json"
+    if not path.exists():
+        keep(folder, word, measured(folder, word))
+    return json.loads(path.read_text(encoding="utf-8"))
+
+
+def quality(folder: Path) -> dict[str, float]:
+    """What else is wanted of a film: recall of neighbours, ticks planned, size of a cut-out."""
+    numbers = {}
+    if (report := folder / "reports/jumps/metrics.json").exists():
+        numbers["recall_pct"] = json.loads(report.read_text(encoding="utf-8"))["recall_pct"]
+    if (planned := folder / "planning.json").exists():
+        numbers |= json.loads(planned.read_text(encoding="utf-8"))
+    cutouts = folder / "data/extract/cutouts.arrow"
+    return numbers | {"cutout_kb": cutouts.stat().st_size / int(folder.name) / 1000}
 
 
 def exponent(pictures: pd.Series, seconds: pd.Series) -> float:
@@ -84,22 +139,57 @@ def exponent(pictures: pd.Series, seconds: pd.Series) -> float:
     return float(np.polyfit(np.log(pictures), np.log(seconds), 1)[0])
 
 
-def drawn(table: pd.DataFrame) -> Figure:
-    """Time of every stage over the number of pictures; dashed: in proportion to them."""
-    figure = Figure(figsize=(7, 5), layout="constrained")
-    axes = figure.add_subplot()
-    for word, rows in table.groupby("stage", sort=False):
-        style = {"color": "black", "linewidth": 2.5} if word == "together" else {}
-        axes.loglog(rows["pictures"], rows["seconds"], marker="o", label=word, **style)
-    whole = table[table["stage"] == "together"]
-    axes.loglog(
-        whole["pictures"], whole["seconds"].iloc[0] * whole["pictures"] / whole["pictures"].iloc[0],
-        "k--", linewidth=1,
+def whole(table: pd.DataFrame) -> pd.DataFrame:
+    """The sums of all stages, a row for each number of pictures of which all are there.
+
+    Of memory the most.
+    The disk is also that of the film itself; its time is none after extraction.
+    """
+    many = table.groupby("pictures")["stage"].transform("size")
+    stages = table[~table["stage"].isin(PROGRAMS) & (many == many.max())].copy()
+    stages.loc[stages["stage"] == FILM, "seconds"] = 0.0
+    sums = stages.groupby("pictures", as_index=False).agg(
+        seconds=("seconds", "sum"), processor_s=("processor_s", "sum"),
+        memory_gib=("memory_gib", "max"), disk_gib=("disk_gib", "sum"),
     )  # fmt: skip
-    axes.set_xlabel("pictures")
-    axes.set_ylabel("s")
+    return sums.assign(stage=TOGETHER)
+
+
+def drawn(table: pd.DataFrame) -> Figure:
+    """Processor time and memory of every stage over the number of pictures.
+
+    Dashed: n log n, and the memory that is wanted.
+    """
+    figure = Figure(figsize=(10, 5), layout="constrained")
+    for axes, column in zip(figure.subplots(1, 2), ("processor_s", "memory_gib"), strict=True):
+        for word, rows in table[table["stage"] != FILM].groupby("stage", sort=False):
+            style = {"color": "black", "linewidth": 2.5} if word == TOGETHER else {}
+            label = None if column == "memory_gib" else word
+            axes.loglog(rows["pictures"], rows[column], marker=".", label=label, **style)
+        axes.set_xlabel("pictures")
+    sums = table[table["stage"] == TOGETHER]
+    n = sums["pictures"].to_numpy(float)
+    growth = n * np.log(n)
+    time_axes, memory_axes = figure.axes
+    time_axes.loglog(n, sums["processor_s"].iloc[0] * growth / growth[0], "k--", linewidth=1)
+    time_axes.set_ylabel("processor time, s")
+    memory_axes.axhline(MEMORY_GIB, color="black", linestyle="--", linewidth=1)
+    memory_axes.set_ylabel("memory, GiB")
     figure.legend(loc="outside right upper", fontsize="small")
     return figure
+
+
+def report(table: pd.DataFrame) -> None:
+    """Print how time grows; write the table and the plot."""
+    sums = whole(table)
+    print(sums.round(2).to_string(index=False))
+    table = pd.concat([table, sums], ignore_index=True)
+    for word, rows in table.dropna(subset="processor_s").groupby("stage", sort=False):
+        if len(rows) > 1:
+            k = exponent(rows["pictures"], rows["processor_s"])
+            print(f"{word}: processor time ~ pictures^{k:.2f}")
+    table.round(3).to_csv(_TABLE, index=False)
+    drawn(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
 
 
 def main() -> None:
@@ -109,29 +199,26 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=ROOT / "data", help="of the film to vary")
     parser.add_argument("--stages", nargs="*", default=None, help="only these")
     parser.add_argument("--keep", type=Path, help="a folder to work in, and to go on in")
+    parser.add_argument("--report", action="store_true", help="of what is in --keep; run nothing")
     wanted = parser.parse_args()
+    words = [FILM, *(word for word in later_stages() if word not in FORGOTTEN), *PROGRAMS]
     rows = []
     with tempfile.TemporaryDirectory() as scratch:
         for pictures in wanted.pictures:
             folder = (wanted.keep or Path(scratch)) / str(pictures)
-            if not (folder / "conf").exists():
-                varied(wanted.data.resolve(), folder / "data", pictures)
-                prepare(folder, ["clip=zebrafish"])
-            for word in wanted.stages or [w for w in later_stages() if w not in FORGOTTEN]:
-                rows.append({"pictures": pictures, "stage": word, **measured(folder, word)})
+            if not wanted.report:
+                make_film(folder, wanted.data, pictures)
+            for word in wanted.stages or words:
+                if wanted.report and not (folder / "figures" / f"{word}.json").exists():
+                    continue
+                rows.append({"pictures": pictures, "stage": word, **figures(folder, word)})
                 print(pd.DataFrame(rows[-1:]).round(2).to_string(header=False), flush=True)
+            print(pictures, {name: round(value, 2) for name, value in quality(folder).items()})
     table = pd.DataFrame(rows)
-    whole = table.groupby("pictures", as_index=False).agg(
-        seconds=("seconds", "sum"), processor_s=("processor_s", "sum"),
-        memory_gib=("memory_gib", "max"), disk_gib=("disk_gib", "sum"),
-    )  # fmt: skip
-    table = pd.concat([table, whole.assign(stage="together")], ignore_index=True)
-    print(whole.round(2).to_string(index=False))
-    if len(whole) > 1:
-        print(f"time ~ pictures^{exponent(whole['pictures'], whole['seconds']):.2f}")
-    if not wanted.stages:
-        table.round(3).to_csv(_TABLE, index=False)
-        drawn(table).savefig(_TABLE.with_suffix(".png"), dpi=100)
+    if wanted.stages:
+        print(whole(table).round(2).to_string(index=False))
+    else:
+        report(table)
 
 
 if __name__ == "__main__":

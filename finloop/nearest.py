@@ -18,7 +18,7 @@ from finloop.base.stretches import spread
 
 MOST = 20_000  # vectors compared with all; 12 s of one core at 25,000 of 33 numbers, 3 s in cells
 RECALL = 0.99  # the least, of the `_NEAREST` nearest
-_NEAREST, _SAMPLE = 20, 500  # neighbours, and vectors, of the exact search that measures recall
+_NEAREST, _SAMPLE = 20, 1000  # neighbours, and vectors, of the exact search that measures recall
 _PER_CELL = 64  # vectors that train each cell; faiss warns below 39, takes 256 at most
 _ROUNDS = 4  # of k-means; with ten not one neighbour in a hundred more is found in as many cells
 _MORE = 4  # times as many nearest vectors are examined where these are not enough

@@ -1,5 +1,6 @@
 """Benchmarks: memory rises with the work, whatever the process that measures has held; films."""
 
+import math
 import subprocess
 import sys
 
@@ -9,7 +10,7 @@ import pytest
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from omegaconf import OmegaConf
 
-from benchmarks import films, identities
+from benchmarks import films, identities, scale
 from benchmarks.pipeline import ROOT, peak_mib
 
 HOLD = "held = b'x' * ({} << 20)"
@@ -142,3 +143,34 @@ def test_shares_are_of_all_fish_and_frames(two_fish):
         "animals": 4, "fish_frames_pct": 75.0, "fish_frames_of_most_pct": 50.0, "switches": 2,
         "same_animal_pct": 50.0,
     }  # fmt: skip
+
+
+# --- scale
+
+
+def test_time_that_grows_as_n_to_the_k_has_that_exponent():
+    n = pd.Series([1e4, 1e5, 1e6])
+    assert scale.exponent(n, 3e-4 * n**1.5) == pytest.approx(1.5)
+    assert 1 < scale.exponent(n, n * n.map(math.log)) < 1.1
+
+
+def test_a_stage_that_has_figures_is_not_run_again(tmp_path, monkeypatch):
+    runs = []
+
+    def measured(folder, word):
+        runs.append(word)
+        return {"seconds": 1.5}
+
+    monkeypatch.setattr(scale, "measured", measured)
+    assert [scale.figures(tmp_path, "jumps") for _ in range(2)] == [{"seconds": 1.5}] * 2
+    assert runs == ["jumps"]
+
+
+def test_time_after_extraction_is_that_of_the_stages_and_disk_that_of_all():
+    rows = [(scale.FILM, 50, 9.0), ("pose", 2, 1.0), ("jumps", 3, 0.5), ("start", 7, 0.0)]
+    table = pd.DataFrame(rows, columns=["stage", "seconds", "disk_gib"])
+    table = table.assign(pictures=100, processor_s=table["seconds"], memory_gib=table["seconds"])
+    table.loc[0, ["processor_s", "memory_gib"]] = float("nan")
+    (row,) = scale.whole(table).to_dict("records")
+    assert (row["seconds"], row["processor_s"], row["memory_gib"]) == (5, 5, 3)
+    assert row["disk_gib"] == 10.5 and row["stage"] == scale.TOGETHER

@@ -1,9 +1,11 @@
 """Everything that plans an animation, from what has been made of a film."""
 
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
+import numba
 import numpy as np
 import pandas as pd
 
@@ -226,10 +228,12 @@ def reach(sprite_hulls: Sequence[Floats], hulls: Hulls, quantile: float) -> tupl
 
     quantile: of the frames' reach; wider ones are mostly faults.
     """
-    frames = np.concatenate([
-        np.hypot(*np.moveaxis(hulls[first : first + _LOT], -1, 0)).max(axis=1)
-        for first in range(0, len(hulls), _LOT)
-    ])  # fmt: skip
+
+    def of_lot(first: int) -> Floats:
+        return np.hypot(*np.moveaxis(hulls[first : first + _LOT], -1, 0)).max(axis=1)
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        frames = np.concatenate(list(pool.map(of_lot, range(0, len(hulls), _LOT))))
     sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
     most = max(sprites, float(np.quantile(frames, quantile)))
     return most, frames > most

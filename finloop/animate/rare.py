@@ -6,8 +6,10 @@ step as large: of its n steps k are as large or larger, n / k frames on average.
 film it costs nothing.
 """
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Mask
@@ -81,9 +83,11 @@ def movement(pose: Pose, turns: bool) -> Floats:
 
     The root mean square over the points of the backbone; turns: of a body that also turns.
     """
-    made = [np.empty(0)]
-    for first in range(0, len(pose) - 1, _LOT):
+
+    def of_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
         line = lot.at(0.0, 0.0, lot.heading_rad * turns, 1.0).backbone_px()
-        made.append(np.sqrt((np.diff(line, axis=0) ** 2).sum(-1).mean(-1)))
-    return np.concatenate(made)
+        return np.sqrt((np.diff(line, axis=0) ** 2).sum(-1).mean(-1))
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        return np.concatenate([np.empty(0), *pool.map(of_lot, range(0, len(pose) - 1, _LOT))])

@@ -1,0 +1,47 @@
+"""The start of the live tank, or ticks planned in a second, with what the stages left in data/.
+
+`python -m benchmarks.planning start` opens the live tank, shows a frame and ends. `… plan` swims
+and prints ticks a second of the wall and of the processor, by mode.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import json
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+from finloop.animate.edit_list import HYBRID
+from finloop.animate.listing import play
+from finloop.animate.swim import random_goals
+from stages.animate import bring
+from stages.play import opened
+from stages.settings import load
+
+TICKS, WARM_UP, GOALS = 10_000, 1_000, 20
+
+
+def start() -> None:
+    """Open the live tank and show its first frame."""
+    with opened(HYBRID, None, 0) as view:
+        view.show()
+
+
+def plan() -> None:
+    """Write planning.json: ticks a second by mode, on the wall and of the processor."""
+    numbers = {}
+    with bring(load("animate")) as brought:
+        for mode, player in brought.players.items():
+            goals = random_goals(player.waters, GOALS, np.random.default_rng(0))
+            play(player, goals, WARM_UP, np.random.default_rng(2))
+            wall, processor = time.perf_counter(), time.process_time()
+            play(player, goals, TICKS, np.random.default_rng(1))
+            numbers[f"{mode}_ticks_per_s"] = TICKS / (time.perf_counter() - wall)
+            numbers[f"{mode}_ticks_per_processor_s"] = TICKS / (time.process_time() - processor)
+    Path("planning.json").write_text(json.dumps(numbers, indent=2), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    {"start": start, "plan": plan}[sys.argv[1]]()
