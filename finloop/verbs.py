@@ -276,7 +276,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     material = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
         similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
-        given_line(p, reel.features), film.facts.mm_per_px, shoaling,
+        given_line(p, reel.features), film.facts.mm_per_px, shoaling, tracks.background,
     )  # fmt: skip
     plans = planner(material, p)
     if mode not in plans.players:

@@ -29,6 +29,7 @@ from finloop.given_path import given_line
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.mapped import open_array
+from finloop.io.picture import load_picture
 from finloop.io.record import load_record, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
@@ -80,6 +81,7 @@ def material(p: Settings) -> Iterator[Material]:
             given_line(p, features),
             facts.mm_per_px,
             load_rule(),
+            load_picture(DATA / "extract/background.png"),
         )
 
 

@@ -27,7 +27,16 @@ from toy_film import (
 
 from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
-from finloop.animate.arena import in_sight, inside, place_goals, roamed, room, settled, tank
+from finloop.animate.arena import (
+    goes_on,
+    in_sight,
+    inside,
+    place_goals,
+    roamed,
+    room,
+    settled,
+    tank,
+)
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
@@ -93,14 +102,32 @@ def test_a_film_that_shows_the_tank_piece_by_piece_is_too_short_to_tell_where_it
     whole, wide = np.ones((160, 200), bool), disc(66.0)
     order = np.argsort(wide[:, 0, 0])  # from left to right: each half of the film shows a half
     assert settled(wide) and not settled(wide[order])
-    assert roamed(whole, wide[order], "auto").all()
-    there = roamed(whole, wide, "auto")
-    assert np.array_equal(roamed(whole, wide[order], "filmed"), there) and not there.all()
+    floor = np.random.default_rng(0).integers(140, 160, (160, 200)).astype(np.uint8)
+    assert roamed(whole, wide[order], "auto", floor).all()
+    there = roamed(whole, wide, "auto", floor)
+    assert np.array_equal(roamed(whole, wide[order], "filmed", floor), there) and not there.all()
+    assert np.array_equal(roamed(whole, wide[order], "auto"), there)  # the floor is not known
     both = np.concatenate([wide[order], wide[order][::-1]])  # and back again
-    assert settled(both) and np.array_equal(roamed(whole, both, "auto"), there)
+    assert settled(both) and np.array_equal(roamed(whole, both, "auto", floor), there)
     rests = np.concatenate([wide, wide[order][:20].repeat(2, 0)])
     assert settled(rests)  # a half that adds little shows that there is little to add
     assert not settled(wide[:1])
+
+
+@pytest.mark.parametrize(("beyond", "same"), [(0, True), (10, True), (60, False), (-60, False)])
+def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
+    filmed = np.zeros((100, 200), bool)
+    filmed[30:70, 60:140] = True
+    grey = np.random.default_rng(0).integers(140, 160, (100, 200))
+    floor = np.where(filmed, grey, grey + beyond).astype(np.uint8)
+    assert goes_on(floor, filmed) == same
+    assert goes_on(np.dstack([floor] * 3), filmed) == same
+    assert not goes_on(floor, np.ones_like(filmed))
+    order = np.argsort(disc(66.0)[:, 0, 0])
+    whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
+    picture[roamed(whole, disc(66.0), "filmed")] = 150
+    kept = room(whole, disc(66.0)[order], 30.0, "auto", picture).arena
+    assert kept.all() == (beyond == 0)
 
 
 def test_where_animals_were_filmed_does_not_depend_on_how_many_are_looked_at_at_a_time(monkeypatch):

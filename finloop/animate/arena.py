@@ -12,13 +12,14 @@ import skimage
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import Goal
-from finloop.base.arrays import Mask, Reals
+from finloop.base.arrays import Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel, leaf_kernel
 
 _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
 _SETTLED = 2 / 3  # of the area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
+_ALIKE = 0.5  # of the picture beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
 # Of the way from edge to middle, kept free by a fish larger than the picture: 0.5, 0.75, 0.9 leave
 # the centre of the sunfish 36, 14, 5 % of the picture; it reaches 46, 54, 75 % of its goals there.
 _ROOM = 0.75
@@ -152,6 +153,21 @@ def settled(outline_px: Reals) -> bool:
     return sum(halves) / 2 >= _SETTLED * whole
 
 
+def goes_on(floor: Picture, filmed: Mask) -> bool:
+    """Whether most of a picture beyond where animals were `filmed` (h, w) looks like the floor.
+
+    floor: (h, w) or (h, w, 3), without animals. Its grey there is within the range (5-95 %) that it
+    has where they were filmed, or as much again beyond it.
+    """
+    if filmed.all():
+        return False
+    grey = floor if floor.ndim == 2 else floor.mean(axis=2)
+    low, high = np.quantile(grey[filmed], [0.05, 0.95])
+    beyond = grey[~filmed]
+    alike = (beyond >= 2 * low - high) & (beyond <= 2 * high - low)
+    return bool(alike.mean() >= _ALIKE)
+
+
 def _hull(outline_px: Reals) -> NDArray[np.int32]:
     """The convex hull (m, 1, 2) of outlines (n, k, 2), in whole pixels."""
     corners = []
@@ -181,28 +197,30 @@ def _ends(points: Reals, low: int, high: int) -> NDArray[np.int32]:
     return made
 
 
-def roamed(arena: Mask, outline_px: Reals, tank: str) -> Mask:
+def roamed(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = None) -> Mask:
     """Where the fish may be: the `arena`, where animals were `filmed`, or by `auto` one of them.
 
     That is where animals were filmed if the arena is the whole picture, so none was given, and they
     filled a quarter of it at least: elsewhere there may be no floor. A fish that keeps to less,
-    as in a current, may swim anywhere; so may one whose film is too short to show the tank
-    (`settled`): it would be kept from most places where it was filmed itself.
+    as in a current, may swim anywhere. So may one whose film is too short to show the tank
+    (`settled`), if the `floor` goes on: it would be kept from most places where it was filmed.
     """
     if tank == "arena" or (tank == "auto" and not arena.all()):
         return arena
     filmed = filmed_area(arena, outline_px)
-    known = filmed.mean() >= _ROAMS and settled(outline_px)
-    return filmed if tank == "filmed" or known else arena
+    known = tank == "filmed" or settled(outline_px) or floor is None or not goes_on(floor, filmed)
+    return filmed if known and (tank == "filmed" or filmed.mean() >= _ROAMS) else arena
 
 
-def room(arena: Mask, outline_px: Reals, reach_px: float, where: str) -> Tank:
+def room(
+    arena: Mask, outline_px: Reals, reach_px: float, where: str, floor: Picture | None = None
+) -> Tank:
     """The tank of a fish: where it `roamed`; by `auto` the arena, if it does not fit in there.
 
     A fish that is larger than the picture, with no arena given, keeps to the middle; there a part
     of it is outside the picture. FinloopError if it does not fit in otherwise.
     """
-    area = roamed(arena, outline_px, where)
+    area = roamed(arena, outline_px, where, floor)
     if where == "auto" and not fits(area, reach_px):
         area = arena
     if area.all() and not fits(area, reach_px):

@@ -32,7 +32,7 @@ from finloop.animate.shoal import Task, by_rule, deal, refuse_meetings, settle, 
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, FrameHulls, Player, Swim, random_goals
-from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.base.arrays import Floats, Ints, Mask, Picture, Reals
 from finloop.base.line import Line
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts, mapped
@@ -55,7 +55,7 @@ class Material(NamedTuple):
     as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
     little for one; line: to be swum in place of the goals; mm_per_px: None: not known; shoaling:
-    how fish swim by zones, None: not known.
+    how fish swim by zones, None: not known; floor: the empty tank as filmed, None: not known.
     """
 
     rate_hz: float
@@ -73,6 +73,7 @@ class Material(NamedTuple):
     line: Line | None = None
     mm_per_px: float | None = None
     shoaling: Shoaling | None = None
+    floor: Picture | None = None
 
 
 @dataclass(frozen=True)
@@ -196,7 +197,7 @@ def planner(made: Material, p: Settings) -> Planner:
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
-    water = room(made.arena, made.outline_px, reach_px, p.tank)
+    water = room(made.arena, made.outline_px, reach_px, p.tank, made.floor)
     waters = Waters(water, way, order, motion, touch_px, float(head), p)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)

@@ -21,7 +21,7 @@ class Settings:
     goals_in: Literal["tank", "px"]
     # where the fish may be: in the clip's arena, or where animals were filmed; auto: the arena if
     # one was given, else where animals were filmed if they filled a quarter of the picture and
-    # the film is long enough to show the tank
+    # the film is long enough to show the tank, or the floor ends there
     tank: Literal["auto", "arena", "filmed"]
     goal_radius: Positive  # body lengths from a goal at which head or centre have reached it
     seconds: Positive  # s, of the animation, in every mode
