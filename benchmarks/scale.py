@@ -36,6 +36,7 @@ FILM, TOGETHER = "film", "together"
 MEMORY_GIB = 8.0  # at most, of a million pictures
 
 _EVERY_S = 1.0  # memory is looked at so often; a look at large processes takes long
+_COLOURS = 10  # of lines; then they begin again, dotted
 _TABLE = ROOT / "benchmarks/scale.csv"
 
 
@@ -160,10 +161,11 @@ def drawn(table: pd.DataFrame) -> Figure:
 
     Dashed: n log n, and the memory that is wanted.
     """
-    figure = Figure(figsize=(10, 5), layout="constrained")
+    figure, words = Figure(figsize=(10, 5), layout="constrained"), list(table["stage"].unique())
     for axes, column in zip(figure.subplots(1, 2), ("processor_s", "memory_gib"), strict=True):
         for word, rows in table[table["stage"] != FILM].groupby("stage", sort=False):
             style = {"color": "black", "linewidth": 2.5} if word == TOGETHER else {}
+            style |= {"linestyle": "-" if words.index(word) < _COLOURS else ":"}
             label = None if column == "memory_gib" else word
             axes.loglog(rows["pictures"], rows[column], marker=".", label=label, **style)
         axes.set_xlabel("pictures")
