@@ -660,6 +660,12 @@ def test_trajectories_of_idtracker(tmp_path, film, write):
     assert len(poses.frame) == FRAMES_OF_FILM * FISH - 1 and np.isnan(poses.confidence).all()
 
 
+def test_of_a_session_the_file_is_read_that_needs_no_optional_package(tmp_path, film):
+    session = as_npy(tmp_path, arrays(film[1])[:, :, 2])
+    (session / "trajectories/trajectories.h5").write_bytes(b"")
+    assert load_poses(session, "idtracker.ai", 25.0).individuals == NAMES
+
+
 def test_old_trajectories_without_names_and_a_bare_array(tmp_path, film):
     places = arrays(film[1])[:, :, 2]
     np.save(tmp_path / "a.npy", places)

@@ -22,7 +22,8 @@ _NAMES = (
     "trajectories", "validated", "without_gaps", "with_gaps", "trajectories_validated",
     "trajectories_wo_gaps", "trajectories_wo_identification",
 )  # fmt: skip
-_ENDINGS = (".h5", ".hdf5", ".npy", ".pickle", "_csv", "_tidy.csv", ".parquet")
+# HDF5 wants an optional package: it is read where there is nothing else.
+_ENDINGS = (".npy", ".pickle", "_csv", "_tidy.csv", ".parquet", ".h5", ".hdf5")
 _HARMLESS = {  # what a pickle of arrays, numbers and words is made of; nothing here runs a program
     ("_codecs", "encode"), ("builtins", "set"), ("collections", "OrderedDict"),
     ("numpy", "dtype"), ("numpy", "ndarray"),
