@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.base.kernel import finite_kernel
+from finloop.base.kernel import finite_kernel, finite_leaf
 from finloop.base.sampling import keys
 from finloop.puppet.strip import (
     HIDDEN,
@@ -75,7 +75,7 @@ def plan(film: NDArray[np.float32], source: Line, target: Line, how: How) -> Pla
     return Plan(there, here, reach, box)
 
 
-@finite_kernel
+@finite_leaf
 def _least(limits, i):  # type: ignore[no-untyped-def]
     """The shortest end of the cross-sections i and i + 1."""
     return min(limits[i, 0], limits[i, 1], limits[i + 1, 0], limits[i + 1, 1])
@@ -130,7 +130,7 @@ def _reach(film, there):  # type: ignore[no-untyped-def]
     return reach
 
 
-@finite_kernel
+@finite_leaf
 def _section(strip, i):  # type: ignore[no-untyped-def]
     """A cross-section as numbers: point, normal, and limits on its left and right."""
     return (
@@ -140,7 +140,7 @@ def _section(strip, i):  # type: ignore[no-untyped-def]
     )
 
 
-@finite_kernel
+@finite_leaf
 def _span(y, front, rear):  # type: ignore[no-untyped-def]
     """The range of x in a row of pixels between two cross-sections."""
     (ax, ay), (anx, any_), _ = front
@@ -155,7 +155,7 @@ def _span(y, front, rear):  # type: ignore[no-untyped-def]
     return start - 1e-3, stop + 1e-3
 
 
-@finite_kernel
+@finite_leaf
 def _step(canvas, film, strips, part, how, corner):  # type: ignore[no-untyped-def]
     """Draw a step of the strip. part: its number, its reach to the left and to the right."""
     height, width, channels = canvas.shape
@@ -209,7 +209,7 @@ def _beside(x, y, front, rear, share):  # type: ignore[no-untyped-def]
     return -unsqueezed(-o, aright + share * (bright - aright)), along
 
 
-@finite_kernel
+@finite_leaf
 def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
     """Where (u, v) [px] in the film lies a place of the strip; the inverse of `_beside`.
 
@@ -233,7 +233,7 @@ def _place(at, front, rear, mirrored):  # type: ignore[no-untyped-def]
     return u, v
 
 
-@finite_kernel
+@finite_leaf
 def _linear(film, u, v):  # type: ignore[no-untyped-def]
     """Red (or grey), green, blue, alpha, 0 … 1, at (u, v), by a linear filter."""
     column, row = math.floor(u), math.floor(v)
@@ -242,7 +242,7 @@ def _linear(film, u, v):  # type: ignore[no-untyped-def]
     return red * _UNIT, green * _UNIT, blue * _UNIT, alpha * _UNIT
 
 
-@finite_kernel
+@finite_leaf
 def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     """The same by Keys' filter, 0 ≤ colour ≤ alpha ≤ 1."""
     column, row = math.floor(u), math.floor(v)
@@ -259,7 +259,7 @@ def _cubic(film, u, v):  # type: ignore[no-untyped-def]
     )
 
 
-@finite_kernel
+@finite_leaf
 def _weighted(film, left, top, across, down):  # type: ignore[no-untyped-def]
     """The weighted sum of the pixels from (left, top) on; transparent outside."""
     height, width, channels = film.shape

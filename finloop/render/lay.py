@@ -4,13 +4,13 @@ import math
 
 import numpy as np
 
-from finloop.base.kernel import kernel
+from finloop.base.kernel import kernel, leaf_kernel
 from finloop.base.sampling import keys
 
 _ONE = np.float32(1)
 
 
-@kernel
+@leaf_kernel
 def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     """Red, green, blue (grey: thrice), alpha of a picture at (u, v), 0 ≤ colour ≤ alpha ≤ 255."""
     channels = pixels.shape[2]
@@ -47,7 +47,7 @@ def _sample(pixels, near, u, v):  # type: ignore[no-untyped-def]
     return red, green, blue, alpha
 
 
-@kernel
+@leaf_kernel
 def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
     """From which x to which, within `ends`, half open, a row y shows what the kernel can read."""
     start, stop = ends
@@ -65,7 +65,7 @@ def _span(m, y, shape, ends):  # type: ignore[no-untyped-def]
     return start, stop
 
 
-@kernel
+@leaf_kernel
 def _seen(m, x, y, shape):  # type: ignore[no-untyped-def]
     """Where (x, y) lies in a picture, (u, v), and whether the kernel can read all around it."""
     u, v = m[0] * x + m[1] * y + m[2], m[3] * x + m[4] * y + m[5]
