@@ -140,17 +140,22 @@ def exponent(pictures: pd.Series, seconds: pd.Series) -> float:
     return float(np.polyfit(np.log(pictures), np.log(seconds), 1)[0])
 
 
+def _all(figures: "pd.Series[float]") -> float:
+    """The sum of figures, NaN if one of them is."""
+    return float(figures.sum(skipna=False))
+
+
 def whole(table: pd.DataFrame) -> pd.DataFrame:
     """The sums of all stages, a row for each number of pictures of which all are there.
 
-    Of memory the most.
-    The disk is also that of the film itself; its time is none after extraction.
+    Of memory the most. The disk is also that of the film itself; its time is none after extraction.
+    A sum is not known where one of its figures is not.
     """
     many = table.groupby("pictures")["stage"].transform("size")
     stages = table[~table["stage"].isin(PROGRAMS) & (many == many.max())].copy()
-    stages.loc[stages["stage"] == FILM, "seconds"] = 0.0
+    stages.loc[stages["stage"] == FILM, ["seconds", "processor_s"]] = 0.0
     sums = stages.groupby("pictures", as_index=False).agg(
-        seconds=("seconds", "sum"), processor_s=("processor_s", "sum"),
+        seconds=("seconds", "sum"), processor_s=("processor_s", _all),
         memory_gib=("memory_gib", "max"), disk_gib=("disk_gib", "sum"),
     )  # fmt: skip
     return sums.assign(stage=TOGETHER)

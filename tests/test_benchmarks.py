@@ -174,3 +174,5 @@ def test_time_after_extraction_is_that_of_the_stages_and_disk_that_of_all():
     (row,) = scale.whole(table).to_dict("records")
     assert (row["seconds"], row["processor_s"], row["memory_gib"]) == (5, 5, 3)
     assert row["disk_gib"] == 10.5 and row["stage"] == scale.TOGETHER
+    table.loc[table["stage"] == "pose", "processor_s"] = math.nan
+    assert math.isnan(scale.whole(table)["processor_s"].item())  # not the sum of the others
