@@ -17,7 +17,7 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Workers
 from finloop.extract import film
-from finloop.extract.given import Followed
+from finloop.extract.given import Followed, nothing_used
 from finloop.extract.samples import Verdict, survey
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
@@ -109,6 +109,8 @@ def extract(
         for fish in film.batches(tracked()):
             write(film.rows(fish), film.cutouts(fish))
     if not lengths:
+        if tracks and follower:
+            raise nothing_used(tracks.given, follower, p.least_frames)
         raise film.nothing_followed(p, verdicts)
     tank = SceneFacts(scene.polarity, scene.noise, scene.threshold, *typical, points=p.points)
     save_record(folder / SCENE_NAME, tank)

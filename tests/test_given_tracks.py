@@ -27,7 +27,7 @@ from finloop.drawn.truth import TRUTH
 from finloop.export.keypoints import deeplabcut
 from finloop.extract.film import Detections
 from finloop.extract.fit import FilmSize, Fit, fit, given_of, keypoint, refuse_other_film
-from finloop.extract.given import Followed, matched
+from finloop.extract.given import Followed, longest_run, matched, nothing_used
 from finloop.extract.table import GIVEN, tracks_schema
 from finloop.extract.tracks import Spot
 from finloop.features.head import given_head_end, head_first
@@ -362,6 +362,48 @@ def test_short_runs_are_dropped_and_counted():
     places[[0, 1, 4, 5, 6]] = 50
     rows, followed = run(given(poses_at(places)), [[spot(50, 50)]] * 10)
     assert rows == [(0, 4), (0, 5), (0, 6)] and followed.short == 2
+
+
+def test_tracks_with_too_many_gaps_are_refused_by_their_gaps():
+    """Every 7th place is infinite: no run is as long as a track."""
+    places = np.full((30, 2, 2), 50.0) + [[0, 0], [40, 40]]
+    places[::7] = np.inf
+    told = given(poses_at(places))
+    rows, followed = run(told, [[spot(50, 50), spot(90, 90)]] * 30, least=8)
+    assert not rows and longest_run(told) == 6
+    error = nothing_used(told, followed, 8)
+    assert "for 6 frames at most, and 5 of 30 frames have no place" in error.came
+    assert "places: 50 used" in error.came
+    assert "8 frames on end" in error.wanted and "fill the gaps" in error.do
+
+
+def test_places_without_gaps_are_not_told_to_fill_them():
+    told = given(poses_at(np.full((30, 1, 2), 50.0)))
+    rows, followed = run(told, [[spot(50, 50, isolated=False)]] * 30)
+    error = nothing_used(told, followed, 3)
+    assert not rows and longest_run(told) == 30
+    assert "30 not isolated" in error.came and "extract.tracks=own" in error.do
+    assert "fill" not in error.do
+
+
+def test_runs_of_two_animals_are_not_added_up():
+    places = np.full((12, 2, 2), np.nan)
+    places[:6, 0] = places[6:, 1] = 50.0
+    assert longest_run(given(poses_at(places))) == 6
+
+
+def test_infinite_places_end_the_stage_with_their_gaps(film, tmp_path, monkeypatch):
+    places = arrays(film[1])[:, :, 2].copy()
+    places[::7] = np.inf
+    np.save(tmp_path / "a.npy", places)
+    (tmp_path / "data").mkdir()
+    (tmp_path / "data/clip").symlink_to(film[0] / "data/clip")
+    prepare(tmp_path, *CARP, "extract.tracks=file", f"extract.tracks_path={tmp_path}/a.npy",
+            "extract.least_frames=8")  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FinloopError, match=r"6 frames at most(?s:.*)fill the gaps"):
+        stages.extract.main()
+    assert not (tmp_path / "data/extract").exists()
 
 
 def test_frames_of_the_film_are_found_in_a_clip_that_begins_late_repeats_and_drops():

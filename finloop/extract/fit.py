@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
-from finloop.extract.given import Given, distances
+from finloop.extract.given import SHOWN_ALONE, Given, distances
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Spot
 
@@ -195,5 +195,5 @@ def refuse_other_film(tracks: Given, agreement: Fit, film: FilmSize) -> None:
         f"{film.width_px}×{film.height_px}" + (f"; never at an animal: {lost}" if lost else ""),
         f"tracks of this film: at least {agreement.needed:.0%}, midway between chance and all",
         "give this film's tracks, in px (extract.tracks_scale), without animals that are not "
-        "there; where animals are seen but not found, see reports/extract/detections.png",
+        f"there; where they are this film's, {SHOWN_ALONE}",
     )

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats
-from finloop.extract.film import Detections, TrackedFish
+from finloop.extract.film import Detections, FollowedNoneError, TrackedFish
 from finloop.extract.samples import Verdict
 from finloop.extract.tracks import Spot
 
@@ -28,6 +28,12 @@ _TIE = 1e-6  # of a distance from a centre; it decides where other distances are
 Outcome = Literal["used", "no silhouette", "shared", "not isolated"]
 """What became of a place: it has its own isolated silhouette, none is near, two places are in it,
 or it is none of an isolated fish (at the border, too large, too small, too pale)."""
+
+SHOWN_ALONE = (
+    "look at what is found without the file: extract.tracks=own, extract.tracks_path=null, then "
+    "reports/extract/detections.png"
+)
+"""What to do where a film and its tracks disagree: a run that fails draws no picture."""
 
 
 @dataclass(frozen=True)
@@ -160,3 +166,39 @@ class Followed:
             self.short += len(waiting.pop(animal))
         for animal in [animal for animal in running if animal not in seen]:
             del running[animal]
+
+
+def nothing_used(given: Given, followed: Followed, least_frames: int) -> FollowedNoneError:
+    """What to raise where no animal has a silhouette for long enough to be a track."""
+    counts = Counter[Outcome]()
+    for (_, outcome), count in followed.outcomes.items():
+        counts[outcome] += count
+    longest, without = longest_run(given), int((given.stop == given.start).sum())
+    became = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+    of_file = (
+        f"the places of an animal in the file of tracks go on for {longest} frames at most, and "
+        f"{without} of {len(given.start)} frames have no place"
+    )
+    do = SHOWN_ALONE
+    if longest < least_frames:
+        do = (
+            "fill the gaps (a place that is NaN, infinite or below "
+            "extract.tracks_least_confidence is none) and export the tracks again"
+        )
+    return FollowedNoneError(
+        f"no animal of the file of tracks has a silhouette for {least_frames} frames on end "
+        f"(places: {became}); {of_file}",
+        f"an animal with a place in {least_frames} frames on end, and its own silhouette there",
+        f"{do}; or allow shorter tracks (extract.least_frames)",
+    )
+
+
+def longest_run(given: Given) -> int:
+    """The most frames of the clip on end in which an animal has a place."""
+    frame = np.repeat(np.arange(len(given.start)), given.stop - given.start)
+    row = np.concatenate([np.arange(a, b) for a, b in zip(given.start, given.stop, strict=True)])
+    animal = given.individual[row]
+    order = np.lexsort((frame, animal))
+    new = (np.diff(frame[order]) != 1) | (np.diff(animal[order]) != 0)
+    edges = np.flatnonzero(np.concatenate([[True], new, [True]]))
+    return int(np.diff(edges).max())
