@@ -34,12 +34,12 @@ from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
-from finloop.animate.search import Here, Rules, space_of
+from finloop.animate.search import Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.animate.steering import Steering, steered
 from finloop.base.arrays import Floats
 from finloop.features.table import wrap_deg
-from finloop.forecast.sampling import Sampler, follow, ways
+from finloop.forecast.sampling import follow, ways
 
 _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 _STARTS = 300  # rows that a path is begun from are drawn from so many
@@ -79,12 +79,9 @@ class Follower:
         self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:
-            space = space_of(waters.film, waters.tank.legal, self.rules)
-            self._film = footage_of(space, reach)
+            self._film = footage_of(policy.crossing.film.space, reach)
         if policy.forecast is not None:
-            table = foretold_film(waters.film, policy.forecast.sampler)
-            space = space_of(table, waters.tank.legal, self.rules)
-            self._foretold = footage_of(space, reach)
+            self._foretold = footage_of(policy.forecast.space, reach)
 
     def begin(self, route: Route, rng: np.random.Generator) -> Fish:
         """A fish at the beginning of the path, in the row from which it can be followed best."""
@@ -301,16 +298,3 @@ def best_of(found: Found) -> int:
     if np.isfinite(found.value).any():
         return int(np.argmin(found.value))
     return int(np.argmax(found.ticks))
-
-
-def foretold_film(film: Film, sampler: Sampler) -> Film:
-    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
-    n = min(len(film.rows), len(sampler.usable))
-    rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
-    leads = np.diff(start) > 0
-    rows["more"] = sampler.usable[:n]
-    rows["more"][-1:] = False
-    rows["endless"] = sampler.usable[:n] | leads
-    rows["end"] = np.where(leads, np.arange(n), -1)
-    to = sampler.to[: start[-1]]
-    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)

@@ -7,6 +7,7 @@ past and that row's control. The frame of the row is drawn, its pose going on as
 """
 
 from dataclasses import replace
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,10 +16,12 @@ from numpy.typing import NDArray
 from finloop.animate.arena import inside
 from finloop.animate.company import Company, clear_ahead, clear_ticks
 from finloop.animate.edit_list import FORETOLD, FRAME
+from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST, brisk_of
 from finloop.animate.rare import Rarity
 from finloop.animate.recent import Repeat, again_cost, last_on_screen, times
+from finloop.animate.search import Rules, Space, space_of
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
@@ -93,6 +96,14 @@ class ForecastSwimmer:
         after = np.minimum(np.searchsorted(leads, rows), len(leads) - 1)
         near = leads[np.stack([np.maximum(after - 1, 0), after])]
         self._near = near[np.abs(near - rows).argmin(0), rows]
+
+    @cached_property
+    def space(self) -> Space:
+        """The film as it is searched if a fish swims as is foretold."""
+        waters, p = self.waters, self.waters.settings
+        film = foretold_film(waters.film, self.sampler)
+        rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
+        return space_of(film, waters.tank.legal, rules)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""
@@ -318,3 +329,16 @@ def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
         if reached == n and not goal.free and touches(place[0], place[1], place[2], goal):
             reached = t
     return way, good, reached
+
+
+def foretold_film(film: Film, sampler: Sampler) -> Film:
+    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
+    n = min(len(film.rows), len(sampler.usable))
+    rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
+    leads = np.diff(start) > 0
+    rows["more"] = sampler.usable[:n]
+    rows["more"][-1:] = False
+    rows["endless"] = sampler.usable[:n] | leads
+    rows["end"] = np.where(leads, np.arange(n), -1)
+    to = sampler.to[: start[-1]]
+    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)

@@ -34,7 +34,8 @@ class FilmSwimmer:
         self._wide = self.rules._replace(beam=_WIDER * p.beam)
 
     @cached_property
-    def _space(self) -> Space:
+    def space(self) -> Space:
+        """The film as it is searched."""
         return space_of(self.waters.film, self.waters.tank.legal, self.rules)
 
     def begin(self, rng: np.random.Generator) -> Fish:
@@ -79,9 +80,9 @@ class FilmSwimmer:
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             fish.company,
         )  # fmt: skip
-        terms, found, verdict = decide.weigh(self._space, ways, here, aim, self.rules)
+        terms, found, verdict = decide.weigh(self.space, ways, here, aim, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
-            terms, found, verdict = decide.weigh(self._space, ways, here, aim, self._wide)
+            terms, found, verdict = decide.weigh(self.space, ways, here, aim, self._wide)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 

@@ -101,18 +101,33 @@ class Rules(NamedTuple):
 
 def space_of(film: Film, legal: Mask, rules: Rules) -> Space:
     """The space of a search by some rules."""
-    row = np.zeros(len(film.start), np.int64)
-    row[film.end[film.end >= 0]] = np.flatnonzero(film.end >= 0)
-    end = np.repeat(np.arange(len(film.start) - 1), np.diff(film.start))
-    faster = film.speed[film.to] - film.speed[row[end]]
-    seam, jerk, _ = jump_cost(film.seam, faster, np.inf, rules)
-    order = np.lexsort((seam + jerk, end))
-    jumps = np.empty(len(order), JUMP)
-    jumps["cost"], jumps["to"] = (seam + jerk)[order], film.to[order]
+    jumps = np.zeros(len(film.to), JUMP)
+    _cheapest_first(film, rules, jumps)
     side = 1 << _CELL
     whole = np.pad(legal, [(0, -n % side) for n in legal.shape], constant_values=True)
     cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
     return Space(film, jumps, legal, np.asarray(cells))
+
+
+@kernel
+def _cheapest_first(film, rules, jumps):  # type: ignore[no-untyped-def]
+    """Write the jumps (e,) of a film, at each loop end in the order of their costs.
+
+    Few are at one end: each is moved forward past those that cost more.
+    """
+    for row in range(len(film.rows)):
+        at = film.rows[row]
+        if at.end < 0:
+            continue
+        first = film.start[at.end]
+        for e in range(first, film.start[at.end + 1]):
+            to, place = film.to[e], e
+            faster = film.rows[to].speed - at.speed
+            seam, jerk, _ = jump_cost(film.seam[e], faster, np.inf, rules)
+            while place > first and jumps[place - 1].cost > seam + jerk:
+                jumps[place] = jumps[place - 1]
+                place -= 1
+            jumps[place].cost, jumps[place].to = seam + jerk, to
 
 
 @leaf_kernel
