@@ -36,7 +36,7 @@ FACTS = (  # among the metrics
 def main() -> None:
     """Make data/clip/, reports/clip/metrics.json and findings.csv; say how good the film is."""
     p: Settings = load("clip")
-    films = films_of(p) if isinstance(p, File) else []
+    films = once(films_of(p)) if isinstance(p, File) else []
     with whole_folder(CLIP) as folder:
         if len(films) > 1:
             numbers = write_clips(films, folder)
@@ -51,6 +51,20 @@ def main() -> None:
 def films_of(p: File) -> list[File]:
     """The parameters of each film: a path, a folder, a pattern or a list names them."""
     return [replace(of_path, path=str(film)) for path, of_path in p.each() for film in listed(path)]
+
+
+def once(films: list[File]) -> list[File]:
+    """The films without those that are there already, with the same values; these are named."""
+    taken = dict[File, File]()
+    for film in films:
+        key = replace(film, path=str(film.film.resolve()))
+        if key in taken:
+            of = "" if film.path == taken[key].path else f" as {taken[key].path}"
+            print(
+                f"finloop: WARNING: {film.path} is named twice{of}, and taken once", file=sys.stderr
+            )
+        taken.setdefault(key, film)
+    return list(taken.values())
 
 
 def write_clip(p: Settings, source: Source, folder: Path, watch: Watch) -> dict[str, float]:
@@ -104,6 +118,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
         for name, p in named_films:
             path, home = p.film, Path(FILMS) / name
             parts.append(Part(name, str(path)))
+            print(f"finloop: {name} is {path}", file=sys.stderr)
             try:
                 source = open_source(p)
                 key = {"clip": asdict(p), "code": code, "film": stamps(path)}
@@ -116,6 +131,8 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
             advance()
     whole = join_clips(folder, parts)
     failed = sum(bool(part.error) for part in parts)
+    tank = next(part for part in parts if not part.error)
+    print(f"finloop: the animation is shown in the tank of {tank.name}", file=sys.stderr)
     return numbers | of_facts(whole) | {"films": len(films) - failed, "films_left_out": failed}
 
 

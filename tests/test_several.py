@@ -17,6 +17,7 @@ import stages.extract
 import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.extract.alike import Likeness, alike, likeness
 from finloop.extract.table import tracks_schema
 from finloop.io.cutouts import open_cutouts
@@ -68,6 +69,20 @@ def test_names_are_all_different_and_plain(tmp_path):
     made = names(paths)
     assert made == ["Tank-1", "tank_1", "tank-1-2", "-ü-"]
     assert names(paths[:2]) == made[:2]  # a further film renames none
+
+
+def test_a_film_that_is_named_twice_is_taken_once(tmp_path, capsys):
+    """As itself, by its folder and by a link; but two parts of it are two films."""
+    home = touched(tmp_path, "films/a.mp4", "films/b.mp4") / "films"
+    (home / "c.mp4").symlink_to(home / "a.mp4")
+    a = str(home / "a.mp4")
+    films = stages.clip.films_of(settings("clip", source="file", path=(str(home), a)))
+    assert [film.film.name for film in stages.clip.once(films)] == ["a.mp4", "b.mp4"]
+    said = capsys.readouterr().err
+    assert f"c.mp4 is named twice as {a}" in said and f"{a} is named twice, and" in said
+    part = {"path": a, "start_s": 2.0}
+    films = stages.clip.films_of(settings("clip", source="file", path=(a, part, part)))
+    assert [film.start_s for film in stages.clip.once(films)] == [0.0, 2.0]
 
 
 # --- one count of frames
@@ -223,6 +238,30 @@ def test_a_film_that_cannot_be_read_is_named_and_the_others_go_on(joined):
     assert [bool(one["error"]) for one in listed_] == [False, False, True]
     assert "3 broken.mp4" in listed_[2]["path"]
     assert not (joined / "data/clip/films/3-broken").exists()
+
+
+def test_two_films_of_one_name_and_the_tank_are_told(tmp_path, monkeypatch, capsys):
+    films = [tmp_path / "a/film.mp4", tmp_path / "b/film.mp4", tmp_path / "c/film.mp4"]
+    for path in films:
+        path.parent.mkdir()
+        put_film(path, swimming())
+    films[0].write_text("no film")
+    prepare(tmp_path, "clip=file", f"clip.path=[{','.join(map(str, films))}]")
+    monkeypatch.chdir(tmp_path)
+    stages.clip.main()
+    said = capsys.readouterr().err
+    for name, path in zip(("film", "film-2", "film-3"), films, strict=True):
+        assert f"{name} is {path}" in said
+    assert "in the tank of film-2" in said
+
+
+def test_a_film_that_is_still_recorded_is_refused_as_such(tmp_path, monkeypatch):
+    put_film(path := tmp_path / "film.mp4", swimming())
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    prepare(tmp_path, "clip=file", f"clip.path={path}")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(FinloopError, match="still being recorded or copied"):
+        stages.clip.main()
 
 
 def test_every_film_is_in_the_picture_of_what_was_found(joined):

@@ -64,8 +64,8 @@ def opened(path: Path) -> Iterator[tuple[InputContainer, VideoStream]]:
         raise FinloopError(
             came=f"{path} cannot be read as a film: {error.strerror or error}",
             wanted=WANTED,
-            do="see whether a player shows it; an mp4 or mov whose recording was cut off lacks its "
-            "index and must be repaired first",
+            do="see whether a player shows it; an mp4 or mov that is still being recorded or "
+            "copied lacks its index: wait; one that was cut off must be repaired first",
         ) from error
 
 
