@@ -89,7 +89,9 @@ def material(p: Settings) -> Iterator[Material]:
 def bring(p: Settings) -> Iterator[Planner]:
     """Everything that plans, from what the stages before have made."""
     with material(p) as made:
-        yield planner(made, p)
+        plans = planner(made, p)
+        del made  # tables that are arrays of the planner by now
+        yield plans
 
 
 def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, float]]]:

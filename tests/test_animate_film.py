@@ -1157,11 +1157,13 @@ def test_the_outline_of_a_frame_is_where_its_pixels_were():
 
 
 def test_the_widest_frames_are_barred():
-    hull = np.array([[20.0, 0], [-20, 5]])
+    hull = np.array([[20.0, 0], [-20, 5], [0, 3]])
     hulls = np.repeat(hull[None].astype(np.float32), 1000, axis=0)
     hulls[::200] *= 3
-    most, barred = reach([hull], hulls, 0.99)
+    places = pd.DataFrame(np.full((1000, 3), 50.0), columns=["x_px", "y_px", "heading_deg"])
+    frames = frame_hulls(hulls + 50, places, np.ones(1000))
+    most, barred = reach([hull], frames, 0.99)
     assert most == pytest.approx(np.hypot(20, 5), rel=1e-6)
     assert list(np.flatnonzero(barred)) == list(range(0, 1000, 200))
-    most, barred = reach([10 * hull], hulls, 0.99)  # sprites are shown, so they must fit in
+    most, barred = reach([10 * hull], frames, 0.99)  # sprites are shown, so they must fit in
     assert most == pytest.approx(10 * np.hypot(20, 5)) and not barred.any()

@@ -1,7 +1,5 @@
 """What a step costs that the film seldom shows: laws, and what a fish makes of it."""
 
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -12,21 +10,21 @@ from finloop.puppet import Pose
 SPRING = np.array([1.0, 0.7, 0.3, 0.1])
 
 
-def poses_of(heading_deg, bend):
-    """Fish of two straight halves, bent by `bend` (n,) radians between, codes as bent."""
+def pose_of(heading_deg, bend):
+    """Fish of two straight halves, bent by `bend` (n,) radians between."""
     n = len(bend)
     posture = np.zeros((n, 6))
     posture[:, 0], posture[:, 4:] = 0.5, 0.5
     posture[:, 3] = bend
     zero = np.zeros(n)
-    pose = Pose(zero, zero, np.radians(heading_deg), zero + 1, posture)
-    return SimpleNamespace(pose=pose, codes=bend[:, None])
+    return Pose(zero, zero, np.radians(heading_deg), zero + 1, posture)
 
 
 def rarity_of(heading_deg, bend, seen=np.nan, share=0.1):
     goes_on = np.arange(len(bend)) < len(bend) - 1
     seen = np.full(len(bend), seen) if np.ndim(seen) == 0 else seen
-    return Rarity.of(poses_of(heading_deg, bend), goes_on, seen, SPRING, share)
+    moved = movement(pose_of(heading_deg, bend))
+    return Rarity.of(moved, bend[:, None], goes_on, seen, SPRING, share)
 
 
 def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_one():
@@ -42,13 +40,19 @@ def test_a_step_costs_its_share_of_the_time_that_the_film_takes_for_as_large_a_o
 def test_where_a_step_is_not_known_the_bodys_movement_stands_in():
     rng = np.random.default_rng(0)
     heading, bend = rng.normal(0, 20, 40).cumsum(), rng.normal(0, 0.2, 40)
-    moved = movement(poses_of(heading, bend).pose, turns=True)
+    moved, bends = movement(pose_of(heading, bend))
     seen = np.append(3 * moved, np.nan)
     seen[10:30] = np.nan
     assert rarity_of(heading, bend, seen).steps[1:] == pytest.approx(3 * moved)
-    assert movement(poses_of(heading, bend).pose, turns=False).max() < moved.max()
-    turned = poses_of(heading + 70, bend).pose
-    assert movement(turned, turns=True) == pytest.approx(moved)
+    assert bends.max() < moved.max()
+    assert movement(pose_of(heading, np.zeros(40))).bends == pytest.approx(0)
+    spun = movement(pose_of(np.array([10.0, 100.0]), np.zeros(2))).whole
+    assert spun == pytest.approx(np.sqrt((0.5 + 0 + 0.5) / 3))  # by 90 degrees: √2 · radius
+    placed = pose_of(heading, bend)
+    lines = placed.at(0.0, 0.0, placed.heading_rad, 1.0).backbone_px()
+    assert moved == pytest.approx(np.sqrt((np.diff(lines, axis=0) ** 2).sum(-1).mean(-1)))
+    turned = pose_of(heading + 70, bend)
+    assert movement(turned).whole == pytest.approx(moved)
 
 
 def test_a_join_costs_more_the_farther_it_is_and_going_on_costs_nothing():

@@ -3,8 +3,10 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from finloop.animate.bodies import Bodies
 from finloop.animate.rest import rests
 from finloop.puppet import Pose
 
@@ -27,7 +29,7 @@ def film(size=1.0, cut=None):
     goes_on = np.arange(60) < 59
     if cut is not None:
         goes_on[cut] = False
-    return SimpleNamespace(poses=SimpleNamespace(pose=pose), goes_on=goes_on)
+    return Bodies(SimpleNamespace(pose=pose), goes_on, pd.DataFrame())
 
 
 def test_an_animal_rests_where_neither_place_nor_heading_nor_posture_changes():

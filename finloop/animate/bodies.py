@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from finloop.animate.edit_list import FRAME
+from finloop.animate.rare import Movement, movement
 from finloop.base.arrays import Floats, Mask
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.pose.film import FilmPoses
@@ -48,6 +49,11 @@ class Bodies:
     def heading_deg(self) -> Floats:
         """The heading (n,) of every row as filmed."""
         return np.degrees(self.poses.pose.heading_rad)
+
+    @cached_property
+    def movement(self) -> Movement:
+        """How far the body moves from each row to the next."""
+        return movement(self.poses.pose)
 
     @cached_property
     def _of_sprites(self) -> tuple[Rows, Mask, Floats, Floats]:

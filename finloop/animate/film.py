@@ -64,7 +64,7 @@ class Film(NamedTuple):
 
     def only(self, allowed: Mask) -> "Film":
         """The film with those of its jumps (e,) that are allowed."""
-        before = np.concatenate([[0], np.cumsum(allowed)]).astype(np.int32)
+        before = np.append(0, np.cumsum(allowed, dtype=np.int32)).astype(np.int32)
         return self._replace(start=before[self.start], to=self.to[allowed], seam=self.seam[allowed])
 
 
@@ -101,7 +101,7 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
         source = np.concatenate([source, source + rows])
         to = np.concatenate([to + rows * across, to + rows * ~across])
         seam = np.tile(seam, 2)
-    first = np.flatnonzero(np.diff(source, prepend=-1))
+    first = np.flatnonzero(np.append(len(source) > 0, source[1:] != source[:-1]))
     end = np.full(sides * rows, -1, np.int32)
     end[source[first]] = np.arange(len(first))
     start = np.append(first, len(source)).astype(np.int32)
@@ -140,7 +140,8 @@ def film(
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     more, end = rows["more"].copy(), rows["end"].copy()
     rows["endless"] = endless_rows(more, end, made.start, made.to)
-    return made.only(made.plays(made.to))
+    leads = rows["more"] & np.append(rows["endless"][1:], False)
+    return made.only(leads[made.to])
 
 
 def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:

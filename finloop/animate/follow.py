@@ -16,6 +16,7 @@ from finloop.animate.film import Film
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.route import Route, asked_at, place
 from finloop.animate.search import Here, Space, allowed, moved
+from finloop.animate.state import Waters
 from finloop.animate.steering import near, shifted, tick_cost, turn_to
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
@@ -39,6 +40,11 @@ class Footage(NamedTuple):
     def film(self) -> Film:
         """Its film."""
         return self.space.film
+
+
+def reach_of(waters: Waters) -> int:
+    """Ticks that a fish which follows a path looks ahead, to steer."""
+    return max(2, waters.ticks(waters.settings.path_reach))
 
 
 def footage_of(space: Space, reach: int) -> Footage:

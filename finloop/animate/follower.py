@@ -28,7 +28,7 @@ from finloop.animate.edit_list import (
     VERDICTS,
 )
 from finloop.animate.film import Film
-from finloop.animate.follow import Footage, footage_of, look_along, next_stop, onward, runs
+from finloop.animate.follow import Footage, look_along, next_stop, onward, reach_of, runs
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN
@@ -69,19 +69,19 @@ class Follower:
         self.policy, self.waters = policy, waters
         motion, p = waters.motion, waters.settings
         self.spread = spread(waters.film, motion.delta)
-        reach = max(2, waters.ticks(p.path_reach))
         self.steering = Steering(
             turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
             shift=p.path_share * motion.body_length_px / motion.rate_hz,
-            reach=reach, length_px=motion.body_length_px, across=p.path_across, late=p.path_late,
+            reach=reach_of(waters), length_px=motion.body_length_px,
+            across=p.path_across, late=p.path_late,
             heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
         )  # fmt: skip
         self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:
-            self._film = footage_of(policy.crossing.film.space, reach)
+            self._film = policy.crossing.film.footage
         if policy.forecast is not None:
-            self._foretold = footage_of(policy.forecast.space, reach)
+            self._foretold = policy.forecast.footage
 
     def begin(self, route: Route, rng: np.random.Generator) -> Fish:
         """A fish at the beginning of the path, in the row from which it can be followed best."""

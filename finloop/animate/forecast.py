@@ -17,11 +17,12 @@ from finloop.animate.arena import inside
 from finloop.animate.company import Company, clear_ahead, clear_ticks
 from finloop.animate.edit_list import FORETOLD, FRAME
 from finloop.animate.film import Film
+from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST, brisk_of
 from finloop.animate.rare import Rarity
 from finloop.animate.recent import Repeat, again_cost, last_on_screen, times
-from finloop.animate.search import Rules, Space, space_of
+from finloop.animate.search import Rules, space_of
 from finloop.animate.state import Decision, Fish, Stretch, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
@@ -98,12 +99,12 @@ class ForecastSwimmer:
         self._near = near[np.abs(near - rows).argmin(0), rows]
 
     @cached_property
-    def space(self) -> Space:
-        """The film as it is searched if a fish swims as is foretold."""
+    def footage(self) -> Footage:
+        """The film as paths are followed through it by a fish that swims as is foretold."""
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
         rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
-        return space_of(film, waters.tank.legal, rules)
+        return footage_of(space_of(film, waters.tank.legal, rules), reach_of(waters))
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""

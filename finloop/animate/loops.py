@@ -14,6 +14,7 @@ from finloop.animate import decide
 from finloop.animate import kinematics as step
 from finloop.animate.decide import Ways
 from finloop.animate.edit_list import ENTER, FRAME, JUMP, PLAY, SPOT, VERDICTS
+from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FILM
 from finloop.animate.search import Here, Rules, Space, space_of
@@ -37,6 +38,11 @@ class FilmSwimmer:
     def space(self) -> Space:
         """The film as it is searched."""
         return space_of(self.waters.film, self.waters.tank.legal, self.rules)
+
+    @cached_property
+    def footage(self) -> Footage:
+        """The film as paths are followed through it."""
+        return footage_of(self.space, reach_of(self.waters))
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, at a row from which the film goes on for ever."""

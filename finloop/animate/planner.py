@@ -1,17 +1,14 @@
 """Everything that plans an animation, from what has been made of a film."""
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import place_goals, room
 from finloop.animate.bodies import Bodies
-from finloop.animate.company import Hulls
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.endless import endless
@@ -44,8 +41,6 @@ from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.social.rule import Shoaling, rule_of
 from finloop.sprites.pictures import outlines
-
-_LOT = 10_000  # outlines at a time
 
 
 class Material(NamedTuple):
@@ -190,7 +185,9 @@ def planner(made: Material, p: Settings) -> Planner:
     how = joins(p, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
     seen[mapped(features, made.steps)] = made.steps["as_filmed"]
-    rarity = Rarity.of(made.poses, reel.goes_on, seen, how.spring()[0], p.rare)
+    rarity = Rarity.of(
+        bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
+    )
     way = film(features, jumps, motion, pose, barred, rarity.dear)
     head = np.hypot(
         features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
@@ -224,17 +221,12 @@ def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> Frame
     return FrameHulls(outline_px, centre, heading, scale)
 
 
-def reach(sprite_hulls: Sequence[Floats], hulls: Hulls, quantile: float) -> tuple[float, Mask]:
+def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) -> tuple[float, Mask]:
     """How far from its centre a fish reaches [px], and the frames (n,) that reach farther.
 
     quantile: of the frames' reach; wider ones are mostly faults.
     """
-
-    def of_lot(first: int) -> Floats:
-        return np.hypot(*np.moveaxis(hulls[first : first + _LOT], -1, 0)).max(axis=1)
-
-    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        frames = np.concatenate(list(pool.map(of_lot, range(0, len(hulls), _LOT))))
+    frames = hulls.reach_px
     sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
     most = max(sprites, float(np.quantile(frames, quantile)))
     return most, frames > most

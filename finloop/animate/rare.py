@@ -8,16 +8,27 @@ film it costs nothing.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
 
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose
 
 _LOT = 10_000  # rows at a time
 _SOON = 3  # ticks in which an offset dies away fastest
+
+
+class Movement(NamedTuple):
+    """How far (n - 1,) the body moves about its centre from each row to the next, in sizes.
+
+    The root mean square over the points of the backbone. whole: of a body that turns and bends;
+    bends: of one that keeps its heading.
+    """
+
+    whole: Floats
+    bends: Floats
 
 
 @dataclass(frozen=True)
@@ -36,17 +47,18 @@ class Rarity:
 
     @classmethod
     def of(
-        cls, poses: FilmPoses, goes_on: Mask, seen: Floats, spring: Floats, share: float
-    ) -> "Rarity":
+        cls, moved: Movement, codes: Floats, goes_on: Mask, seen: Floats, spring: Floats,
+        share: float,
+    ) -> "Rarity":  # fmt: skip
         """Of a film (n rows).
 
-        goes_on (n,): whether the next row is the next frame; seen (n,): Eq. 5 from a row to the
-        next, NaN where it is not known: there the body's movement stands in. spring (t,): what is
-        left of an offset of 1 after 0, 1 … ticks.
+        codes (n, c): of its postures; goes_on (n,): whether the next row is the next frame; seen
+        (n,): Eq. 5 from a row to the next, NaN where it is not known: there the body's movement
+        stands in. spring (t,): what is left of an offset of 1 after 0, 1 … ticks.
         """
         here = goes_on[:-1]
-        moves, bends = (movement(poses.pose, turns)[here] for turns in (True, False))
-        step, far = seen[:-1][here], np.linalg.norm(np.diff(poses.codes, axis=0), axis=1)[here]
+        moves, bends = (one[here] for one in moved)
+        step, far = seen[:-1][here], np.linalg.norm(np.diff(codes, axis=0), axis=1)[here]
         sure = np.isfinite(step)
         unit = float(step[sure].sum()) / max(float(moves[sure].sum()), 1e-12)
         steps = np.zeros(len(goes_on))
@@ -78,16 +90,22 @@ class Rarity:
         return more.sum(1)
 
 
-def movement(pose: Pose, turns: bool) -> Floats:
-    """How far (n - 1,) the body moves about its centre from each row to the next, in sizes.
-
-    The root mean square over the points of the backbone; turns: of a body that also turns.
-    """
+def movement(pose: Pose) -> Movement:
+    """The movement of n poses."""
 
     def of_lot(first: int) -> Floats:
         lot = pose[first : first + _LOT + 1]
-        line = lot.at(0.0, 0.0, lot.heading_rad * turns, 1.0).backbone_px()
-        return np.sqrt((np.diff(line, axis=0) ** 2).sum(-1).mean(-1))
+        line = lot.at(0.0, 0.0, 0.0, 1.0).backbone_px()
+        turn = np.diff(lot.heading_rad)[:, None]
+        cos, sin, x, y = np.cos(turn), np.sin(turn), line[1:, :, 0], line[1:, :, 1]
+        turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
+        return np.stack([_apart(turned, line[:-1]), _apart(line[1:], line[:-1])])
 
     with ThreadPoolExecutor(numba.get_num_threads()) as pool:
-        return np.concatenate([np.empty(0), *pool.map(of_lot, range(0, len(pose) - 1, _LOT))])
+        lots = list(pool.map(of_lot, range(0, len(pose) - 1, _LOT)))
+    return Movement(*np.concatenate([np.empty((2, 0)), *lots], axis=1))
+
+
+def _apart(lines: Floats, others: Floats) -> Floats:
+    """The root mean square distance (k,) of the points of lines (k, p, 2) and others."""
+    return np.sqrt(((lines - others) ** 2).sum(-1).mean(-1))

@@ -8,7 +8,6 @@ same and drifts looks false.
 import numpy as np
 
 from finloop.animate.bodies import Bodies
-from finloop.animate.rare import movement
 from finloop.base.arrays import Mask
 
 
@@ -20,7 +19,7 @@ def rests(bodies: Bodies, share: float) -> Mask:
     """
     pose, here = bodies.poses.pose, bodies.goes_on[:-1]
     way = np.hypot(np.diff(pose.x_px), np.diff(pose.y_px)) / pose.size_px[1:]
-    square = way**2 + movement(pose, turns=True) ** 2
+    square = way**2 + bodies.movement.whole**2
     made = np.zeros(len(bodies.goes_on), bool)
     if here.any():
         made[1:] = here & (square < share**2 * square[here].mean())

@@ -33,6 +33,7 @@ from finloop.animate.state import Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import kernel
 from finloop.social.rule import Shoaling
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
@@ -64,6 +65,22 @@ class FrameHulls:
         """The outlines (m, k, 2) of some frames."""
         offset = (self.outline_px[rows] - self.centre_px[rows, None]) * self.scale[rows, None, None]
         return ahead_left(offset, self.heading_rad[rows, None]).astype(np.float32)
+
+    @property
+    def reach_px(self) -> Floats:
+        """How far (n,) each outline reaches from the mass centre."""
+        return _farthest(self.outline_px, self.centre_px) * self.scale
+
+
+@kernel
+def _farthest(points, centre):  # type: ignore[no-untyped-def]
+    """The distance (n,) of the farthest of some points (n, k, 2) from each centre (n, 2)."""
+    far = np.zeros(len(points))
+    for row in range(len(points)):
+        for k in range(points.shape[1]):
+            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            far[row] = max(far[row], dx * dx + dy * dy)
+    return np.sqrt(far)
 
 
 @dataclass(frozen=True)
