@@ -145,6 +145,36 @@ def test_shares_are_of_all_fish_and_frames(two_fish):
     }  # fmt: skip
 
 
+@pytest.mark.parametrize("succeeds", [True, False])
+def test_a_program_has_succeeded_where_it_made_trajectories(tmp_path, succeeds):
+    """Its status is 1 in both cases."""
+    program = identities.command(tmp_path / "environment")
+    program.parent.mkdir(parents=True)
+    home = "session_film/trajectories"
+    made = f"mkdir -p {home}; cp ../places.npy {home}/trajectories.npy"
+    program.write_text(f"#!/bin/sh\n{made if succeeds else ''}\nexit 1\n")
+    program.chmod(0o755)
+    np.save(tmp_path / "places.npy", np.full((5, 2, 2), 20.0))
+    (folder := tmp_path / "made").mkdir()
+    film = identities.Film(tmp_path / "film.avi", [], 2, (0, 0, 40, 30), 130, 100)
+    if succeeds:
+        told = identities.idtracker(film, folder, tmp_path / "environment", [])
+        assert len(told) == 10 and (told["x_px"] == 20).all()
+    else:
+        with pytest.raises(SystemExit, match="made no trajectories"):
+            identities.idtracker(film, folder, tmp_path / "environment", [])
+
+
+def test_rows_are_kept_beside_those_of_other_films(tmp_path, monkeypatch):
+    """A figure that is not known, and settings that are empty, stay so."""
+    monkeypatch.setattr(identities, "TABLE", tmp_path / "table.csv")
+    row = {"film": "A", "program": "its", "settings": "", "time_s": 1.234, "processor_s": np.nan}
+    for changes in ({}, {"film": "B"}, {"time_s": 5.678}):
+        identities.keep(pd.DataFrame([row | changes]))
+    lines = (tmp_path / "table.csv").read_text().splitlines()
+    assert lines[1:] == ["A,its,,5.68,", "B,its,,1.23,"]
+
+
 # --- scale
 
 
