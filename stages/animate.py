@@ -2,6 +2,7 @@
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
+import gc
 import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -264,6 +265,7 @@ def main() -> None:
     p: Settings = load("animate")
     with workers(WORKERS_NEED) as crew:
         numbers, film_numbers = animations(p)
+        gc.collect()  # a planner refers to itself; workers now bring together their own
         for mode, averages in trials(p, crew).items():
             numbers[mode] |= averages
     if LOOPS not in numbers:

@@ -135,8 +135,8 @@ def film(
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
     rows["end"] = jumps.end
-    every = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
-    made = every.only(~barred[jumps.to])
+    made = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n).only(~barred[jumps.to])
+    del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     more, end = rows["more"].copy(), rows["end"].copy()
     rows["endless"] = endless_rows(more, end, made.start, made.to)

@@ -12,7 +12,7 @@ from finloop.animate.bodies import Bodies
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.endless import endless
-from finloop.animate.film import Film, film, loop_jumps, neighbour_jumps
+from finloop.animate.film import Film, Jumps, film, loop_jumps, neighbour_jumps
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.joins import Joins, joins
 from finloop.animate.listing import edit_lists
@@ -177,18 +177,14 @@ def planner(made: Material, p: Settings) -> Planner:
     reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
     if made.line is not None and made.line.rows is not None and not p.path_film:
         barred[made.line.rows] = True
-    if p.jumps == "loops":
-        graph = loop_graph(made.loops, features["track_id"].to_numpy())
-        jumps, pose = loop_jumps(graph, len(features), facts.step_median), facts.pose
-    else:
-        jumps, pose = neighbour_jumps(made.jumps, len(features)), BODY
+    pose = facts.pose if p.jumps == "loops" else BODY
     how = joins(p, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
     seen[mapped(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.of(
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
     )
-    way = film(features, jumps, motion, pose, barred, rarity.dear)
+    way = film(features, _jumps(made, p), motion, pose, barred, rarity.dear)
     head = np.hypot(
         features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
     ).median()
@@ -208,6 +204,14 @@ def planner(made: Material, p: Settings) -> Planner:
     by_mode = {mode: replace(one, shoaling=made.shoaling) for mode, one in by_mode.items()}
     path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
     return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
+
+
+def _jumps(made: Material, p: Settings) -> Jumps:
+    """Where the film can go on, by its loops or by nearest neighbours."""
+    rows = made.reel.features["track_id"].to_numpy()
+    if p.jumps == "loops":
+        return loop_jumps(loop_graph(made.loops, rows), len(rows), made.map_facts.step_median)
+    return neighbour_jumps(made.jumps, len(rows))
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
