@@ -13,7 +13,14 @@ PYTHON ?= $(shell PATH="$(OUTSIDE)"; for p in python3 python3.11 python3.12 pyth
 	&& command -v "$$p" && break; done)
 
 .DEFAULT_GOAL := help
-.PHONY: help demo film test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs clean
+TARGETS := help demo film test test-kernel setup tracks cluster params repro play sweep lint params-check bench docs clean
+.PHONY: $(TARGETS)
+
+# A second film beside FILM, or half of a path with a space, is a target to make: it would be left out in silence.
+STRAY := $(if $(filter film,$(MAKECMDGOALS)),$(filter-out $(TARGETS),$(MAKECMDGOALS)))
+ifneq ($(STRAY),)
+$(error finloop: $(STRAY) is not part of FILM. Wanted: make film FILM=/path/of/film.mp4; several, or a path with a space, in quotes: FILM="a.mp4 'b c.mp4'")
+endif
 
 help: ## list the targets
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1\t\2/p' Makefile | expand -t 22

@@ -87,6 +87,15 @@ def test_make_hands_the_path_over_as_it_is(tmp_path):
     assert shlex.split(line)[0] == f"FILM={odd}"
 
 
+@pytest.mark.parametrize("words", [["FILM=a.mp4", "b c.mp4"], ["FILM=my", "film.mp4"], ["a.mp4"]])
+def test_a_film_beside_the_variable_is_not_left_out_in_silence(words, tmp_path):
+    put(tmp_path, "b c.mp4", "a.mp4")
+    line = ["make", "-n", "-C", str(tmp_path), "-f", str(ROOT / "Makefile"), "film", *words]
+    done = subprocess.run(line, capture_output=True, text=True)
+    assert done.returncode
+    assert f"{words[-1]} is not part of FILM" in done.stderr and "in quotes" in done.stderr
+
+
 def test_the_report_is_named_and_opened_on_a_desktop_alone(tmp_path, monkeypatch, capsys):
     opened: list[str] = []
     monkeypatch.setattr(webbrowser, "open", opened.append)
