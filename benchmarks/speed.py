@@ -36,18 +36,18 @@ from finloop.extract.film import (
     decoded,
     detections,
     rows,
-    sample_frames,
     tracks,
 )
 from finloop.extract.samples import survey
 from finloop.extract.segment import silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.table import tracks_schema
+from finloop.extraction import sample_of
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings
 from finloop.io.film_writer import film_writer
 from finloop.io.table import load_table, save_table
-from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, read_spread
+from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
 from finloop.io.wheel import cache_folder, zebrafish_clips
 from stages.run import THREADS
 
@@ -93,10 +93,8 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     """What the two stages do, pictures left out; returns the number of fish-frames."""
     facts = load_facts(clip / "facts.json")
     arena = np.full((facts.height_px, facts.width_px), 255, np.uint8)
-    shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    sample = sample_frames(how.samples, facts.frames, shape, KEY_FRAME_EVERY)
-    frames = list(read_spread(clip / "clip.mp4", sample, colour=facts.colour))
-    scene, typical = survey(frames, arena, how)
+    frames = sample_of(clip / "clip.mp4", facts, how.samples)
+    scene, typical = survey(frames, arena, how, Threads(THREADS))
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)

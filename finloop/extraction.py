@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
-from finloop.base.parallel import Workers
+from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
 from finloop.extract.given import Followed, nothing_used
 from finloop.extract.samples import Verdict, survey
@@ -34,6 +35,7 @@ from finloop.io.video import (
     CLIP_NAME,
     FACTS_NAME,
     KEY_FRAME_EVERY,
+    THREADS,
     VideoFacts,
     load_facts,
     load_mask,
@@ -79,8 +81,8 @@ def extract(
     tracks = load_given(clip, facts, p) if p.tracks == "file" else None
     mask = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px)
     arena = mask.astype(np.uint8) * 255
-    frames = _sample(clip / CLIP_NAME, facts, p.samples)
-    scene, typical = survey(frames, arena, p)
+    frames = sample_of(clip / CLIP_NAME, facts, p.samples)
+    scene, typical = survey(frames, arena, p, Threads(THREADS))
     # One thread each: every core decodes its own stretch.
     read = partial(read_frames, clip / CLIP_NAME, colour=facts.colour, threads=1)
     whole = film.Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY, pieces)
@@ -129,18 +131,25 @@ def said_of_lost(lost: Sequence[int], facts: VideoFacts) -> str:
     return f"{len(lost)} of {facts.frames} frames cannot be decoded, and are left out: {named}"
 
 
-def _sample(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
+def sample_of(path: Path, facts: VideoFacts, samples: int) -> list[Picture]:
     """Frames spread over a clip, those that can be decoded; UndecodableError where none can."""
     refuse_other_length(path, facts.frames)
     shape = (facts.height_px, facts.width_px, 3 if facts.colour else 1)
-    sample = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
+    numbers = film.sample_frames(samples, facts.frames, shape, KEY_FRAME_EVERY)
+    # One thread each: a decoder of several decodes the frames after a key frame in vain.
+    read = partial(read_spread, path, colour=facts.colour, threads=1)
+
+    def some(part: NDArray[np.intp]) -> list[Picture]:
+        return list(read(part.tolist()))
+
     try:
-        return list(read_spread(path, sample, colour=facts.colour))
+        pieces = ordered_map(some, np.array_split(numbers, THREADS), Threads(THREADS))
+        return [frame for piece in pieces for frame in piece]
     except UndecodableError:
         frames: list[Picture] = []
-        for number in sample:
+        for number in numbers:
             with suppress(UndecodableError):
-                frames += read_spread(path, [number], colour=facts.colour)
+                frames += read([number])
         if not frames:
             raise
         return frames

@@ -29,7 +29,7 @@ import stages.features
 import stages.plots.extract
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes
+from finloop.base.parallel import Processes, Threads
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract import film as extract
@@ -664,6 +664,18 @@ def surveyed(frames, settings=SETTINGS):
     arena = np.full(frames[0].shape[:2], 255, np.uint8)
     scene, typical = survey(frames[::4], arena, settings)
     return scene, typical, Detector(arena, typical, settings)
+
+
+@pytest.mark.parametrize("background", ["median", "auto"])
+def test_a_survey_is_the_same_by_any_number_of_threads(drawn, background):
+    frames, _ = drawn("three fish")
+    arena = np.full(frames[0].shape[:2], 255, np.uint8)
+    own = replace(SETTINGS, background=background)
+    alone, typical = survey(frames[::8], arena, own)
+    for count in (2, 3):
+        scene, fish = survey(frames[::8], arena, own, Threads(count))
+        assert np.array_equal(scene.background, alone.background)
+        assert (scene.noise, scene.threshold, fish) == (alone.noise, alone.threshold, typical)
 
 
 def followed(frames, settings=SETTINGS, cuts=()):

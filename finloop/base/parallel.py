@@ -125,6 +125,10 @@ class Threads:
             yield lambda item: pool.submit(work, item)
 
 
+ALONE = Threads(1)
+"""Nobody else: the work is done in the thread that asks for it."""
+
+
 def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) -> Iterator[B]:
     """`work(item)` for every item, in the items' order, by `workers`.
 

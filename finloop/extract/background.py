@@ -7,7 +7,7 @@ deviation of the smoothed difference image where no fish is; the threshold is a 
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal, NamedTuple
 
 import cv2
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Mask, Picture
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
+from finloop.base.parallel import ALONE, Threads, ordered_map
 
 _GRID = 16  # every 16th pixel in both directions is enough to measure the light
 _SMOOTH = (3, 3)  # px, the Gaussian that every difference image goes through
@@ -76,14 +77,14 @@ def sample_size(samples: int, frames: int, shape: tuple[int, ...]) -> int:
     return most - (most + 1) % 2
 
 
-def median_background(frames: Iterable[Picture]) -> Picture:
+def median_background(frames: Iterable[Picture], crew: Threads = ALONE) -> Picture:
     """Median over frames (k, h, w[, 3]) over the clip, each brought to the first one's light."""
     first, *others = frames
     alike = [first, *(brightened(frame, 1 / light(frame, first)) for frame in others)]
-    out = np.empty_like(first)
-    for top in range(0, len(first), _STRIP):  # a strip of every frame at a time stays in the cache
-        out[top : top + _STRIP] = _median([frame[top : top + _STRIP] for frame in alike])
-    return out
+    # a strip of every frame at a time stays in the cache
+    strips = [slice(top, top + _STRIP) for top in range(0, len(first), _STRIP)]
+    medians = ordered_map(lambda strip: _median([frame[strip] for frame in alike]), strips, crew)
+    return np.concatenate(list(medians))
 
 
 def _median(pictures: Sequence[Picture]) -> Picture:
@@ -245,7 +246,12 @@ def _difference(frame, tank, darker, brighter):  # type: ignore[no-untyped-def]
 
 
 def survey_noise(
-    frames: Sequence[Picture], background: Picture, polarity: Polarity, sigmas: float, least: float
+    frames: Sequence[Picture],
+    background: Picture,
+    polarity: Polarity,
+    sigmas: float,
+    least: float,
+    crew: Threads = ALONE,
 ) -> Scene:
     """Measure noise and polarity on sampled frames and derive the threshold.
 
@@ -253,18 +259,21 @@ def survey_noise(
     standard deviation of Gaussian noise and ignores fish as long as they cover less than a third of
     the tank. The threshold is `sigmas` times the noise, and at least `least` grey levels.
     """
-    residues = []
-    for frame in frames[:: max(1, len(frames) // _NOISE_FRAMES)]:
-        gain = light(frame, background)
-        change = frame.astype(np.float32) - gain * background.astype(np.float32)
-        change = cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2]
-        residues.append(change if change.ndim == 2 else _strongest(change))
-    residue = np.stack(residues)
+    sample = frames[:: max(1, len(frames) // _NOISE_FRAMES)]
+    residue = np.stack(list(ordered_map(partial(_residue, background), sample, crew)))
     noise = float(np.quantile(np.abs(residue), 0.6827))
     threshold = max(sigmas * noise, least)
     if polarity == "auto":
         polarity = _polarity(residue, threshold)
     return Scene(background, polarity, noise, threshold)
+
+
+def _residue(background: Picture, frame: Picture) -> NDArray[np.float32]:
+    """Smoothed difference between a frame and the tank, with its sign; every second pixel."""
+    gain = light(frame, background)
+    change = frame.astype(np.float32) - gain * background.astype(np.float32)
+    change = cv2.GaussianBlur(change, _SMOOTH, 0.85)[::2, ::2]
+    return np.asarray(change) if change.ndim == 2 else _strongest(change)
 
 
 def _strongest(change: NDArray[np.float32]) -> NDArray[np.float32]:

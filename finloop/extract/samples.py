@@ -17,6 +17,7 @@ import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import ALONE, Threads, ordered_map
 from finloop.extract.backbone import trace
 from finloop.extract.background import (
     Scene,
@@ -72,32 +73,35 @@ class Survey(NamedTuple):
     spread: float
 
 
-def survey(sample: Sequence[Picture], arena: Picture, settings: Settings) -> tuple[Scene, Typical]:
-    """Scene and typical fish from frames spread over the clip.
+def survey(
+    sample: Sequence[Picture], arena: Picture, settings: Settings, crew: Threads = ALONE
+) -> tuple[Scene, Typical]:
+    """Scene and typical fish from frames spread over the clip; `crew` looks at some at a time.
 
     FinloopError if nothing stands out from the background, or no silhouette can be an isolated
     fish.
     """
     if settings.background == "threshold":
-        return _survey(sample, flat_background(sample), arena, settings)[:2]
-    median, spread = median_background(sample), attrgetter("spread")
+        return _survey(sample, flat_background(sample), arena, settings, crew)[:2]
+    median, spread = median_background(sample, crew), attrgetter("spread")
     if settings.background != "auto":
-        return _survey(sample, median, arena, settings)[:2]  # `mog2` goes on from the median
+        return _survey(sample, median, arena, settings, crew)[:2]  # `mog2` goes on from the median
     try:
-        usual = _survey(sample, median, arena, settings)
+        usual = _survey(sample, median, arena, settings, crew)
     except FinloopError:
-        others = _without_ghosts(sample, median, arena, settings)
+        others = _without_ghosts(sample, median, arena, settings, crew)
         if not others:
             raise
         return min(others, key=spread)[:2]
     if usual.scene.polarity != "both":
         return usual[:2]
-    best = min(_without_ghosts(sample, median, arena, settings), key=spread, default=usual)
+    others = _without_ghosts(sample, median, arena, settings, crew)
+    best = min(others, key=spread, default=usual)
     return (best if best.spread < _BETTER * usual.spread else usual)[:2]
 
 
 def _without_ghosts(
-    sample: Sequence[Picture], median: Picture, arena: Picture, settings: Settings
+    sample: Sequence[Picture], median: Picture, arena: Picture, settings: Settings, crew: Threads
 ) -> list[Survey]:
     """What is measured with the patched median and with one even tone, if there is a fish."""
     least = max(settings.least_contrast, _GHOST)
@@ -105,25 +109,28 @@ def _without_ghosts(
     surveys = []
     for background in (patched, partial(flat_background, sample)):
         with suppress(FinloopError):
-            surveys.append(_survey(sample, background(), arena, settings))
+            surveys.append(_survey(sample, background(), arena, settings, crew))
     return surveys
 
 
 def _survey(
-    sample: Sequence[Picture], background: Picture, arena: Picture, settings: Settings
+    sample: Sequence[Picture],
+    background: Picture,
+    arena: Picture,
+    settings: Settings,
+    crew: Threads,
 ) -> Survey:
     """What is measured with a background; FinloopError as `survey`."""
     scene = survey_noise(
-        sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast
+        sample, background, settings.polarity, settings.noise_sigmas, settings.least_contrast, crew
     )
     edges = settings.outline_share, settings.shadow
-    candidates = [
-        s
-        for frame in sample
-        for s in silhouettes(
-            frame, in_light_of(scene, frame), arena, settings.least_area_px, *edges
-        )
-    ]
+
+    def of_frame(frame: Picture) -> list[Silhouette]:
+        lit = in_light_of(scene, frame)
+        return list(silhouettes(frame, lit, arena, settings.least_area_px, *edges))
+
+    candidates = [s for some in ordered_map(of_frame, sample, crew) for s in some]
     typical = typical_fish(candidates, scene, settings)
     areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
     if 2 * len(areas) < len(sample):
