@@ -29,7 +29,6 @@ from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
     goes_on,
-    in_sight,
     inside,
     place_goals,
     roamed,
@@ -174,11 +173,11 @@ def test_a_wall_ends_the_sight_and_a_way_leads_round_it():
     arena = np.ones((300, 400), bool)
     arena[:200, 190:210] = False  # open at the bottom
     found = tank(arena, 10.0)
-    assert not in_sight(found.legal, 50.0, 50.0, 350.0, 50.0)
+    assert not found.sees(50.0, 50.0, 350.0, 50.0)
     x, y, ways = 50.0, 50.0, 0
     while (x, y) != (350.0, 50.0):
         ahead = found.waypoint(x, y, 350.0, 50.0)
-        assert in_sight(found.legal, x, y, *ahead)
+        assert found.sees(x, y, *ahead)
         x, y = ahead
         ways += 1
         assert ways < 20

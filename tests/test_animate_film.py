@@ -37,8 +37,9 @@ from toy_film import (
 
 from finloop.animate import decide, measures
 from finloop.animate import search as ahead
-from finloop.animate.arena import inside, tank
+from finloop.animate.arena import Tank, inside, tank
 from finloop.animate.beam import Candidates, Found
+from finloop.animate.bounds import bounds_of
 from finloop.animate.crossing import Crossing
 from finloop.animate.decide import Ways, verdicts
 from finloop.animate.edit_list import (
@@ -62,7 +63,7 @@ from finloop.animate.motion import FILM as IN_FILM
 from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import figure19, worth
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
-from finloop.animate.search import Ends, Here, Rules, allowed, space_of
+from finloop.animate.search import Ends, Here, Rules, space_of
 from finloop.animate.shoal import swim
 from finloop.animate.state import Decision, Fish, Options, after
 from finloop.animate.swim import random_goals
@@ -72,7 +73,7 @@ from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
 
-RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 90.0)
+RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 90.0, 4.0, 11.0)
 """Of a fish that does 3 px and 5° a tick."""
 
 
@@ -233,6 +234,14 @@ def slow_leg(reel, room, x, y, rot, row, stride, most, aim):
     return *place, row, most, False
 
 
+def behind_wall(arena, x, y, heading, ahead):
+    """How far the pixel so many px ahead is outside, as a share of these."""
+    angle = np.radians(heading)
+    x, y = round(x + ahead * np.cos(angle)), round(y - ahead * np.sin(angle))
+    rows, columns = np.nonzero(arena)
+    return min(np.hypot(rows - y, columns - x).min() / ahead, 1.0)
+
+
 def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
     """Every way there is, one after the other: value, far, error, ticks; as `look` says."""
     found, longest = [], 0
@@ -255,7 +264,8 @@ def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
         elif t >= rules.horizon:
             far = np.hypot(aim.x - x, aim.y - y)
             off = error(x, y, heading)
-            found.append((t + cost + far / 3.0 + off / 5.0, far, off, t))
+            walled = 11.0 * behind_wall(room.legal, x, y, heading, 4.0)
+            found.append((t + cost + far / 3.0 + off / 5.0 + walled, far, off, t))
         else:
             if reel.more[row] and reel.endless[row + 1]:
                 follow(x, y, rot, row, t, since, cost)
@@ -296,7 +306,9 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         horizon, stride, stay = (int(rng.integers(1, top)) for top in (26, 4, 6))
         rules = RULES._replace(horizon=horizon, stride=stride, stay=stay, beam=20_000)
         candidates = Candidates(rows, rots, costs, sinces)
-        space = space_of(reel, legal, rules)
+        space = space_of(
+            reel, bounds_of(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), rules
+        )
         (value, ticks, over), (far, error) = ahead.look(space, candidates, here, aim, rules)
         assert not over.any()
         for i, row in enumerate(rows):
@@ -315,7 +327,7 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
         candidates = Candidates(rows, rng.uniform(-180, 180, 12), np.zeros(12), np.zeros(12, int))
         here = Here(400.0, 300.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
         aim = spot(*rng.uniform(100, 500, 2))
-        space = space_of(rich_film(), open_tank().legal, RULES)
+        space = space_of(rich_film(), bounds_of(open_tank()), RULES)
         found = [
             ahead.look(space, candidates, here, aim, RULES._replace(beam=beam))[0]
             for beam in (4, 4000)
@@ -327,11 +339,9 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
     assert given_up
 
 
-def test_a_space_has_every_jump_the_cheapest_first_and_is_legal_where_the_tank_is():
-    rng, reel = np.random.default_rng(7), rich_film()
-    legal = np.ones((50, 70), bool)  # no whole number of cells
-    legal[rng.integers(50, size=20), rng.integers(70, size=20)] = False
-    space = space_of(reel, legal, RULES)
+def test_a_space_has_every_jump_the_cheapest_first():
+    reel = rich_film()
+    space = space_of(reel, bounds_of(open_tank()), RULES)
     for row in np.flatnonzero(reel.end >= 0):
         first, last = reel.start[reel.end[row] : reel.end[row] + 2]
         faster = reel.speed[reel.to[first:last]] - reel.speed[row]
@@ -340,14 +350,12 @@ def test_a_space_has_every_jump_the_cheapest_first_and_is_legal_where_the_tank_i
         jumps = space.jumps[first:last]
         assert (np.diff(jumps["cost"]) >= 0).all()
         assert sorted(zip(jumps["cost"], jumps["to"], strict=True)) == wanted
-    for x, y in rng.uniform(-20, 90, (2000, 2)):
-        assert allowed(space, x, y) == inside(legal, x, y)
 
 
 def test_where_no_way_leads_on_more_are_followed():
     swimmer, rng, found = swimmer_of(loops_player(beam=2)), np.random.default_rng(6), 0
     reel, tank_ = swimmer.waters.film, swimmer.waters.tank
-    space = space_of(reel, tank_.legal, swimmer.rules)
+    space = space_of(reel, bounds_of(tank_), swimmer.rules)
     for _ in range(150):
         row, rot = int(rng.choice(np.flatnonzero(reel.more))), float(rng.uniform(-180, 180))
         fish = Fish(*tank_.random_point(rng), 0.0, SPEED, IN_FILM, -1, row=row, rot=rot, since=100)

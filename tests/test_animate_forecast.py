@@ -324,7 +324,7 @@ def test_to_rest_before_a_wall_is_no_way_round_it():
     (into, along), free = (
         np.concatenate(both)
         for both in zip(*(
-            look(one.sampler, here.tank.legal, np.array([1000]), np.array([x + 50.0, y + 2.0, a]),
+            look(one.sampler, here.bounds, np.array([1000]), np.array([x + 50.0, y + 2.0, a]),
                  (goal, goal, one.pace), recall)
             for a in (90.0, -90.0)
         ), strict=True)

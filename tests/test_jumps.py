@@ -176,7 +176,11 @@ def both_sides():
     )
     ways = neighbour_jumps(jumps, n)
     motion = waters_of().motion
-    return table, jumps, film(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n))
+    return (
+        table,
+        jumps,
+        film(table, ways, motion, BODY, np.zeros(n, bool), np.zeros(n), np.zeros(n, bool)),
+    )
 
 
 def test_a_mirror_image_jumps_as_its_row_does_to_the_other_side():
@@ -199,7 +203,13 @@ def test_without_mirror_images_the_film_is_no_longer():
     ways = neighbour_jumps(jumps.assign(mirrored=False), len(table))
     assert len(ways.end) == len(table)
     made = film(
-        table, ways, waters_of().motion, BODY, np.zeros(len(table), bool), np.zeros(len(table))
+        table,
+        ways,
+        waters_of().motion,
+        BODY,
+        np.zeros(len(table), bool),
+        np.zeros(len(table)),
+        np.zeros(len(table), bool),
     )
     assert made.filmed == len(made.rows)
 

@@ -18,6 +18,7 @@ from toy_film import (
     waters_of,
 )
 
+from finloop.animate.bounds import bounds_of
 from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, PATH
 from finloop.animate.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
@@ -178,8 +179,8 @@ def steer(way, y=300.0, **changes):
     usual = Steering(0.5, 0.2, 10, LENGTH, 30.0, 10.0, 3.0, 0.1, 0.5)
     speed = np.full(len(way) - 1, 2.0)
     begins = (100.0, 0)
-    by = open_tank().legal, usual._replace(**changes)
-    return steered(way, speed, len(way) - 11, begins, route, by)
+    by = bounds_of(open_tank()), usual._replace(**changes)
+    return steered(way, speed, np.zeros(len(way) - 11, np.int64), begins, route, by)
 
 
 def test_a_way_along_the_path_is_left_as_it_is():

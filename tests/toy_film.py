@@ -187,14 +187,19 @@ def loops(*pairs):
     return made.astype({"a": int, "b": int, "distance": float})
 
 
-def film_of(features, found, pose=BODY, step=1.0, barred=None, taught=None, dear=0.0) -> Film:
+def film_of(
+    features, found, pose=BODY, step=1.0, barred=None, taught=None, dear=0.0, rests=None
+) -> Film:
     """A film with its loops; its drawn length is the median of its own."""
     n = len(features)
     graph = loop_graph(found, features["track_id"].to_numpy())
     barred = np.zeros(n, bool) if barred is None else np.isin(np.arange(n), barred)
     length = float(features["body_length_px"].median())
     sized = replace(taught or lesson(), body_length_px=length)
-    return film(features, loop_jumps(graph, n, step), sized, pose, barred, dear * np.ones(n))
+    rests = np.zeros(n, bool) if rests is None else rests
+    return film(
+        features, loop_jumps(graph, n, step), sized, pose, barred, dear * np.ones(n), rests
+    )  # fmt: skip
 
 
 def rich(seed=0, heading=True):

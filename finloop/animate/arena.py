@@ -1,7 +1,7 @@
 """The tank: where the centre of a fish may be, which way leads round a wall, what is in sight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import count
 
@@ -30,12 +30,14 @@ _CELLS = 200  # a way round a wall is looked for on a map of at most so many cel
 @dataclass(frozen=True)
 class Tank:
     """`arena` (h, w): where animals can be. `legal`: where their centre can be, so that no part of
-    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each.
+    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each;
+    cramped: whether the fish is larger than the arena, and a part of it leaves it even there.
     """
 
     arena: Mask
     legal: Mask
     nearest: NDArray[np.int32]
+    cramped: bool = False
 
     @cached_property
     def depth_px(self) -> NDArray[np.float32]:
@@ -55,7 +57,7 @@ class Tank:
 
     def waypoint(self, x: float, y: float, to_x: float, to_y: float) -> tuple[float, float]:
         """The target where it is in sight, else the farthest point in sight of the way to it."""
-        if in_sight(self.legal, x, y, to_x, to_y):
+        if self.sees(x, y, to_x, to_y):
             return to_x, to_y
         cell = max(1, -(-max(self.legal.shape) // _CELLS))
         free = self.legal[cell // 2 :: cell, cell // 2 :: cell]
@@ -69,9 +71,13 @@ class Tank:
         seen = (to_x, to_y)
         for row, column in reversed(way):
             seen = float(column * cell + cell // 2), float(row * cell + cell // 2)
-            if in_sight(self.legal, x, y, *seen):
+            if self.sees(x, y, *seen):
                 break
         return seen
+
+    def sees(self, x: float, y: float, to_x: float, to_y: float) -> bool:
+        """Whether a fish can swim straight from a point to another one; see `in_sight`."""
+        return bool(in_sight(self.legal, self.arena, x, y, to_x, to_y))
 
     def random_point(self, rng: np.random.Generator) -> tuple[float, float]:
         """A legal pixel, all equally likely."""
@@ -90,15 +96,21 @@ def inside(legal: Mask, x: float, y: float) -> bool:
 
 
 @leaf_kernel
-def in_sight(legal: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
-    """Whether every point between two is legal."""
+def in_sight(legal: Mask, arena: Mask, x: float, y: float, to_x: float, to_y: float) -> bool:
+    """Whether every point between two is legal.
+
+    The way may begin beside a wall: there it need only be in the arena, till it is legal.
+    """
     far = np.hypot(to_x - x, to_y - y)
-    steps = int(far / _LOOK_PX) + 1
+    steps, begun = int(far / _LOOK_PX) + 1, False
     for i in range(steps + 1):
         share = i / steps
-        if not inside(legal, x + share * (to_x - x), y + share * (to_y - y)):
+        at_x, at_y = x + share * (to_x - x), y + share * (to_y - y)
+        free = inside(legal, at_x, at_y)
+        if not free and (begun or not inside(arena, at_x, at_y)):
             return False
-    return True
+        begun = begun or free
+    return begun
 
 
 def tank(arena: Mask, reach_px: float) -> Tank:
@@ -224,7 +236,7 @@ def room(
     if where == "auto" and not fits(area, reach_px):
         area = arena
     if area.all() and not fits(area, reach_px):
-        reach_px = _ROOM * float(_depth_px(area).max())
+        return replace(tank(area, _ROOM * float(_depth_px(area).max())), cramped=True)
     return tank(area, reach_px)
 
 

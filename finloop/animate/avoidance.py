@@ -1,13 +1,14 @@
-"""Keeping clear of the other fish of a tank: what a fish does whose way is not free."""
+"""Keeping clear of walls and of the other fish: what a fish does whose way is not free."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 
 import numpy as np
 
+from finloop.animate.bounds import kept_inside
 from finloop.animate.company import lasting_ticks
 from finloop.animate.edit_list import SPOT, WAITING
-from finloop.animate.kinematics import Spot
+from finloop.animate.kinematics import Spot, bearing, wrap
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import FORECAST, TURN
 from finloop.animate.policies import Policy
@@ -20,7 +21,7 @@ _DRIFT = 0.05  # body lengths in a Δ, of a fish that has no way
 
 
 class Avoidance:
-    """Keeps fish clear of each other. policy: of the mode."""
+    """Keeps fish clear of the walls and of each other. policy: of the mode."""
 
     def __init__(self, policy: Policy, waters: Waters) -> None:
         self._policy, self._waters = policy, waters
@@ -29,10 +30,12 @@ class Avoidance:
         self._drift_px = _DRIFT * motion.body_length_px / motion.delta  # in a tick
 
     def kept_clear(self, fish: Fish, stretch: Stretch, rng: np.random.Generator) -> Stretch:
-        """What of a stretch meets no other fish, now or where it ends; else what can be done.
+        """What of a stretch stays inside, and meets no other fish, now or where it ends.
 
-        A fish that is blocked, or turns on the spot beside another, makes way for the other.
+        Else what can be done: at a wall the fish stays; one that is blocked by another, or turns on
+        the spot beside it, makes way.
         """
+        stretch = self._inside(stretch) or self._at_wall(fish, stretch.aim)
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch
@@ -42,10 +45,24 @@ class Avoidance:
         if ticks and not stuck:
             return stretch.cut(ticks)
         x, y = others[far.argmin(), :2].tolist()
-        for other in self._making_way(fish, x, y, rng):
-            if ticks := self.ticks(fish, other):
+        for way in self._making_way(fish, x, y, rng):
+            other = self._inside(way)
+            if other is not None and (ticks := self.ticks(fish, other)):
                 return other.cut(ticks)
-        return other.cut(1)
+        return way.cut(1)
+
+    def _inside(self, stretch: Stretch) -> Stretch | None:
+        """As much of a stretch as stays inside, moved off the walls; None if nothing of it does."""
+        most, numbers = self._film.rules.pace, stretch.pictures.astype(np.int64)
+        way = kept_inside(self._waters.bounds, numbers, stretch.way, most)
+        if np.array_equal(way, stretch.way):
+            return stretch
+        return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
+
+    def _at_wall(self, fish: Fish, aim: Spot) -> Stretch:
+        """What a fish does whose next picture does not fit: it stays, and turns if it can."""
+        ways = self._staying(fish, aim)
+        return next((inside for way in ways if (inside := self._inside(way))), ways[-1])
 
     def ticks(self, fish: Fish, stretch: Stretch) -> int:
         """How many ticks of a stretch can be swum, clear of all, so that the fish can stay then."""
@@ -97,15 +114,28 @@ class Avoidance:
         rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
         frozen = replace(stays, number=same, rot=rot, new=False)
-        ways = [self._film.stay(fish, away), stays, frozen]
+        turned = self._turned(frozen, away)
+        ways = [self._film.stay(fish, away), stays, turned, frozen]
         if fish.state == FORECAST:
             return [replace(one, state=FORECAST) for one in ways]
         return ways
 
+    def _turned(self, frozen: Stretch, aim: Spot) -> Stretch:
+        """The same picture in its place, turned towards an aim tick by tick."""
+        (x, y, heading), ticks = frozen.way[0], np.arange(1, len(frozen.way) + 1)
+        error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
+        # So slowly that its ends swim no faster than a brisk fish does.
+        slowly = np.degrees(self._film.rules.pace / self._waters.motion.body_length_px)
+        most = min(self._waters.motion.brisk_deg, slowly) * ticks
+        turn = np.sign(error) * np.minimum(most, abs(error))
+        way = frozen.way + np.outer(turn, (0.0, 0.0, 1.0))
+        rot = None if frozen.rot is None else frozen.rot + turn
+        return replace(frozen, way=way, rot=rot)
+
     def _drift(self, fish: Fish, away: Spot) -> Floats:
-        """Places (n, 2) of a fish that drifts away while it waits; at a wall, along it."""
+        """Places (n, 2) of a fish that drifts away while it waits."""
         ticks = max(self._waters.motion.delta, self._film.rules.stride)
         far = np.arange(1, ticks + 1) * self._drift_px
         way = np.subtract(away[:2], (fish.x, fish.y))
-        places = (fish.x, fish.y) + far[:, None] * way / max(float(np.hypot(*way)), 1e-9)
-        return np.array([self._waters.tank.into(x, y) for x, y in places.tolist()])
+        along = way / max(float(np.hypot(*way)), 1e-9)
+        return np.asarray((fish.x, fish.y) + far[:, None] * along, float)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.arena import inside
+from finloop.animate.bounds import fits
 from finloop.animate.company import clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import wrap
@@ -95,7 +95,7 @@ class Search(NamedTuple):
 
 @kernel_part
 def begin(space, candidates: Candidates, here, along: float, width: int):  # type: ignore[no-untyped-def]
-    """The search of a beam of so many ways, and how many there are: one a candidate, where legal.
+    """The search of a beam of so many ways, and how many there are: one a candidate, where it fits.
 
     space, here: of `search.Space`, `search.Here`; along: px along the path, if there is one.
     """
@@ -108,9 +108,9 @@ def begin(space, candidates: Candidates, here, along: float, width: int):  # typ
     for c in range(count):
         first = film.rows[candidates.rows[c]]
         heading = first.heading + candidates.rots[c]
-        free = inside(space.legal, x, y) and clear_ahead(
-            here.company, candidates.rows[c], x, y, heading, here.tick
-        )
+        row = candidates.rows[c]
+        free = fits(space.bounds, row, x, y, heading)
+        free = free and clear_ahead(here.company, row, x, y, heading, here.tick)
         if first.endless and free:
             way = search.ways[n]
             way.x, way.y, way.along, way.first, way.ticks = x, y, along, c, 0

@@ -56,7 +56,8 @@ class Company(NamedTuple):
     near: int = 0
 
 
-ALONE = Company(0, np.zeros((1, 0, 4)), Discs(np.zeros((0, _DISCS, 3)), 0, 0.0))
+NO_DISCS = Discs(np.zeros((0, _DISCS, 3)), 0, 0.0)
+ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
 def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> Company:
@@ -169,8 +170,8 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
     first, second: number, heading.
     """
-    a, side, cos, sin = _turned(discs, first)
-    b, other_side, other_cos, other_sin = _turned(discs, second)
+    a, side, cos, sin = turned(discs, first)
+    b, other_side, other_cos, other_sin = turned(discs, second)
     table = discs.table
     for i in range(table.shape[1]):
         ahead, left = table[a, i, 0], side * table[a, i, 1]
@@ -186,7 +187,7 @@ def _meet(discs, first, second, dx, dy):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def _turned(discs, one):  # type: ignore[no-untyped-def]
+def turned(discs, one):  # type: ignore[no-untyped-def]
     """Of a picture, number and heading: its row of the discs, the side that is its left (±1), the
     heading's cosine and sine.
     """

@@ -10,7 +10,7 @@ from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, touches, wrap
 from finloop.animate.recent import last_on_screen, times
-from finloop.animate.search import Ends, Here, Rules, Space, jump_cost, look, moved
+from finloop.animate.search import Ends, Here, Rules, Space, jump_cost, longer_rest, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.loops.positions import next_end
@@ -62,7 +62,8 @@ def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Ca
 
     Returns
     -------
-    terms (k, 3) : its seam, change of speed, repetition, in ticks; the ways with what they cost.
+    terms (k, 3) : its seam, change of speed, repetition or longer rest, in ticks; the ways with
+    what they cost.
     """
     n = ways.rows.size
     terms, costs, since = np.zeros((n, 3)), np.empty(n), np.empty(n, np.int64)
@@ -71,9 +72,10 @@ def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Ca
         ago = float(here.tick - last_on_screen(here.recent, row, row + rules.stay - 1))
         faster = film.rows[row].speed - here.speed
         seam, jerk, again = jump_cost(ways.seams[k], faster, ago, rules)
+        terms[k, 2] = again * times(here.repeat, here.recent, row, rules.stay)
         if ways.jumps[k]:
             terms[k, 0], terms[k, 1] = seam, jerk
-        terms[k, 2] = again * times(here.repeat, here.recent, row, rules.stay)
+            terms[k, 2] += longer_rest(here.rest, film.rows[row].rest)
         costs[k] = terms[k, 0] + terms[k, 1] + terms[k, 2]
         since[k] = 0 if ways.jumps[k] else here.since + 1
     return terms, Candidates(ways.rows, ways.rots, costs, since)

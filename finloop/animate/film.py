@@ -15,13 +15,14 @@ from numpy.typing import NDArray
 from finloop.animate.motion import Motion
 from finloop.base.arrays import Floats, Mask
 from finloop.distance.picture import BODY, typical_length
+from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import LoopGraph, endless_rows
 
 ROW = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
-        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("end", "i4"), ("more", "?"),
-        ("endless", "?"),
+        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("end", "i4"), ("rest", "i4"),
+        ("more", "?"), ("endless", "?"),
     ],
     align=True,
 )  # fmt: skip
@@ -30,8 +31,8 @@ ROW = np.dtype(
 x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
 degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; dear:
 ticks that showing all rows up to it costs; end: number of the loop end at the row, −1 for none;
-more: whether there is a next row to play; endless: whether playing on from the row need never
-stop."""
+rest: for how many ticks the animal rests from the row on, 0 where it moves; more: whether there is
+a next row to play; endless: whether playing on from the row need never stop."""
 
 
 class Film(NamedTuple):
@@ -109,11 +110,13 @@ def neighbour_jumps(jumps: pd.DataFrame, rows: int) -> Jumps:
 
 
 def film(
-    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats
-) -> Film:
+    features: pd.DataFrame, jumps: Jumps, motion: Motion, pose: str, barred: Mask, dear: Floats,
+    rests: Mask,
+) -> Film:  # fmt: skip
     """Arrange a feature table (n rows) and where it can go on.
 
-    barred (n,): rows that must not be shown; dear (n,): of `ROW`. Where `jumps` has mirror images,
+    barred (n,): rows that must not be shown; dear (n,): of `ROW`; rests (n,): whether the animal
+    rests at a row. Where `jumps` has mirror images,
     row n + i is that of row i: the film upside down. Jumps to barred rows are left out, and those
     after which the film would have to stop.
     """
@@ -131,6 +134,7 @@ def film(
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
     rows["scale"], rows["more"], rows["dear"] = scale, more, dear
+    rows["rest"] = np.where(rests, runs(more & np.append(rests[1:], False)) + 1, 0)
     if len(jumps.end) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
@@ -149,6 +153,26 @@ def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:
     for name in ("y", "dy", "heading"):
         other[name] *= -1
     return other
+
+
+def foretold_film(film: Film, sampler: Sampler) -> Film:
+    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
+    n = min(len(film.rows), len(sampler.usable))
+    rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
+    leads = np.diff(start) > 0
+    rows["more"] = sampler.usable[:n]
+    rows["more"][-1:] = False
+    rows["endless"] = sampler.usable[:n] | leads
+    rows["end"] = np.where(leads, np.arange(n), -1)
+    to = sampler.to[: start[-1]]
+    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)
+
+
+def runs(more: Mask) -> NDArray[np.int64]:
+    """Ticks (n,) that the film goes on from each row."""
+    stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
+    here = np.arange(len(more))
+    return np.asarray(stops[np.searchsorted(stops, here)] - here)
 
 
 def _speed(place: Floats, track: NDArray[np.int32], delta: int) -> Floats:

@@ -10,15 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.beam import Branch, begin, ends, go_on, jumps_of, keep_best, leads_on
+from finloop.animate.bounds import fits
 from finloop.animate.company import clear_ahead
 from finloop.animate.decide import Ways, priced
-from finloop.animate.film import Film
+from finloop.animate.film import Film, runs
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.route import Route, asked_at, place
-from finloop.animate.search import Here, Space, allowed, moved
+from finloop.animate.search import Here, Space, moved
 from finloop.animate.state import Waters
 from finloop.animate.steering import near, shifted, tick_cost, turn_to
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import ahead_left
 from finloop.base.kernel import finite_leaf, kernel, kernel_part, leaf_kernel
 
@@ -61,13 +62,6 @@ def footage_of(space: Space, reach: int) -> Footage:
     return Footage(space, run, leads)
 
 
-def runs(more: Mask) -> Ints:
-    """Ticks (n,) that the film goes on from each row."""
-    stops = np.append(np.flatnonzero(~more[:-1]), len(more) - 1)
-    here = np.arange(len(more))
-    return stops[np.searchsorted(stops, here)] - here
-
-
 @finite_leaf
 def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most `most` ticks, steered.
@@ -97,9 +91,8 @@ def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
         t, tick, row = t + 1, tick + 1, row + 1
         x, y, along, fx, fy, shift = shifted(route, (x, y, along), at.speed, tick, steering)
         heading = rows[row].heading + rot
-        if not (
-            allowed(footage.space, x, y) and clear_ahead(here.company, row, x, y, heading, tick)
-        ):
+        free = fits(footage.space.bounds, row, x, y, heading)
+        if not (free and clear_ahead(here.company, row, x, y, heading, tick)):
             row = -1
             break
         used = turn / steering.turn, shift / max(steering.shift * at.speed, 1e-9)

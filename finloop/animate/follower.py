@@ -27,8 +27,8 @@ from finloop.animate.edit_list import (
     SPOT,
     VERDICTS,
 )
-from finloop.animate.film import Film
-from finloop.animate.follow import Footage, look_along, next_stop, onward, reach_of, runs
+from finloop.animate.film import Film, runs
+from finloop.animate.follow import Footage, look_along, next_stop, onward, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN
@@ -37,7 +37,7 @@ from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.search import Here, Rules
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.animate.steering import Steering, steered
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Ints
 from finloop.features.table import wrap_deg
 from finloop.forecast.sampling import follow, ways
 
@@ -141,7 +141,8 @@ class Follower:
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
         x, y = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         here = Here(x, y, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
-        here = here._replace(company=_a_tick_later(fish.company))
+        rest = int(film.rest[fish.row + 1])
+        here = here._replace(company=_a_tick_later(fish.company), rest=rest)
         return self._best(self._film, every, here, along, route)
 
     def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
@@ -157,7 +158,8 @@ class Follower:
         rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
         every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
         here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat)
-        here = here._replace(company=_a_tick_later(fish.company))
+        rest = int(footage.film.rest[fish.row])
+        here = here._replace(company=_a_tick_later(fish.company), rest=rest)
         return self._best(footage, every, here, along, route)
 
     def _best(
@@ -186,7 +188,7 @@ class Follower:
         ticks = min(ticks, len(way) - 1)
         numbers = np.arange(row, row + ticks)
         speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
-        swum, used, on = self._steered(way, speed, ticks, (along, fish.tick), route)
+        swum, used, on = self._steered(way, speed, numbers, (along, fish.tick), route)
         numbers = numbers[: len(swum)]
         plays = row == fish.row + 1
         decision = Decision(
@@ -208,14 +210,15 @@ class Follower:
         fish, past = swimmer.with_past(fish)
         foretold = follow(sampler, past, row, self.rules.stride, sampler.control[row])
         states = np.ascontiguousarray(foretold[::-1])
-        begins = swimmer.course(states, fish)
+        begins = swimmer.course(states, fish, row)
         last = row + len(states)
         rot = float(begins[-1, 2] - footage.film.rows["heading"][last])
         way = onward(footage, begins, last, rot, self.steering.reach)
         speed = footage.film.speed[row : row + len(way) - 1]
-        swum, used, on = self._steered(way, speed, len(states), (along, fish.tick), route)
+        numbers = row + 1 + np.arange(len(states))
+        swum, used, on = self._steered(way, speed, numbers, (along, fish.tick), route)
         ticks = len(swum)
-        numbers = row + 1 + np.arange(ticks)
+        numbers = numbers[:ticks]
         decision = Decision(
             FORETOLD, value_s=plan.value / self.waters.motion.rate_hz, ways=len(plan.ways.rows)
         )
@@ -239,7 +242,7 @@ class Follower:
         way = np.concatenate([px, stretch.way])
         step = np.hypot(*np.diff(way[:, :2], axis=0).T)
         speed = step * self.waters.motion.rate_hz / self.steering.length_px
-        swum, used, on = self._steered(way, speed, len(step), (along, fish.tick), route)
+        swum, used, on = self._steered(way, speed, stretch.pictures, (along, fish.tick), route)
         if not len(swum):
             return replace(stretch, touched=False), along
         stretch = replace(stretch.cut(len(swum)), way=swum, steer=used, touched=False)
@@ -249,11 +252,11 @@ class Follower:
         return stretch, on
 
     def _steered(
-        self, way: Floats, speed: Floats, ticks: int, begins: tuple[float, int], route: Route
+        self, way: Floats, speed: Floats, numbers: Ints, begins: tuple[float, int], route: Route
     ) -> tuple[Floats, Floats, float]:
-        """See `follow.steered`."""
-        legal, speed = self.waters.tank.legal, np.ascontiguousarray(speed, float)
-        return steered(way, speed, ticks, begins, route, (legal, self.steering))
+        """See `steering.steered`."""
+        speed, numbers = np.ascontiguousarray(speed, float), numbers.astype(np.int64)
+        return steered(way, speed, numbers, begins, route, (self.waters.bounds, self.steering))
 
     def _aim(self, route: Route, along: float) -> Spot:
         """A place a body length ahead on the path."""

@@ -13,10 +13,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.arena import inside
+from finloop.animate.bounds import beyond, fits, moved_off
 from finloop.animate.company import Company, clear_ahead, clear_ticks
 from finloop.animate.edit_list import FORETOLD, FRAME
-from finloop.animate.film import Film
+from finloop.animate.film import foretold_film
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
 from finloop.animate.motion import FORECAST, brisk_of
@@ -39,7 +39,8 @@ class Pace(NamedTuple):
 
     px: per tick at one body length/s; turn_deg: per tick at one rad/s; horizon: ticks looked ahead;
     speed [px/tick], turning [°/tick]: of a brisk fish; wall: ticks that every tick at a wall costs;
-    dear (n,): ticks that showing the rows up to each costs, summed up; wakes (n,): of `wakes`.
+    dear (n,): ticks that showing the rows up to each costs, summed up; wakes (n,): of `wakes`;
+    room, aside: of `search.Rules`.
     """
 
     px: float
@@ -50,6 +51,8 @@ class Pace(NamedTuple):
     wall: float
     dear: Floats
     wakes: Ints
+    room: float
+    aside: float
 
 
 class Recall(NamedTuple):
@@ -86,11 +89,12 @@ class ForecastSwimmer:
         speed = sampler.states[usable][:, -MOTION:]
         px = motion.body_length_px / motion.rate_hz
         turn_deg = float(np.degrees(1 / motion.rate_hz))
+        fastest = brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px
+        turning = brisk_of(np.abs(speed[:, 2]), p) * turn_deg
         self.pace = Pace(
-            px, turn_deg, max(2, waters.ticks(p.ahead)),
-            brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px,
-            brisk_of(np.abs(speed[:, 2]), p) * turn_deg, p.wall,
+            px, turn_deg, max(2, waters.ticks(p.ahead)), fastest, turning, p.wall,
             waters.film.dear.copy(), wakes(sampler),
+            fastest / np.radians(turning) + motion.body_length_px / 2, 180 / turning,
         )  # fmt: skip
         rows = np.arange(len(sampler.usable))
         leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
@@ -104,7 +108,7 @@ class ForecastSwimmer:
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
         rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
-        return footage_of(space_of(film, waters.tank.legal, rules), reach_of(waters))
+        return footage_of(space_of(film, waters.bounds, rules), reach_of(waters))
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""
@@ -131,14 +135,14 @@ class ForecastSwimmer:
         """`look`, and what it costs to join on at each row."""
         codes = self.sampler.states[:, :-MOTION]
         far = np.linalg.norm(codes[rows] - codes[fish.row], axis=1)
-        costs, free = look(self.sampler, self.waters.tank.legal, rows, start, towards, recall)
+        costs, free = look(self.sampler, self.waters.bounds, rows, start, towards, recall)
         return costs + self._rarity.of_joins(rows, far), free
 
-    def course(self, states: Floats, fish: Fish) -> Floats:
-        """The way (n + 1, 3) of states (n, d), the fish's own place first."""
+    def course(self, states: Floats, fish: Fish, row: int) -> Floats:
+        """The way (n + 1, 3) of states (n, d) that follow a row, the fish's own place first."""
         start = np.array([fish.x, fish.y, fish.heading])
         nowhere = Spot(fish.x, fish.y, 0.0, 0.0, True)
-        way, _, _ = course(self.waters.tank.legal, states, start, nowhere, self.pace)
+        way, _, _ = course(self.waters.bounds, states, row, start, nowhere, self.pace)
         return np.concatenate([start[None], way])
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
@@ -172,7 +176,7 @@ class ForecastSwimmer:
             left = max(1, most - fish.since - 1) if other == fish.row else most
             foretold = follow(swum, past, other, min(ticks, left), swum.control[other])
             foretold = np.ascontiguousarray(foretold[::-1])  # kernels are compiled for it alone
-            whole = course(self.waters.tank.legal, foretold, start, goal, self.pace)
+            whole = course(self.waters.bounds, foretold, other, start, goal, self.pace)
             numbers = other + 1 + np.arange(len(foretold))
             good = min(whole[1], clear_ticks(fish.company, numbers, whole[0], fish.tick))
             if good <= self.pace.wakes[other + 1] - other - 1 and not free.any():
@@ -181,9 +185,10 @@ class ForecastSwimmer:
                 row, states, (way, _, touched), best = other, foretold, whole, good
             if min(touched, len(way) - 1) < best:
                 break
-        if best == 0:  # a wall holds it up: along it, and round to the aim
-            tank, most_deg = self.waters.tank, self.waters.motion.brisk_deg
-            way, touched = held(tank.legal, tank.nearest, states, start, towards, most_deg)
+        at_wall = not free.any() and best < min(ticks, self.waters.motion.delta)
+        if best == 0 or at_wall:  # a wall holds it up: along it, and round to the aim
+            most_deg = self.waters.motion.brisk_deg
+            way, touched = held(self.waters.bounds, states, row, start, towards, most_deg)
             best = len(way)
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
@@ -223,7 +228,7 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyped-def]
+def look(sampler, bounds, rows, start, towards, recall):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
     Of a fish that only wanders, of leaving the tank alone. More where what is shown then was on
@@ -233,12 +238,12 @@ def look(sampler, legal, rows, start, towards, recall):  # type: ignore[no-untyp
     """
     costs, free = np.empty(rows.size), np.empty(rows.size, np.bool_)
     for k in range(rows.size):
-        costs[k], free[k] = _cost(sampler, legal, rows[k], start, towards, recall)
+        costs[k], free[k] = _cost(sampler, bounds, rows[k], start, towards, recall)
     return costs, free
 
 
 @leaf_kernel
-def _held_later(sampler, legal, row, place, swims):  # type: ignore[no-untyped-def]
+def _held_later(sampler, bounds, row, place, swims):  # type: ignore[no-untyped-def]
     """The ticks that a wall holds up a fish that follows a row from a place, rests left out.
 
     swims: `Pace`, and so many ticks are swum.
@@ -250,15 +255,15 @@ def _held_later(sampler, legal, row, place, swims):  # type: ignore[no-untyped-d
             break
         row = pace.wakes[row + 1] - 1
         x, y, heading = moved(place, sampler.states[row + 1], pace)
-        if not inside(legal, x, y):
-            x, y = place[0], place[1]
+        if not fits(bounds, row + 1, x, y, heading):
+            x, y, _ = moved_off(bounds, row + 1, x, y, heading)
             walls += 1
         place, row = (x, y, heading), row + 1
     return walls
 
 
 @leaf_kernel
-def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-untyped-def]
+def _cost(sampler, bounds, begin, start, towards, recall):  # type: ignore[no-untyped-def]
     """The cost of following the row `begin`, and whether it stays in the tank; see `look`."""
     goal, aim, pace = towards
     cost, free, touched = 0.0, True, False
@@ -267,16 +272,23 @@ def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-unt
         later = moved(place, sampler.states[row + 1], pace)
         company, tick = recall.company, recall.tick + t
         met = not clear_ahead(company, row + 1, later[0], later[1], later[2], tick)
-        if met or not inside(legal, later[0], later[1]):  # it is held up, and turns on
-            later, free = (place[0], place[1], later[2]), False
-            cost += pace.wall
+        fit = fits(bounds, row + 1, later[0], later[1], later[2])
+        if not fit:  # it slides along the wall, and turns on
+            x, y, _ = moved_off(bounds, row + 1, later[0], later[1], later[2])
+            later = x, y, later[2]
+        elif met:
+            later = place[0], place[1], later[2]
+        if met or not fit:
+            cost, free = cost + pace.wall, False
         place, row, t = later, row + 1, t + 1
         swum += int(pace.wakes[row] == row)
         touched = not goal.free and touches(place[0], place[1], place[2], goal)
     if swum < t and not touched:
-        walls = _held_later(sampler, legal, row, place, (pace, pace.horizon - swum))
+        walls = _held_later(sampler, bounds, row, place, (pace, pace.horizon - swum))
         cost, free = cost + walls * pace.wall, free and walls == 0
     cost += pace.dear[row] - pace.dear[begin]
+    if not touched:
+        cost += pace.aside * beyond(bounds, place[0], place[1], place[2], pace.room)
     if not goal.free:
         cost += t
         if not touched:
@@ -289,11 +301,11 @@ def _cost(sampler, legal, begin, start, towards, recall):  # type: ignore[no-unt
 
 
 @kernel
-def held(legal, nearest, states, start, towards, most_deg):  # type: ignore[no-untyped-def]
-    """The way (n, 3) of states (n, d) along a wall, and the tick of the touch, n for none.
+def held(bounds, states, row, start, towards, most_deg):  # type: ignore[no-untyped-def]
+    """The way (n, 3) of states (n, d) after a row, along a wall; the tick of the touch, n for none.
 
     Every tick turns towards the aim, by `most_deg` at most; no tick turns faster for it than that,
-    or than the state itself. nearest: of `Tank`; start, towards: as for `look`.
+    or than the state itself. start, towards: as for `look`.
     """
     goal, aim, pace = towards
     n = len(states)
@@ -301,12 +313,9 @@ def held(legal, nearest, states, start, towards, most_deg):  # type: ignore[no-u
     x, y, heading, reached = start[0], start[1], start[2], n
     for t in range(n):
         to_x, to_y, turned = moved((x, y, heading), states[t], pace)
-        if not inside(legal, to_x, to_y):
-            row = min(max(round(to_y), 0), legal.shape[0] - 1)
-            column = min(max(round(to_x), 0), legal.shape[1] - 1)
-            to_x, to_y = float(nearest[1, row, column]), float(nearest[0, row, column])
-        x, y = to_x, to_y
-        heading += towards_by(turned - heading, bearing(x, y, aim.x, aim.y) - heading, most_deg)
+        error = bearing(x, y, aim.x, aim.y) - heading
+        heading += towards_by(turned - heading, error, most_deg)
+        x, y, _ = moved_off(bounds, row + 1 + t, to_x, to_y, heading)
         way[t, 0], way[t, 1], way[t, 2] = x, y, heading
         if reached == n and not goal.free and touches(x, y, heading, goal):
             reached = t
@@ -314,10 +323,10 @@ def held(legal, nearest, states, start, towards, most_deg):  # type: ignore[no-u
 
 
 @kernel
-def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
-    """The way (n, 3) of states (n, d) from `start`; how many ticks of it are legal; the touch, n.
+def course(bounds, states, row, start, goal, pace):  # type: ignore[no-untyped-def]
+    """The way (n, 3) of states (n, d) from `start`; how many ticks of it fit; the touch, n.
 
-    Angles in degrees.
+    Angles in degrees; row: the one that is followed.
     """
     n = len(states)
     way = np.empty((n, 3))
@@ -325,21 +334,9 @@ def course(legal, states, start, goal, pace):  # type: ignore[no-untyped-def]
     for t in range(n):
         place = moved(place, states[t], pace)
         way[t, 0], way[t, 1], way[t, 2] = place
-        if good == n and not inside(legal, place[0], place[1]):
+        fit = fits(bounds, row + 1 + t, place[0], place[1], place[2])
+        if good == n and not fit:
             good = t
         if reached == n and not goal.free and touches(place[0], place[1], place[2], goal):
             reached = t
     return way, good, reached
-
-
-def foretold_film(film: Film, sampler: Sampler) -> Film:
-    """The film as a fish goes on in it that swims as is foretold: from row to similar row."""
-    n = min(len(film.rows), len(sampler.usable))
-    rows, start = film.rows[:n].copy(), sampler.start[: n + 1].astype(np.int32)
-    leads = np.diff(start) > 0
-    rows["more"] = sampler.usable[:n]
-    rows["more"][-1:] = False
-    rows["endless"] = sampler.usable[:n] | leads
-    rows["end"] = np.where(leads, np.arange(n), -1)
-    to = sampler.to[: start[-1]]
-    return film._replace(rows=rows, start=start, to=to, seam=np.zeros(len(to)), body=True)

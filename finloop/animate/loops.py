@@ -12,11 +12,12 @@ import numpy as np
 
 from finloop.animate import decide
 from finloop.animate import kinematics as step
+from finloop.animate.bounds import beyond
 from finloop.animate.decide import Ways
 from finloop.animate.edit_list import ENTER, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import FILM
+from finloop.animate.motion import FILM, FORECAST
 from finloop.animate.search import Here, Rules, Space, space_of
 from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
 from finloop.base.arrays import Mask
@@ -37,7 +38,7 @@ class FilmSwimmer:
     @cached_property
     def space(self) -> Space:
         """The film as it is searched."""
-        return space_of(self.waters.film, self.waters.tank.legal, self.rules)
+        return space_of(self.waters.film, self.waters.bounds, self.rules)
 
     @cached_property
     def footage(self) -> Footage:
@@ -69,8 +70,12 @@ class FilmSwimmer:
         return goal if aim[:2] == self.waters.tank.into(goal.x, goal.y) else aim
 
     def options(self, fish: Fish, aim: Spot) -> Options:
-        """The ways on from a fish that is in the film."""
-        return self.weigh(fish, aim, self._ways_on(fish, fish.since + 1 >= self.rules.stay))
+        """The ways on from a fish that is in the film, or swims as is foretold.
+
+        The latter goes over to other rows when it likes, so it may jump at once.
+        """
+        jumps = fish.state == FORECAST or fish.since + 1 >= self.rules.stay
+        return self.weigh(fish, aim, self._ways_on(fish, jumps))
 
     def _ways_on(self, fish: Fish, jumps: bool) -> Ways:
         """Ways on that need never stop, playing on first; jumps: whether the fish may jump."""
@@ -84,7 +89,7 @@ class FilmSwimmer:
         rate = self.waters.motion.rate_hz
         here = Here(
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
-            fish.company,
+            fish.company, int(self.waters.film.rest[fish.row + 1]) if fish.row >= 0 else 0,
         )  # fmt: skip
         terms, found, verdict = decide.weigh(self.space, ways, here, aim, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
@@ -123,6 +128,12 @@ class FilmSwimmer:
             decision(options, reason, int(quadrant(dx, -dy))), FRAME, np.full(len(path), rot),
             options=options,
         )  # fmt: skip
+
+    def faces_wall(self, fish: Fish) -> bool:
+        """Whether the fish is in the film, and has no room ahead to turn aside."""
+        bounds, room = self.waters.bounds, self.rules.room
+        there = fish.x, fish.y, fish.heading
+        return fish.row >= 0 and fish.state == FILM and beyond(bounds, *there, room) > 0.0
 
     def stay(self, fish: Fish, aim: Spot, turns: bool = True) -> Stretch:
         """No way on: stay in place while the film goes on. turns: whether towards the aim."""

@@ -12,8 +12,7 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank
-from finloop.animate.film import Film
-from finloop.animate.follow import runs
+from finloop.animate.film import Film, runs
 from finloop.animate.motion import Motion
 from finloop.animate.route import Route
 from finloop.base.arrays import Floats, Ints, Mask

@@ -9,6 +9,7 @@ import pandas as pd
 
 from finloop.animate.arena import place_goals, room
 from finloop.animate.bodies import Bodies
+from finloop.animate.company import NO_DISCS
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.endless import endless
@@ -184,19 +185,22 @@ def planner(made: Material, p: Settings) -> Planner:
     rarity = Rarity.of(
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
     )
-    way = film(features, _jumps(made, p), motion, pose, barred, rarity.dear)
+    way = film(features, _jumps(made, p), motion, pose, barred, rarity.dear, how.rests)
     head = np.hypot(
         features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
     ).median()
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
     water = room(made.arena, made.outline_px, reach_px, p.tank, made.floor)
-    waters = Waters(water, way, order, motion, touch_px, float(head), p)
+    swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
+    learned = swum is not None and swum.usable.any() and p.sprites == "learned"
+    # Sprites are shown where every picture fits alone.
+    discs = cast.discs if learned else NO_DISCS
+    waters = Waters(water, way, order, motion, touch_px, float(head), p, discs)
     followers = _followers(sprites, way) if p.jumps == "neighbours" else None
     gates = Gates(made.gateways, facts.step_median, followers)
     by_mode = players(waters, cast, made.model, gates, how)
-    swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
-    if swum is not None and swum.usable.any() and p.sprites == "learned":
+    if swum is not None and learned:
         swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy(), rarity)
         for mode in (NETWORK, HYBRID):
             policy = replace(by_mode[mode].policy, forecast=swimmer)

@@ -16,39 +16,37 @@ from finloop.animate.beam import (
     keep_best,
     leads_on,
 )
+from finloop.animate.bounds import Bounds, beyond, fits
 from finloop.animate.company import ALONE, Company, clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
 from finloop.animate.motion import brisk_of
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import for_kernels, kernel, kernel_part, leaf_kernel
-
-_CELL = 4  # bits; where it is legal to be is looked up first by cells of 16 x 16 px
 
 JUMP = np.dtype([("cost", "f8"), ("to", "i8")])
 """A jump: ticks that it costs, but for what was on screen just now; the row that it leads to."""
 
 
 class Space(NamedTuple):
-    """What is searched: the film, and where in the tank it is legal to be.
+    """What is searched: the film, and what keeps a fish inside the tank.
 
-    jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first; legal:
-    of `Tank`; cells: whether all pixels of a cell are legal.
+    jumps (e,): those of the film, of dtype `JUMP`, at each loop end the cheapest first.
     """
 
     film: Film
     jumps: NDArray[np.void]
-    legal: Mask
-    cells: Mask
+    bounds: Bounds
 
 
 class Here(NamedTuple):
     """Where and when a candidate would be shown, and what of the fish that shows it matters.
 
     speed: in body lengths/s; since: ticks since its last jump; recent (m, 3): what was on screen,
-    as `Fish` keeps it, and the repeat that this is; company: of `Fish`.
+    as `Fish` keeps it, and the repeat that this is; company: of `Fish`; rest: ticks for which the
+    animal rests if the film plays on.
     """
 
     x: float
@@ -59,6 +57,7 @@ class Here(NamedTuple):
     recent: Ints
     repeat: Repeat = NO_REPEAT
     company: Company = ALONE
+    rest: int = 0
 
 
 class Rules(NamedTuple):
@@ -68,7 +67,8 @@ class Rules(NamedTuple):
     loop ends sooner than this are passed by; stay: least time between two jumps; beam: ways
     followed at once; seam, jerk, again: ticks that a jump costs for a seam of one median step, for
     a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten;
-    error: degrees off the goal at which a way may end heading, third test of Fig. 19.
+    error: degrees off the goal at which a way may end heading, third test of Fig. 19; room: px that
+    a brisk fish needs ahead of it to turn aside; aside: ticks that it takes to turn back.
     """
 
     pace: float
@@ -82,6 +82,8 @@ class Rules(NamedTuple):
     again: float
     memory: float
     error: float
+    room: float = np.inf
+    aside: float = 0.0
 
     @classmethod
     def of(cls, waters: Waters, ahead: float, stride: float, beam: int) -> "Rules":
@@ -89,24 +91,23 @@ class Rules(NamedTuple):
         motion, p = waters.motion, waters.settings
         swims, delta = waters.film.speed[waters.film.more], motion.delta
         brisk = brisk_of(swims, p) if len(swims) else 1.0
+        pace = brisk * motion.body_length_px / motion.rate_hz
+        turning = float(np.median(motion.turns.angle_deg / motion.turns.ticks))
         return cls(
-            pace=brisk * motion.body_length_px / motion.rate_hz,
-            turning=float(np.median(motion.turns.angle_deg / motion.turns.ticks)),
+            pace=pace, turning=turning,
             horizon=max(2, waters.ticks(ahead)), stride=max(1, waters.ticks(stride)),
             stay=max(1, waters.ticks(p.stay)), beam=beam, seam=p.seam * delta,
             jerk=p.jerk * delta**2 / motion.rate_hz, again=p.again * delta,
             memory=p.memory * delta, error=p.most_error_deg,
+            room=pace / np.radians(turning) + motion.body_length_px / 2, aside=180 / turning,
         )  # fmt: skip
 
 
-def space_of(film: Film, legal: Mask, rules: Rules) -> Space:
+def space_of(film: Film, bounds: Bounds, rules: Rules) -> Space:
     """The space of a search by some rules."""
     jumps = np.zeros(len(film.to), JUMP)
     _cheapest_first(film, rules, jumps)
-    side = 1 << _CELL
-    whole = np.pad(legal, [(0, -n % side) for n in legal.shape], constant_values=True)
-    cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
-    return Space(film, jumps, legal, np.asarray(cells))
+    return Space(film, jumps, bounds)
 
 
 @kernel
@@ -124,19 +125,11 @@ def _cheapest_first(film, rules, jumps):  # type: ignore[no-untyped-def]
             to, place = film.to[e], e
             faster = film.rows[to].speed - at.speed
             seam, jerk, _ = jump_cost(film.seam[e], faster, np.inf, rules)
-            while place > first and jumps[place - 1].cost > seam + jerk:
+            cost = seam + jerk + longer_rest(at.rest, film.rows[to].rest)
+            while place > first and jumps[place - 1].cost > cost:
                 jumps[place] = jumps[place - 1]
                 place -= 1
-            jumps[place].cost, jumps[place].to = seam + jerk, to
-
-
-@leaf_kernel
-def allowed(space: Space, x: float, y: float) -> bool:
-    """`inside` the legal; the cells, which are few, are quicker to look up than the pixels."""
-    legal, column, row = space.legal, round(x), round(y)
-    if not (0 <= row < legal.shape[0] and 0 <= column < legal.shape[1]):
-        return False
-    return bool(space.cells[row >> _CELL, column >> _CELL] or legal[row, column])
+            jumps[place].cost, jumps[place].to = cost, to
 
 
 @leaf_kernel
@@ -169,7 +162,8 @@ def _leg(space, way, aim, here, ticks):  # type: ignore[no-untyped-def]
         t, row = t + 1, row + 1
         at = rows[row]
         heading = at.heading + way.rot
-        if not (allowed(space, x, y) and clear_ahead(here.company, row, x, y, heading, tick + t)):
+        free = fits(space.bounds, row, x, y, heading)
+        if not (free and clear_ahead(here.company, row, x, y, heading, tick + t)):
             row = -1
             break
         # A fish that has reached its goal must be able to swim on.
@@ -200,6 +194,16 @@ def jump_cost(seam, faster, ago, rules):  # type: ignore[no-untyped-def]
     """
     again = again_cost(ago, rules.again, rules.memory)
     return rules.seam * seam, rules.jerk * np.abs(faster), again
+
+
+@leaf_kernel
+def longer_rest(own: int, other: int) -> int:
+    """Ticks that a jump costs by which it makes a rest longer: so many.
+
+    own, other: for how long the animal rests if the film plays on, and after the jump. Jumps within
+    rests are seen least. Were they free, fish would rest far longer than the film's animal.
+    """
+    return max(other - own, 0) if own > 0 else 0
 
 
 class Ends(NamedTuple):
@@ -247,22 +251,24 @@ def _legs(space, search, n, here, towards):  # type: ignore[no-untyped-def]
         if way.ticks == ticks:  # the first leg; the next ones are decided anew
             way.cost += film.rows[way.row].dear - film.rows[shown].dear
         if touched or way.ticks >= rules.horizon:
-            _finish(film, way, touched, (search.found, ends_at), aim, rules)
+            _finish(space, way, touched, (search.found, ends_at), aim, rules)
         else:
             m = _branch(space, way, s, (search.beam, m), here, (aim, rules))
     return m
 
 
 @leaf_kernel
-def _finish(film, way, touched, results, aim, rules):  # type: ignore[no-untyped-def]
+def _finish(space, way, touched, results, aim, rules):  # type: ignore[no-untyped-def]
     """A way has come to the aim or to the horizon. results: `Found`, `Ends`."""
     found, ends_at = results
-    heading = film.rows[way.row].heading + way.rot
-    rest = 0.0 if touched else remaining(way.x, way.y, heading, aim, rules)
+    heading, rest = space.film.rows[way.row].heading + way.rot, 0.0
+    if not touched:
+        rest = remaining(way.x, way.y, heading, aim, rules)
+        rest += rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
     if ends(found, way, way.ticks + way.cost + rest):
         ends_at.far[way.first], ends_at.error[way.first] = 0.0, 0.0
         if not touched:
-            off = bearing(way.x, way.y, aim.x, aim.y) - film.rows[way.row].heading - way.rot
+            off = bearing(way.x, way.y, aim.x, aim.y) - heading
             ends_at.far[way.first] = np.hypot(aim.x - way.x, aim.y - way.y)
             ends_at.error[way.first] = abs(wrap(off))
 

@@ -113,6 +113,7 @@ class Settings:
     jerk: NotNegative  # ... a change of speed by one body length in a Δ ...
     again: NotNegative  # ... frames that were on screen just now
     memory: Positive  # Δ; what was on screen so long ago costs nothing any more
+    patience: Positive  # Δ; a fish that has come no nearer to its goal for so long makes a detour
     free: Positive  # Δ; ways whose cost differs by about so much are equally good
     # degrees, third test of Fig. 19: a way must not end heading farther off the goal
     most_error_deg: Annotated[float, Field(ge=0, le=180)]

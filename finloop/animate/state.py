@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
-from finloop.animate.company import ALONE, Company
+from finloop.animate.bounds import Bounds, bounds_of
+from finloop.animate.company import ALONE, NO_DISCS, Company, Discs
 from finloop.animate.edit_list import FRAME, SPOT, SPRITE, WAITING
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, wrap
@@ -28,7 +29,8 @@ from finloop.social.walls import Walls
 class Waters:
     """What every mode swims in and by: the tank, the film, the sprites, what the film teaches.
 
-    touch_px: radius of a goal; head_px: the head is so far before the centre.
+    touch_px: radius of a goal; head_px: the head is so far before the centre; discs: by which it is
+    told whether a picture is inside the tank; none where the fish must be where all are.
     """
 
     tank: Tank
@@ -38,6 +40,7 @@ class Waters:
     touch_px: float
     head_px: float
     settings: Settings
+    discs: Discs = NO_DISCS
 
     def ticks(self, time: float) -> int:
         """A time of the settings, in Δ, in ticks."""
@@ -47,6 +50,11 @@ class Waters:
     def walls(self) -> Walls:
         """The wall of the tank, as rules between fish have it."""
         return Walls(self.tank.arena, self.motion.body_length_px)
+
+    @cached_property
+    def bounds(self) -> Bounds:
+        """What keeps a fish inside the tank."""
+        return bounds_of(self.tank, self.discs)
 
     @property
     def duration(self) -> int:
@@ -109,11 +117,26 @@ class Fish:
         return self.row if self.row >= 0 else -1 - self.sprite
 
 
+class Effort(NamedTuple):
+    """How a fish gets on with a goal.
+
+    goal: x, y of it, px; far: px from there when it last came nearer; since: at which tick that
+    was; detour: x, y of where it swims instead, until that tick.
+    """
+
+    goal: tuple[float, float] = (np.nan, np.nan)
+    far: float = np.inf
+    since: int = 0
+    detour: tuple[float, float] = (np.nan, np.nan)
+    until: int = 0
+
+
 class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
     place (2,): where the fish wanders to while it has no goal, for `left` ticks more; along: px of
-    the path that it has swum, where it swims one; wished: whether a rule has wished the place.
+    the path that it has swum, where it swims one; wished: whether a rule has wished the place;
+    effort: how it gets on with its goal.
     """
 
     fish: Fish
@@ -121,6 +144,7 @@ class State(NamedTuple):
     left: int = 0
     along: float = 0.0
     wished: bool = False
+    effort: Effort = Effort()
 
 
 class Decision(NamedTuple):

@@ -9,10 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.arena import inside
+from finloop.animate.bounds import fits
 from finloop.animate.route import Route, asked_at, done, foot, heading_at, least_along, place
 from finloop.animate.search import moved
-from finloop.base.arrays import Floats
+from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel
 
 _ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if it were so far
@@ -104,21 +104,22 @@ def near(far2: float, unit2: float) -> float:
 
 
 @kernel
-def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, by):  # type: ignore[no-untyped-def]
-    """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for `ticks` ≤ m ticks.
+def steered(way: Floats, speed: Floats, numbers: Ints, begins, route: Route, by):  # type: ignore[no-untyped-def]
+    """Steer a way (m + 1, 3), x, y, heading, the fish's own place first, for t ≤ m ticks.
 
     It ends with the path, on the tick that comes to its end.
 
-    speed (m,): body lengths/s; begins: how far along the path, and at which tick; by: where it is
-    legal to be, `Steering`.
+    speed (m,): body lengths/s; numbers (t,): of the pictures; begins: how far along the path, and
+    at which tick; by: `Bounds`, `Steering`.
 
     Returns
     -------
     The way as it is swum (n, 3), up to where the path ends, or it leaves the tank; its corrections
     (n, 2): degrees, px; how far along the path it ends.
     """
+    ticks = numbers.size
     out, used = np.empty((ticks, 3)), np.empty((ticks, 2))
-    (along, tick), (legal, steering) = begins, by
+    (along, tick), (bounds, steering) = begins, by
     x, y, rot, good = way[0, 0], way[0, 1], 0.0, ticks
     for t in range(ticks):
         reach = min(steering.reach, len(way) - 1 - t)
@@ -128,11 +129,12 @@ def steered(way: Floats, speed: Floats, ticks: int, begins, route: Route, by):  
         new_x, new_y, on, _, _, shift = shifted(
             route, (x + dx, y + dy, along), speed[t], tick + t + 1, steering
         )
-        if not inside(legal, new_x, new_y):
+        heading = way[t + 1, 2] + rot + turn
+        if not fits(bounds, numbers[t], new_x, new_y, heading):
             good = t
             break
         x, y, along, rot = new_x, new_y, on, rot + turn
-        out[t, 0], out[t, 1], out[t, 2] = x, y, way[t + 1, 2] + rot
+        out[t, 0], out[t, 1], out[t, 2] = x, y, heading
         used[t, 0], used[t, 1] = turn, shift
         if done(route, along, tick + t + 1):
             good = t + 1

@@ -9,8 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.arena import goal_name, in_sight
+from finloop.animate.arena import goal_name
 from finloop.animate.avoidance import Avoidance
+from finloop.animate.bounds import fits
 from finloop.animate.company import (
     ALONE,
     Company,
@@ -21,6 +22,7 @@ from finloop.animate.company import (
     discs_of,
     near_first,
 )
+from finloop.animate.detour import effort
 from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
 from finloop.animate.follower import Follower
 from finloop.animate.joins import Joins
@@ -29,7 +31,7 @@ from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
-from finloop.animate.state import Fish, State, Stretch, Waters, after
+from finloop.animate.state import Effort, Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
@@ -122,16 +124,18 @@ class Player:
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
     ) -> State:
-        """A fish somewhere in the tank, clear of the others; or at the beginning of a path.
+        """A fish somewhere in the tank, clear of the walls and of the others.
 
-        There it is whoever else is. NoRoom where, of many places drawn, none is clear.
+        Or at the beginning of a path, whoever else is there. NoRoom where, of many places drawn,
+        none is clear.
         """
         if route is not None:
             return State(self.follower.begin(route, rng), np.zeros(2))
         for _ in range(_PLACES):
             fish = self.policy.begin(rng)
             place = np.array([fish.x, fish.y, fish.heading])
-            if can_stay(company, fish.picture, place, fish.tick):
+            fits_in = fits(self.waters.bounds, fish.picture, *place)
+            if fits_in and can_stay(company, fish.picture, place, fish.tick):
                 return State(fish, np.zeros(2))
         others = company.places.shape[1]
         raise NoRoom(
@@ -183,19 +187,29 @@ class Player:
             # How far along a path a shorter one leads the next step finds from where it was.
             along = along if stretch is whole else state.along
             return stretch, State(after(fish, stretch, waters), place, 0, along)
-        wished, free = False, False
+        wished, free, tried = False, False, Effort()
         if isinstance(goal, Goal):
-            x, y = goal.x_px, goal.y_px
+            tried = effort(state.effort, fish, goal, waters, rng)
+            x, y = tried.detour if fish.tick < tried.until else tried.goal
         else:
             place, left, wished = self._target(state, goal, rng)
             x, y = place
             free = not wished and waters.settings.wander == "film"
         spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
-        stretch = self._avoidance.kept_clear(fish, self.policy.next(fish, spot, rng), rng)
+        film = None if self.policy.crossing is None else self.policy.crossing.film
+        if fish.tick < tried.until and film is not None and film.faces_wall(fish):
+            stretch = film.stay(fish, spot)
+        else:
+            stretch = self.policy.next(fish, spot, rng)
+        stretch = self._avoidance.kept_clear(fish, stretch, rng)
+        if fish.tick < tried.until and stretch.touched:  # it was the place of a detour
+            stretch, tried = replace(stretch, touched=False), tried._replace(until=fish.tick)
         keeps = not isinstance(goal, Goal) and not stretch.touched
         turns = stretch.state == TURN and not wished
         left = max(0, left - len(stretch.way) * (not turns)) if keeps else 0
-        return stretch, State(after(fish, stretch, waters), place, left, wished=wished)
+        return stretch, State(
+            after(fish, stretch, waters), place, left, wished=wished, effort=tried
+        )
 
     def _target(
         self, state: State, rule: Rule | None, rng: np.random.Generator
@@ -281,7 +295,7 @@ def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Flo
         way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
         direction = np.radians(fish.heading + angle)
         x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
-        if in_sight(tank.legal, fish.x, fish.y, x, y):
+        if tank.sees(fish.x, fish.y, x, y):
             return np.array([x, y]), ticks
     return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))
 

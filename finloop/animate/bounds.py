@@ -1,0 +1,143 @@
+"""Whether a picture that is shown at a place is inside the tank, compiled.
+
+Far from the walls every picture is, at every heading. Near them the discs that hold the body
+(`finloop.animate.company`) must be as far from the wall as their radius. So a fish swims along a
+wall as near to it as the film's fish do, but cannot turn its side into it.
+"""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.arena import Tank
+from finloop.animate.company import NO_DISCS, Discs, turned
+from finloop.animate.kinematics import ahead
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel, leaf_kernel
+
+_CELL = 4  # bits; where every picture fits is looked up first by cells of 16 x 16 px
+_MARGIN_PX = 1.5  # beyond the edge of a disc; extraction drops silhouettes at the very edge
+_PUSHES = 6  # a place is moved off the walls in so many steps
+
+
+class Bounds(NamedTuple):
+    """What keeps a fish inside the tank.
+
+    roomy (h, w): where every picture fits, at every heading; cells: whether all pixels of a cell
+    are roomy; depth (h, w): how far the middle of each pixel is from the wall, px, < 0 outside;
+    nearest (2, h, w): of `Tank`; discs: of the pictures; none where the fish must be where it is
+    roomy.
+    """
+
+    roomy: Mask
+    cells: Mask
+    depth: NDArray[np.float32]
+    nearest: NDArray[np.int32]
+    discs: Discs
+
+
+def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
+    """The bounds of a tank. discs: none where a fish must keep to `tank.legal`."""
+    walled = np.pad(tank.arena.astype(np.uint8), 1)
+    depth, beyond = (
+        cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
+        for side in (walled, 1 - walled)
+    )
+    cramped = tank.cramped and len(discs.table) > 0
+    roomy = np.zeros_like(tank.legal) if cramped else tank.legal
+    side = 1 << _CELL
+    whole = np.pad(roomy, [(0, -n % side) for n in roomy.shape], constant_values=True)
+    cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
+    return Bounds(roomy, np.asarray(cells), depth - beyond, tank.nearest, discs)
+
+
+@leaf_kernel
+def _depth(bounds, x: float, y: float) -> float:  # type: ignore[no-untyped-def]
+    """How far a point is from the wall, px, < 0 outside."""
+    height, width = bounds.depth.shape
+    column, row = round(x), round(y)
+    in_x, in_y = min(max(column, 0), width - 1), min(max(row, 0), height - 1)
+    return float(bounds.depth[in_y, in_x]) - abs(column - in_x) - abs(row - in_y)
+
+
+@leaf_kernel
+def _tightest(bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
+    """The disc of a picture that lacks most room: px that it lacks, and where it is (x, y)."""
+    number, side, cos, sin = turned(bounds.discs, (picture, heading))
+    table, most, at_x, at_y = bounds.discs.table, -np.inf, x, y
+    for i in range(table.shape[1]):
+        ahead, left = table[number, i, 0], side * table[number, i, 1]
+        disc_x, disc_y = x + ahead * cos - left * sin, y - ahead * sin - left * cos
+        lacks = table[number, i, 2] + _MARGIN_PX - _depth(bounds, disc_x, disc_y)
+        if lacks > most:
+            most, at_x, at_y = lacks, disc_x, disc_y
+    return most, at_x, at_y
+
+
+@leaf_kernel
+def fits(bounds: Bounds, picture: int, x: float, y: float, heading: float) -> bool:
+    """Whether a picture at a place is inside the tank; picture: its number, as `Discs` has it."""
+    roomy, column, row = bounds.roomy, round(x), round(y)
+    if not (0 <= row < roomy.shape[0] and 0 <= column < roomy.shape[1]):
+        return False
+    if bounds.cells[row >> _CELL, column >> _CELL] or roomy[row, column]:
+        return True
+    if bounds.discs.table.shape[0] == 0:
+        return False
+    return _tightest(bounds, picture, x, y, heading)[0] <= 0.0
+
+
+@leaf_kernel
+def moved_off(bounds: Bounds, picture: int, x: float, y: float, heading: float):  # type: ignore[no-untyped-def]
+    """The place (x, y) nearest to one, about, at which a picture fits, and whether it does.
+
+    Without discs the nearest roomy pixel.
+    """
+    if fits(bounds, picture, x, y, heading):
+        return x, y, True
+    if bounds.discs.table.shape[0] == 0:
+        height, width = bounds.roomy.shape
+        row, column = min(max(round(y), 0), height - 1), min(max(round(x), 0), width - 1)
+        return float(bounds.nearest[1, row, column]), float(bounds.nearest[0, row, column]), True
+    for _ in range(_PUSHES):
+        lacks, disc_x, disc_y = _tightest(bounds, picture, x, y, heading)
+        inward_x = _depth(bounds, disc_x + 1.0, disc_y) - _depth(bounds, disc_x - 1.0, disc_y)
+        inward_y = _depth(bounds, disc_x, disc_y + 1.0) - _depth(bounds, disc_x, disc_y - 1.0)
+        steep = np.hypot(inward_x, inward_y)
+        if steep < 1e-6:  # as far from one wall as from another
+            break
+        x, y = x + (lacks + 0.5) * inward_x / steep, y + (lacks + 0.5) * inward_y / steep
+        if fits(bounds, picture, x, y, heading):
+            return x, y, True
+    return x, y, False
+
+
+@leaf_kernel
+def beyond(bounds: Bounds, x: float, y: float, heading: float, room: float) -> float:
+    """The share of `room` px ahead of a place that is behind a wall; 0 along a wall.
+
+    About: that of a wall that is met at right angles.
+    """
+    ahead_x, ahead_y = ahead(x, y, heading, room, 0.0)
+    return min(max(-_depth(bounds, ahead_x, ahead_y) / room, 0.0), 1.0)
+
+
+@kernel
+def kept_inside(bounds: Bounds, numbers: Ints, way: Floats, most: float) -> Floats:
+    """As much of a way (n, 3) as stays inside, moved off the walls where it must be.
+
+    numbers (n,): of its pictures; most: px that a tick may move it aside. What follows a tick that
+    is moved is moved as far.
+    """
+    out = way.copy()
+    aside_x = aside_y = 0.0
+    for t in range(len(way)):
+        x, y = way[t, 0] + aside_x, way[t, 1] + aside_y
+        to_x, to_y, free = moved_off(bounds, numbers[t], x, y, way[t, 2])
+        if not free or np.hypot(to_x - x, to_y - y) > most:
+            return out[:t]
+        aside_x, aside_y = to_x - way[t, 0], to_y - way[t, 1]
+        out[t, 0], out[t, 1] = to_x, to_y
+    return out

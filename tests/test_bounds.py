@@ -1,0 +1,140 @@
+"""Whether a picture is inside the tank: against the pixels of its outline."""
+
+import cv2
+import numpy as np
+import pytest
+from toy_film import HULL, film_of, loops, open_tank, rich_table, waters_of
+
+from finloop.animate.arena import inside, room, tank
+from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
+from finloop.animate.company import discs_of
+from finloop.animate.detour import effort
+from finloop.animate.edit_list import Goal
+from finloop.animate.encounters import placed
+from finloop.animate.search import longer_rest
+from finloop.animate.state import Effort, Fish
+
+BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
+
+
+def pool():
+    """A tank with a bay, and the bounds of a fish of two pictures, one of them bent."""
+    arena = np.zeros((240, 320), bool)
+    arena[20:220, 30:290] = True
+    arena[20:90, 30:100] = False
+    bodies = np.stack([np.concatenate([HULL, HULL[:2]]), BENT])
+    discs = discs_of(bodies, [])
+    return tank(arena, 40.0), bounds_of(tank(arena, 40.0), discs), bodies
+
+
+def shown_inside(arena, hull, place, mirrored=False):
+    """Whether every pixel of an outline is inside."""
+    mask = np.zeros((400, 500), np.uint8)
+    corners = placed(hull, *place, mirrored) + 50
+    cv2.fillPoly(mask, [np.rint(16 * corners).astype(np.int32)], 1, shift=4)
+    return bool(np.pad(arena, 50)[mask[:340, :420] > 0].all()) and not mask[340:].any()
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_what_fits_has_every_pixel_inside_and_what_is_well_inside_fits(mirrored):
+    water, bounds, bodies = pool()
+    rng, counts = np.random.default_rng(0), {True: 0, False: 0}
+    for _ in range(3000):
+        picture = int(rng.integers(2))
+        place = rng.uniform(20, 300), rng.uniform(10, 230), rng.uniform(-180, 180)
+        free = fits(bounds, picture + 2 * mirrored, *place)
+        counts[free] += 1
+        if free:
+            assert shown_inside(water.arena, bodies[picture], place, mirrored)
+        elif inside(water.arena, *place[:2]):
+            assert not shown_inside(water.depth_px > 10, bodies[picture], place, mirrored)
+    assert min(counts.values()) > 500
+
+
+def test_every_picture_fits_where_the_tank_is_roomy():
+    water, bounds, _ = pool()
+    rng = np.random.default_rng(1)
+    for y, x in rng.permutation(np.argwhere(water.legal))[:300]:
+        assert fits(bounds, int(rng.integers(4)), float(x), float(y), rng.uniform(-180, 180))
+
+
+def test_a_fish_without_discs_fits_where_the_tank_is_roomy_alone():
+    legal = np.ones((50, 70), bool)  # no whole number of cells
+    rng = np.random.default_rng(7)
+    legal[rng.integers(50, size=20), rng.integers(70, size=20)] = False
+    bounds = bounds_of(open_tank())._replace(roomy=legal)
+    whole = np.pad(legal, [(0, 14), (0, 10)], constant_values=True)
+    bounds = bounds._replace(cells=whole.reshape(4, 16, 5, 16).all(axis=(1, 3)))
+    for x, y in rng.uniform(-20, 90, (2000, 2)):
+        assert fits(bounds, 0, x, y, 0.0) == inside(legal, x, y)
+
+
+def test_a_place_at_a_wall_is_moved_straight_off_it():
+    _, bounds, _ = pool()
+    x, y, free = moved_off(bounds, 0, 200.0, 26.0, 90.0)  # its nose is 14 px behind the wall
+    assert free and x == pytest.approx(200, abs=1) and 40 < y < 55
+    assert moved_off(bounds, 0, x, y, 90.0) == (x, y, True)
+    along = moved_off(bounds, 0, 200.0, 26.0, 0.0)
+    assert along[2] and 26 <= along[1] < y - 5  # there is room along a wall
+
+
+def test_a_way_inside_is_left_as_it_is_and_one_into_a_wall_slides_along_it():
+    _, bounds, _ = pool()
+    numbers = np.zeros(60, np.int64)
+    way = np.column_stack([np.linspace(150, 250, 60), np.full(60, 120.0), np.zeros(60)])
+    assert np.array_equal(kept_inside(bounds, numbers, way, 3.0), way)
+    way[:, 1] = np.linspace(60, 20, 60)
+    slid = kept_inside(bounds, numbers, way, 3.0)
+    assert len(slid) == 60 and np.array_equal(slid[:, 0], way[:, 0])
+    assert all(fits(bounds, 0, *place) for place in slid)
+    assert np.abs(np.diff(slid[-9:, 1])).max() < 1.5
+    way[30:, 1] = 0.0  # far behind the wall at once
+    assert len(kept_inside(bounds, numbers, way, 3.0)) == 30
+
+
+def test_what_is_behind_a_wall_that_is_met_and_nothing_along_it():
+    _, bounds, _ = pool()
+    assert beyond(bounds, 200.0, 60.0, 90.0, 100.0) == pytest.approx(0.61, abs=0.02)
+    assert beyond(bounds, 200.0, 30.0, 0.0, 80.0) == 0
+    assert beyond(bounds, 200.0, 60.0, -90.0, 100.0) == 0
+
+
+def test_a_fish_too_long_for_the_picture_is_inside_where_it_fits_lengthwise():
+    whole = np.ones((100, 400), bool)
+    hull = np.array([[100.0, 0], [-100, 8], [-100, -8]])
+    outline = np.stack([hull + (200, 50)])
+    water = room(whole, outline, 100.0, "auto")
+    bounds = bounds_of(water, discs_of(np.stack([hull]), []))
+    assert water.cramped and fits(bounds, 0, 200.0, 50.0, 0.0)
+    assert not fits(bounds, 0, 200.0, 50.0, 90.0)
+
+
+def test_a_rest_is_as_long_as_the_film_shows_it_and_longer_ones_cost():
+    table = rich_table()
+    still = np.isin(np.arange(len(table)), (3, 4, 5, 9))
+    reel = film_of(table, loops(), rests=still)
+    assert reel.rest[:11].tolist() == [0, 0, 0, 3, 2, 1, 0, 0, 0, 1, 0]
+    assert longer_rest(2, 5) == 3 and longer_rest(5, 2) == 0
+    assert longer_rest(0, 5) == 0  # it begins to rest
+
+
+def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():
+    waters = waters_of(patience=10.0, look_ahead=5.0)
+    goal, rng = Goal("A", 400.0, 300.0), np.random.default_rng(0)
+    delta = waters.motion.delta
+
+    def at(tick, x, before):
+        fish = Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=round(tick * delta))
+        return effort(before, fish, goal, waters, rng)
+
+    begun = at(0, 100.0, Effort())
+    assert begun.goal == (400.0, 300.0) and begun.far == 300 and begun.until == 0
+    nearer = at(9, 200.0, begun)
+    assert nearer.far == 200 and nearer.since == 9 * delta
+    assert at(18, 200.0, nearer) == nearer
+    sent = at(19, 200.0, nearer)
+    assert sent.until == 24 * delta and waters.tank.legal[tuple(map(int, sent.detour[::-1]))]
+    assert at(23, 100.0, sent) == sent
+    again = at(24, 100.0, sent)
+    assert again.until == 0 and again.far == 300 and again.since == 24 * delta
+    assert at(25, 100.0, sent._replace(goal=(0.0, 0.0))).until == 0  # another goal
