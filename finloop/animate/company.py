@@ -7,6 +7,7 @@ bend and turn for some ticks, and the second picture of a cross-fade, are not lo
 """
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -15,7 +16,6 @@ from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
 
 _DISCS = 6
-_STEP = 1 / 60  # of a body's extent; points of an outline are no farther apart
 _LOT = 10_000  # outlines at a time
 _SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
@@ -103,36 +103,49 @@ def near_first(company: Company, x: float, y: float, pace: float) -> Company:
 
 def discs_of(frame_hulls: Hulls, sprite_hulls: Sequence[Floats]) -> Discs:
     """The discs of outlines (n, p, 2), (p, 2), px ahead of and to the left of the mass centre."""
-    lots = [frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT)]
-    lots += [np.asarray(hull)[None] for hull in sprite_hulls]
-    table = np.concatenate([_discs(np.asarray(lot, float)) for lot in lots])
+    lots = (frame_hulls[first : first + _LOT] for first in range(0, len(frame_hulls), _LOT))
+    every = chain(lots, (np.asarray(hull)[None] for hull in sprite_hulls))
+    table = np.concatenate([_discs(np.ascontiguousarray(lot, float)) for lot in every])
     reach = np.hypot(table[..., 0], table[..., 1]) + table[..., 2]
     return Discs(table, len(frame_hulls), float(reach.max()))
 
 
-def _discs(hulls: Floats) -> Floats:
+@kernel
+def _discs(hulls):  # type: ignore[no-untyped-def]
     """Discs (n, k, 3) that hold outlines (n, p, 2), each as long a part of their length."""
-    sides = np.roll(hulls, -1, axis=1) - hulls
-    extent = np.maximum(np.ptp(hulls, axis=1).max(axis=-1), 1e-9)
-    longest = float((np.hypot(sides[..., 0], sides[..., 1]).max(axis=1) / extent).max())
-    finer = max(1, int(np.ceil(longest / _STEP)))  # points along each side
-    share = (np.arange(finer) / finer)[:, None]
-    ahead, left = np.moveaxis((hulls[:, :, None] + share * sides[:, :, None]), -1, 0).reshape(
-        2, len(hulls), -1
-    )
-    back = ahead.min(axis=1, keepdims=True)
-    part = np.maximum(np.ptp(ahead, axis=1, keepdims=True), 1e-9) / _DISCS
-    own = np.minimum((ahead - back) // part, _DISCS - 1)
-    discs = np.empty((len(hulls), _DISCS, 3))
-    for k in range(_DISCS):
-        low = np.where(own == k, left, np.inf).min(axis=1)
-        high = np.where(own == k, left, -np.inf).max(axis=1)
-        some = low <= high
-        low, high = np.where(some, low, 0.0), np.where(some, high, 0.0)
-        discs[:, k, 0] = (back + (k + 0.5) * part)[:, 0]
-        discs[:, k, 1] = (low + high) / 2
-        discs[:, k, 2] = np.hypot(high - low, part[:, 0]) / 2 + _EDGE_PX
+    discs, wide = np.empty((len(hulls), _DISCS, 3)), np.empty((_DISCS, 2))
+    for n in range(len(hulls)):
+        hull = hulls[n]
+        back = hull[:, 0].min()
+        part = max(hull[:, 0].max() - back, 1e-9) / _DISCS
+        wide[:, 0], wide[:, 1] = np.inf, -np.inf
+        for p in range(len(hull)):
+            last, point = hull[p - 1], hull[p]
+            ahead = (last[0] - back) / part, (point[0] - back) / part
+            _widen(wide, ahead, (last[1], point[1]))
+        for k in range(_DISCS):
+            low, high = wide[k, 0], wide[k, 1]
+            if low > high:
+                low, high = 0.0, 0.0
+            discs[n, k, 0], discs[n, k, 1] = back + (k + 0.5) * part, (low + high) / 2
+            discs[n, k, 2] = np.hypot(high - low, part) / 2 + _EDGE_PX
     return discs
+
+
+@leaf_kernel
+def _widen(wide, ahead, left):  # type: ignore[no-untyped-def]
+    """Make the parts' widths (k, 2), lowest and highest left, hold a side of an outline.
+
+    ahead, left: of its two ends, the former in parts.
+    """
+    near, far = min(ahead), max(ahead)
+    for k in range(min(int(near), _DISCS - 1), min(int(far), _DISCS - 1) + 1):
+        for end in range(2):
+            share = float(end)
+            if near < far:
+                share = (min(max(float(k + end), near), far) - ahead[0]) / (ahead[1] - ahead[0])
+            at = left[0] + share * (left[1] - left[0])
+            wide[k, 0], wide[k, 1] = min(wide[k, 0], at), max(wide[k, 1], at)
 
 
 @leaf_kernel

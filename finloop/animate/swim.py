@@ -33,7 +33,6 @@ from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
 from finloop.animate.state import Effort, Fish, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints, Reals
-from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.social.rule import Shoaling
@@ -65,13 +64,25 @@ class FrameHulls:
 
     def __getitem__(self, rows: slice) -> NDArray[np.float32]:
         """The outlines (m, k, 2) of some frames."""
-        offset = (self.outline_px[rows] - self.centre_px[rows, None]) * self.scale[rows, None, None]
-        return ahead_left(offset, self.heading_rad[rows, None]).astype(np.float32)
+        frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
+        return np.asarray(_own_axes(self.outline_px[rows], *frames))
 
     @property
     def reach_px(self) -> Floats:
         """How far (n,) each outline reaches from the mass centre."""
         return _farthest(self.outline_px, self.centre_px) * self.scale
+
+
+@kernel
+def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-def]
+    """Points (n, k, 2) x, y from each centre (n, 2), scaled, along each heading: `ahead_left`."""
+    made = np.empty(points.shape, np.float32)
+    for row in range(len(points)):
+        cos, sin = scale[row] * np.cos(heading_rad[row]), scale[row] * np.sin(heading_rad[row])
+        for k in range(points.shape[1]):
+            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            made[row, k, 0], made[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
+    return made
 
 
 @kernel
