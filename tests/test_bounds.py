@@ -138,3 +138,13 @@ def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():
     again = at(24, 100.0, sent)
     assert again.until == 0 and again.far == 300 and again.since == 24 * delta
     assert at(25, 100.0, sent._replace(goal=(0.0, 0.0))).until == 0  # another goal
+
+
+def test_a_fish_that_has_passed_its_goal_and_swims_back_makes_no_detour():
+    waters = waters_of(patience=10.0)
+    goal, rng, way = Goal("A", 400.0, 300.0), np.random.default_rng(0), Effort()
+    for k, x in enumerate([100.0, 350.0, 550.0, 750.0, 650.0, 560.0]):
+        tick = round(4 * k * waters.motion.delta)
+        way = effort(way, Fish(x, 300.0, 0.0, 1.0, 0, 0, tick=tick), goal, waters, rng)
+        assert way.until == 0
+    assert way.far == 160 and way.since == tick  # nearer than before, if not than at first

@@ -2,7 +2,8 @@
 
 Ways are looked at for a few seconds. Where each of them first leads away, as from a corner that the
 fish faces, to rest there is cheapest, and is so again at the next decision. So a fish that has come
-no nearer for a time is sent anywhere else, and then to its goal again.
+no nearer for a time is sent anywhere else, and then to its goal again. A fish that has passed its
+goal and swims back comes nearer than it has been since.
 """
 
 import numpy as np
@@ -26,6 +27,7 @@ def effort(
         return before._replace(far=far, since=fish.tick, until=0)
     if far < before.far - _NEARER * waters.motion.body_length_px:
         return before._replace(far=far, since=fish.tick)
+    before = before._replace(far=max(far, before.far))
     p = waters.settings
     if fish.tick - before.since < waters.ticks(p.patience):
         return before

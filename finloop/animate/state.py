@@ -120,8 +120,8 @@ class Fish:
 class Effort(NamedTuple):
     """How a fish gets on with a goal.
 
-    goal: x, y of it, px; far: px from there when it last came nearer; since: at which tick that
-    was; detour: x, y of where it swims instead, until that tick.
+    goal: x, y of it, px; far: px, how far from there it was at most since it last came nearer;
+    since: at which tick that was; detour: x, y of where it swims instead, until that tick.
     """
 
     goal: tuple[float, float] = (np.nan, np.nan)
