@@ -1,18 +1,22 @@
 """Whether a picture is inside the tank: against the pixels of its outline."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
-from toy_film import HULL, film_of, loops, open_tank, rich_table, waters_of
+from toy_film import HULL, LENGTH, film_of, loops, open_tank, players_of, rich_table, waters_of
 
 from finloop.animate.arena import inside, room, tank
+from finloop.animate.avoidance import Avoidance
 from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
 from finloop.animate.company import discs_of
 from finloop.animate.detour import effort
-from finloop.animate.edit_list import Goal
+from finloop.animate.edit_list import LOOPS, Goal
 from finloop.animate.encounters import placed
+from finloop.animate.kinematics import Spot
 from finloop.animate.search import longer_rest
-from finloop.animate.state import Effort, Fish
+from finloop.animate.state import Effort, Fish, after
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -116,6 +120,27 @@ def test_a_rest_is_as_long_as_the_film_shows_it_and_longer_ones_cost():
     assert reel.rest[:11].tolist() == [0, 0, 0, 3, 2, 1, 0, 0, 0, 1, 0]
     assert longer_rest(2, 5) == 3 and longer_rest(5, 2) == 0
     assert longer_rest(0, 5) == 0  # it begins to rest
+
+
+def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
+    arena = np.zeros((300, 300), bool)
+    arena[100:200, 20:160] = True
+    arena[138:162, 160:260] = True  # too narrow for the fish to turn in
+    player = players_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))[LOOPS]
+    waters = replace(player.waters, discs=player.cast.discs)
+    keeper, rng = Avoidance(player.policy, waters), np.random.default_rng(0)
+    fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
+    fish = replace(fish, rot=-float(waters.film.heading[fish.row]))
+    ahead = keeper._staying(fish, Spot(0, 0, 0, 0))[-1]
+    ahead = replace(ahead, way=np.repeat([[300.0, 150.0, 0.0]], len(ahead.way), axis=0))
+    places = []
+    while fish.tick < 500:
+        fish = after(fish, keeper.kept_clear(fish, ahead, rng), waters)
+        places.append((fish.x, fish.y, fish.heading))
+        assert fits(waters.bounds, fish.row, *places[-1])
+    steps = -np.diff(np.array(places)[:, 0])
+    assert steps.min() >= 0 and steps.max() < LENGTH / 4
+    assert waters.tank.legal[round(fish.y), round(fish.x)]
 
 
 def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():

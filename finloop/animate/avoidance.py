@@ -60,9 +60,18 @@ class Avoidance:
         return replace(stretch.cut(len(way)), way=way, touched=False) if len(way) else None
 
     def _at_wall(self, fish: Fish, aim: Spot) -> Stretch:
-        """What a fish does whose next picture does not fit: it stays, and turns if it can."""
+        """What a fish does whose next picture does not fit: it stays, and turns if it can.
+
+        In a corner where it cannot, it drifts towards open water.
+        """
+        open_water = Spot(*self._waters.tank.into(fish.x, fish.y), 0.0, 0.0)
         ways = self._staying(fish, aim)
-        return next((inside for way in ways if (inside := self._inside(way))), ways[-1])
+        for stays in ways:
+            turns = (stays.way[:, 2] != fish.heading).any()
+            way = stays.way if turns else self._drifting(fish, stays, open_water)
+            if (inside := self._inside(replace(stays, way=way))) is not None:
+                return inside
+        return ways[-1]
 
     def ticks(self, fish: Fish, stretch: Stretch) -> int:
         """How many ticks of a stretch can be swum, clear of all, so that the fish can stay then."""
@@ -85,11 +94,9 @@ class Avoidance:
             yield replace(leaves, touched=False)
         for aside_deg in _ASIDE_DEG:
             there = self._beyond(fish, x, y, aside_deg)
-            drift, ways = self._drift(fish, there), self._staying(fish, there)
-            for one in ways:
-                moved = one.way.copy()
-                moved[:, :2] = drift[: len(moved)]
-                yield replace(one, way=moved, decision=Decision(WAITING))
+            for one in self._staying(fish, there):
+                way = self._drifting(fish, one, there)
+                yield replace(one, way=way, decision=Decision(WAITING))
         yield replace(self._staying(fish, away)[-1], decision=Decision(WAITING))
 
     def _beyond(self, fish: Fish, x: float, y: float, aside_deg: float) -> Spot:
@@ -132,10 +139,11 @@ class Avoidance:
         rot = None if frozen.rot is None else frozen.rot + turn
         return replace(frozen, way=way, rot=rot)
 
-    def _drift(self, fish: Fish, away: Spot) -> Floats:
-        """Places (n, 2) of a fish that drifts away while it waits."""
-        ticks = max(self._waters.motion.delta, self._film.rules.stride)
-        far = np.arange(1, ticks + 1) * self._drift_px
-        way = np.subtract(away[:2], (fish.x, fish.y))
-        along = way / max(float(np.hypot(*way)), 1e-9)
-        return np.asarray((fish.x, fish.y) + far[:, None] * along, float)
+    def _drifting(self, fish: Fish, stays: Stretch, there: Spot) -> Floats:
+        """The way (n, 3) of a fish that stays, if it drifts towards a place meanwhile."""
+        far = np.arange(1, len(stays.way) + 1) * self._drift_px
+        to = np.subtract(there[:2], (fish.x, fish.y))
+        along = to / max(float(np.hypot(*to)), 1e-9)
+        way = stays.way.copy()
+        way[:, :2] = (fish.x, fish.y) + far[:, None] * along
+        return np.asarray(way)
