@@ -15,6 +15,7 @@ from finloop.extract.backbone import (
     smoother,
     trace,
     upper_level,
+    without_notches,
 )
 from finloop.extract.skeleton import longest_geodesic, trim_forks
 
@@ -326,6 +327,38 @@ def test_an_open_fin_does_not_move_the_backbone(degrees, long):
     finned = backbone(*drawn(np.vstack([line, fin]), np.append(half_width, np.full(60, 1.5))))
     assert aside(plain.points_px, finned.points_px).max() < 0.3
     assert finned.length_px == pytest.approx(plain.length_px, rel=0.002)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_an_eye_as_dark_as_the_tank_does_not_lead_the_backbone_aside(side):
+    off = []
+    for degrees in ANGLES:
+        line, half_width = shape(0.4, degrees, length=120.0, end=2.0)
+        mask, field = drawn(line, half_width)
+        plain = backbone(mask, field).points_px
+        along = (line[15] - line[14]) / np.hypot(*(line[15] - line[14]))
+        eye = line[14] + 0.8 * side * half_width[14] * along[::-1] * (-1, 1)
+        y, x = np.mgrid[: SIZE[0], : SIZE[1]]
+        field[np.hypot(x - eye[0], y - eye[1]) < 2.6] = 0
+        found = backbone(field > 50, field).points_px
+        off.append(cdist(plain[[0, -1]], found[[0, -1]]).min(1).max())
+    assert np.mean(off) < 0.3
+
+
+def test_a_neighbour_beyond_the_tail_is_no_part_of_the_fish():
+    line, half_width = shape(0.0, 0, thick=9.0)
+    mask, field = drawn(line, half_width)
+    beside = field.copy()
+    beside[:, int(line[-1, 0]) + 5 :] = 90
+    assert np.allclose(backbone(mask, field).points_px, backbone(mask, beside).points_px)
+
+
+def test_a_gap_that_closes_a_ring_is_no_notch():
+    line, half_width = shape(2 * np.pi - 0.3, 0, thick=6.0)
+    mask, field = drawn(line, half_width)
+    whole_one, filled = without_notches(mask, field)
+    assert np.array_equal(whole_one, mask)
+    assert np.array_equal(filled, field)
 
 
 def blank(*filled):

@@ -24,6 +24,7 @@ from finloop.extract.skeleton import longest_geodesic, trim_forks
 
 _STEP = 0.5  # px, sampling step along flanks and at the ends
 _DEPTH = 2.0  # in half widths, how far inside an end its direction is taken
+_NOTCH = 0.5  # of the body's largest half width, the radius of a disc that no notch may hold
 _SMOOTHING = 2e-6  # weight of the third-derivative penalty, s in [0, 1]; see smoother()
 
 
@@ -48,10 +49,46 @@ def trace(mask: Mask, field: Picture, points: int, floor: float) -> Backbone | N
     `field` (h, w) is the difference image, from which flanks and tips are read at sub-pixel
     precision; values below `floor` (grey levels) are noise.
     """
-    skeleton = skimage.morphology.skeletonize(mask)
-    half_width = cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 3)
-    line = _line(skeleton, half_width, field, smoother(points), floor)
+    whole, filled = without_notches(mask, field)
+    skeleton = skimage.morphology.skeletonize(whole)
+    half_width = cv2.distanceTransform(whole.view(np.uint8), cv2.DIST_L2, 3)
+    line = _line(skeleton, half_width, (field, filled), smoother(points), floor)
     return Backbone(*line) if np.isfinite(line[-1]) else None
+
+
+def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
+    """The silhouette (h, w) without notches far narrower than the body.
+
+    A notch is skin as bright as the tank, like the black eye of a pale fish, and leads a skeleton
+    aside. The silhouette, and the field in it, are closed (dilated, then eroded) with a disc of
+    `_NOTCH` of the largest half width. Not where that closes a ring: there head and tail are near.
+    """
+    picture = mask.view(np.uint8)
+    widest = float(cv2.distanceTransform(_rimmed(picture, 1), cv2.DIST_L2, 3).max())
+    reach = int(_NOTCH * widest + 0.5)
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
+    closed = _closing(picture, disc)
+    if _has_holes(closed):
+        return mask, field
+    inside = np.where(closed, field, 0)  # not what is beside it: that may be another fish
+    return closed.view(bool), np.maximum(_closing(inside, disc) * closed, field)
+
+
+def _closing(picture: Picture, disc: Picture) -> Picture:
+    """The closing (h, w) of a picture in which nothing lies beyond the border."""
+    (h, w), rim = picture.shape, len(disc) // 2
+    closed = cv2.morphologyEx(_rimmed(picture, rim), cv2.MORPH_CLOSE, disc)
+    return closed[rim : rim + h, rim : rim + w].copy()
+
+
+def _rimmed(picture: Picture, rim: int) -> Picture:
+    """A picture with a rim of 0. Unlike np.pad it leaves no cycles of references."""
+    return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
+
+
+def _has_holes(mask: Picture) -> bool:
+    kinds = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)[1]
+    return kinds is not None and bool((kinds[0, :, 3] >= 0).any())
 
 
 @lru_cache
@@ -230,13 +267,13 @@ def _quantile(values, share):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _line(skeleton, half_width, field, smooth, floor):  # type: ignore[no-untyped-def]
+def _line(skeleton, half_width, fields, smooth, floor):  # type: ignore[no-untyped-def]
     """Backbone from a skeleton: its points, half widths and length, NaN where it is too short."""
     points = len(smooth)
     path = trim_forks(longest_geodesic(skeleton, half_width), half_width)
     if len(path) < 4:
         return np.zeros((points, 2)), np.zeros(points), np.nan
-    xy, width = _refine(field, path, smooth, points, floor)
+    xy, width = _refine(fields, path, smooth, points, floor)
     length = 0.0
     for i in range(1, points):
         length += np.hypot(xy[i, 0] - xy[i - 1, 0], xy[i, 1] - xy[i - 1, 1])
@@ -244,16 +281,20 @@ def _line(skeleton, half_width, field, smooth, floor):  # type: ignore[no-untype
 
 
 @kernel
-def _refine(field, path, smooth, points, floor):  # type: ignore[no-untyped-def]
-    """Extend the path to the outline, centre it between the flanks, smooth and resample it."""
+def _refine(fields, path, smooth, points, floor):  # type: ignore[no-untyped-def]
+    """Extend the path to the outline, centre it between the flanks, smooth and resample it.
+
+    fields: as it is, for the flanks, and without notches, for the tips.
+    """
+    field, filled = fields
     xy = smooth @ resample(path, points)
     width = np.zeros(points)
     for _ in range(3):
         ends = np.empty((points + 2, 2))
         for i in range(points):
             ends[i + 1, 0], ends[i + 1, 1] = xy[i, 0], xy[i, 1]
-        ends[0, 0], ends[0, 1] = _tip(field, xy, width, floor)
-        ends[-1, 0], ends[-1, 1] = _tip(field, xy[::-1].copy(), width[::-1].copy(), floor)
+        ends[0, 0], ends[0, 1] = _tip(filled, xy, width, floor)
+        ends[-1, 0], ends[-1, 1] = _tip(filled, xy[::-1].copy(), width[::-1].copy(), floor)
         inner = ends.copy()
         # a point already beyond the outline is dropped in favour of the tip itself
         for axis in range(2):
