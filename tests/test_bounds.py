@@ -12,11 +12,14 @@ from finloop.animate.avoidance import Avoidance
 from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
 from finloop.animate.company import discs_of
 from finloop.animate.detour import effort
-from finloop.animate.edit_list import LOOPS, Goal
+from finloop.animate.edit_list import FORETOLD, FRAME, HYBRID, LOOPS, WALL, Goal
 from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Spot
+from finloop.animate.loops import FilmSwimmer
+from finloop.animate.motion import FILM, FORECAST
+from finloop.animate.policies import film_or_forecast
 from finloop.animate.search import longer_rest
-from finloop.animate.state import Effort, Fish, after
+from finloop.animate.state import Decision, Effort, Fish, Stretch, after
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -141,6 +144,51 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     steps = -np.diff(np.array(places)[:, 0])
     assert steps.min() >= 0 and steps.max() < LENGTH / 4
     assert waters.tank.legal[round(fish.y), round(fish.x)]
+
+
+def box(px):
+    """A square tank."""
+    return tank(np.pad(np.ones((px, px), bool), 20), 0.6 * LENGTH)
+
+
+def test_a_narrow_beam_finds_more_ways_in_a_small_tank_if_it_reckons_with_walls_ahead():
+    found = {}
+    for aside in (0.0, 30.0):
+        swims, rng = FilmSwimmer(waters_of(room_=box(260), beam=4)), np.random.default_rng(0)
+        swims.rules = swims._wide = swims.rules._replace(aside=aside, room=150.0)
+        fish = [swims.begin(rng) for _ in range(150)]
+        values = [swims.options(one, Spot(one.x, one.y, 0, 0, True)).value for one in fish]
+        found[aside] = np.mean([np.isfinite(value).any() for value in values])
+    assert found[30.0] > found[0.0] + 0.05
+
+
+class Foretold:
+    """A forecast that always shows the same."""
+
+    def __init__(self, stretch):
+        self.stretch = stretch
+
+    def next(self, *_):
+        """The stretch."""
+        return self.stretch
+
+
+@pytest.mark.parametrize(
+    ("turned", "reason", "film"),
+    [(0.0, FORETOLD, False), (60.0, FORETOLD, False), (60.0, WALL, True), (-60.0, FORETOLD, True)],
+)
+def test_the_film_goes_on_where_what_is_foretold_leads_farther_up_to_a_wall(turned, reason, film):
+    crossing = players_of(waters_of(room_=box(160)))[HYBRID].policy.crossing
+    swims, rng = crossing.film, np.random.default_rng(0)
+    swims.rules = swims._wide = swims.rules._replace(room=100.0)
+    fish = replace(swims.begin(rng), x=140.0, y=100.0, heading=40.0)
+    fish = replace(fish, rot=40.0 - float(swims.waters.film.heading[fish.row]))
+    row = np.array([fish.row + 1])
+    there, aim = np.array([[140.0, 100.0, 40.0 + turned]]), Spot(-500.0, 100.0, 1.0, 0.0)
+    decision = Decision(reason)
+    foretold = Stretch(FORECAST, there, row, False, aim, False, decision, FRAME, np.zeros(1))
+    shown = film_or_forecast(crossing, Foretold(foretold), fish, aim, rng)
+    assert (shown.state == FILM) == film
 
 
 def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.bounds import beyond, fits, moved_off
 from finloop.animate.company import Company, clear_ahead, clear_ticks
-from finloop.animate.edit_list import FORETOLD, FRAME
+from finloop.animate.edit_list import FORETOLD, FRAME, WALL
 from finloop.animate.film import foretold_film
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot, ahead, bearing, touches, towards_by, wrap
@@ -186,13 +186,14 @@ class ForecastSwimmer:
             if min(touched, len(way) - 1) < best:
                 break
         at_wall = not free.any() and best < min(ticks, self.waters.motion.delta)
+        reason = FORETOLD
         if best == 0 or at_wall:  # a wall holds it up: along it, and round to the aim
             most_deg = self.waters.motion.brisk_deg
             way, touched = held(self.waters.bounds, states, row, start, towards, most_deg)
-            best = len(way)
+            best, reason = len(way), WALL
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
-        decision = Decision(FORETOLD, value_s=float(costs.min()) / self.waters.motion.rate_hz)
+        decision = Decision(reason, value_s=float(costs.min()) / self.waters.motion.rate_hz)
         return Stretch(
             FORECAST, way[:n], numbers, row != fish.row, aim, touched < n,
             decision._replace(ways=len(rows)), FRAME,

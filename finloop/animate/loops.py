@@ -57,7 +57,16 @@ class FilmSwimmer:
     def swim(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Go on to the next loop end, by the best way towards the goal."""
         aim = self.aim(fish, goal)
-        options = self.options(fish, aim)
+        return self.by(self.options(fish, aim), fish, (goal, aim), rng)
+
+    def by(
+        self, options: Options, fish: Fish, towards: tuple[Spot, Spot], rng: np.random.Generator
+    ) -> Stretch:
+        """Go on by the best way of those that are legal, else of any, else stay.
+
+        towards: the goal, and the aim on the way there.
+        """
+        goal, aim = towards
         for allowed in (options.legal, np.isfinite(options.value)):
             taken = self.choose(options, allowed, rng)
             if taken is not None:

@@ -11,10 +11,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from finloop.animate import search
+from finloop.animate.bounds import beyond
 from finloop.animate.crossing import Crossing, refused
-from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE
+from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE, WALL
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot
+from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import FILM
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.state import Fish, Options, Stretch
@@ -89,7 +91,8 @@ def film_or_forecast(
 ) -> Stretch:
     """Fig. 19 without sprites: by the film where that is legal and gains enough, else as foretold.
 
-    No gateways are needed: a fish that swims as is foretold shows a row of the film, too.
+    No gateways are needed: a fish that swims as is foretold shows a row of the film, too. Where
+    that leads farther up to a wall, the film goes on as in loops mode.
     """
     film = crossing.film
     if fish.row < 0 or not film.waters.film.more[fish.row]:
@@ -100,9 +103,19 @@ def film_or_forecast(
     if taken is not None:
         return film.play(fish, taken, goal, aim)
     stretch = forecast.next(fish, goal, rng)
+    if _up_to_wall(film, fish, stretch):
+        return film.by(options, fish, (goal, aim), rng)
     if fish.state == FILM:
         stretch = replace(stretch, decision=stretch.decision._replace(exit=NO_WAY))
     return refused(stretch, options)
+
+
+def _up_to_wall(film: FilmSwimmer, fish: Fish, stretch: Stretch) -> bool:
+    """Whether a stretch as foretold is along a wall, or has less room ahead than the fish has."""
+    bounds, room = film.waters.bounds, film.rules.room
+    before = beyond(bounds, fish.x, fish.y, fish.heading, room)
+    after = beyond(bounds, *stretch.way[-1].tolist(), room)
+    return stretch.decision.reason == WALL or after > before
 
 
 def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> Mask:

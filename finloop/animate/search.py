@@ -258,16 +258,22 @@ def _legs(space, search, n, here, towards):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
+def _remains(space, way, aim, rules):  # type: ignore[no-untyped-def]
+    """About how many ticks remain to the aim from where a way has come to, and off a wall ahead."""
+    heading = space.film.rows[way.row].heading + way.rot
+    aside = rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
+    return remaining(way.x, way.y, heading, aim, rules) + aside
+
+
+@leaf_kernel
 def _finish(space, way, touched, results, aim, rules):  # type: ignore[no-untyped-def]
     """A way has come to the aim or to the horizon. results: `Found`, `Ends`."""
     found, ends_at = results
-    heading, rest = space.film.rows[way.row].heading + way.rot, 0.0
-    if not touched:
-        rest = remaining(way.x, way.y, heading, aim, rules)
-        rest += rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
+    rest = 0.0 if touched else _remains(space, way, aim, rules)
     if ends(found, way, way.ticks + way.cost + rest):
         ends_at.far[way.first], ends_at.error[way.first] = 0.0, 0.0
         if not touched:
+            heading = space.film.rows[way.row].heading + way.rot
             off = bearing(way.x, way.y, aim.x, aim.y) - heading
             ends_at.far[way.first] = np.hypot(aim.x - way.x, aim.y - way.y)
             ends_at.error[way.first] = abs(wrap(off))
@@ -282,7 +288,7 @@ def _branch(space, way, s, kept, here, towards):  # type: ignore[no-untyped-def]
     (beam, n), (aim, rules), film = kept, towards, space.film
     most = beam.branches.size
     at = film.rows[way.row]
-    total = way.ticks + remaining(way.x, way.y, at.heading + way.rot, aim, rules)
+    total = way.ticks + _remains(space, way, aim, rules)
     plays = at.more and film.rows[way.row + 1].endless
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
     if n == most and total + way.cost >= beam.branches[n - 1].total:
