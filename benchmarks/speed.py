@@ -119,7 +119,7 @@ def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarra
     return [
         (s.mask, s.field)
         for frame in frames
-        for s in silhouettes(frame, scene, arena, 200, how.outline_share, how.shadow)
+        for s in silhouettes(frame, scene, arena, 200, how.outline_share, how.shadow, fins="all")
     ]
 
 

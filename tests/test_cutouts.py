@@ -230,7 +230,7 @@ def test_a_figure_gives_the_same_bytes_again(tmp_path):
     assert load_picture(tmp_path / "one.png").shape == (110, 220, 3)
 
 
-FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, 33)
+FACTS = SceneFacts("dark", 1.25, 6.25, 640.0, 70.5, 91.0, "all", 33)
 
 
 def test_what_is_known_of_the_scene_comes_back(tmp_path):

@@ -471,7 +471,9 @@ def folder(tmp_path, monkeypatch):
         data / "clip/facts.json",
         VideoFacts("file", WIDTH, HEIGHT, FRAMES, RATE, True, ((0, FRAMES),)),
     )
-    save_record(data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, 5))
+    save_record(
+        data / "extract/scene.json", SceneFacts("dark", 1.0, 5.0, 90.0, 20.0, 50.0, "all", 5)
+    )
     frame = np.arange(FRAMES)
     x, lines = 30.0 + frame, {"length_px": 20.0, "area_px": 90.0, "contrast": 50.0}
     ring = [np.zeros(OUTLINE_POINTS)] * FRAMES

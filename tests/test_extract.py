@@ -115,7 +115,7 @@ WHOLE = np.full(SIZE, 255, np.uint8)
 
 def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
     inside = arena[: frame.shape[0], : frame.shape[1]]
-    return list(silhouettes(frame, scene, inside, least, share, shadow))
+    return list(silhouettes(frame, scene, inside, least, share, shadow, fins="all"))
 
 
 # -- background ---------------------------------------------------------------------------------
@@ -595,7 +595,7 @@ def silhouette(area=400.0, contrast=90.0, at_border=False):
     ],
 )
 def test_verdicts(changes, verdict):
-    assert judge(silhouette(**changes), Typical(400.0, 80.0, 90.0), SETTINGS) == verdict
+    assert judge(silhouette(**changes), Typical(400.0, 80.0, 90.0, fins="all"), SETTINGS) == verdict
 
 
 def test_a_typical_fish_is_no_speck_and_no_pair():

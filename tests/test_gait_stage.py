@@ -48,7 +48,9 @@ def toy_fish(frames: int, beats: bool) -> tuple[np.ndarray, np.ndarray]:
 def put_fish(folder: Path, *beats: bool, frames: int = 50) -> None:
     """What the stages before make of fish that beat their tails or are stiff."""
     put_clip(folder, [np.zeros((16, 16), np.uint8)] * 2, RATE)
-    save_record(folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, 33))
+    save_record(
+        folder / "data/extract/scene.json", SceneFacts("dark", 1, 5, 300, 60, 50, "all", 33)
+    )
     tracks, features = [], []
     for number, beating in enumerate(beats):
         backbone, outline = toy_fish(frames, beating)

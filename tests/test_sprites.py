@@ -888,7 +888,9 @@ def put_film(folder, one):
     prepare(folder, *TINY_CARP)
     put_clip(folder, [np.zeros((32, 48), np.uint8)] * 4, rate=round(RATE))
     extract = folder / "data/extract"
-    save_record(extract / "scene.json", SceneFacts("dark", 1.0, 5.0, 450.0, LENGTH, 100.0, POINTS))
+    save_record(
+        extract / "scene.json", SceneFacts("dark", 1.0, 5.0, 450.0, LENGTH, 100.0, "all", POINTS)
+    )
     save_table(extract / "tracks.parquet", one.tracks, tracks_schema(POINTS))
     with CutoutWriter(extract / "cutouts.arrow") as writer:
         for cutout in one.cutouts:

@@ -229,7 +229,9 @@ def put(folder, fish=1):
         area_px=1.0, contrast=1.0, length_px=LENGTH, outline_x_px=ring, outline_y_px=ring
     )
     save_table(folder / "data/extract/tracks.parquet", tracks, tracks_schema(P))
-    save_record(folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, P))
+    save_record(
+        folder / "data/extract/scene.json", SceneFacts("dark", 1, 6, 400, LENGTH, 60, "all", P)
+    )
     with CutoutWriter(folder / "data/extract/cutouts.arrow") as store:
         for one in cutouts:
             store.write(one)

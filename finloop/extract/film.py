@@ -94,7 +94,8 @@ class Detector:
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         scene = in_light_of(scene, frame)
         edges = settings.outline_share, settings.shadow
-        patches = list(silhouettes(frame, scene, self.arena, least, *edges))
+        fins = self.typical.fins
+        patches = list(silhouettes(frame, scene, self.arena, least, *edges, fins=fins))
         verdicts = [judge(s, self.typical, settings) for s in patches]
         fish = [
             measure(s, frame, scene, settings.points) if verdict == "fish" else None

@@ -27,16 +27,21 @@ from finloop.extract.background import (
     patched_background,
     survey_noise,
 )
+from finloop.extract.fins import Fins, are_fins, side
 from finloop.extract.segment import Silhouette, silhouettes
 from finloop.extract.settings import Settings
 
 
 class Typical(NamedTuple):
-    """A typical fish of the clip: area of its silhouette, length of its backbone, its contrast."""
+    """A typical fish of the clip: area of its silhouette, length of its backbone, its contrast.
+
+    fins: which pale pixels beyond silhouettes are shown with them.
+    """
 
     area_px: float
     length_px: float
     contrast: float
+    fins: Fins
 
 
 Verdict = Literal["fish", "at border", "too large", "too small", "too pale"]
@@ -128,8 +133,10 @@ def _survey(
 
     def of_frame(frame: Picture) -> list[Silhouette]:
         lit = in_light_of(scene, frame)
-        return list(silhouettes(frame, lit, arena, settings.least_area_px, *edges))
+        found = silhouettes(frame, lit, arena, settings.least_area_px, *edges, fins=fins)
+        return list(found)
 
+    fins: Fins = "darker" if settings.fins == "auto" and scene.polarity != "bright" else "none"
     candidates = [s for some in ordered_map(of_frame, sample, crew) for s in some]
     typical = typical_fish(candidates, scene, settings)
     areas = [s.area_px for s in candidates if judge(s, typical, settings) == "fish"]
@@ -157,7 +164,16 @@ def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Setti
     lengths = [line.length_px for line in lines if line is not None]
     if not lengths:
         raise _no_fish(candidates, scene, settings)
-    return Typical(area, float(np.median(lengths)), float(np.median([s.contrast for s in alike])))
+    sides = (
+        side(s.mask, (s.x0, s.y0), line, s.fins)
+        for s, line in zip(alike, lines, strict=True)
+        if line is not None and s.fins is not None
+    )
+    fins: Fins = "all" if settings.fins == "keep" or are_fins(sides) else "brighter"
+    if settings.fins == "drop" or (fins == "brighter" and scene.polarity == "dark"):
+        fins = "none"
+    contrast = float(np.median([s.contrast for s in alike]))
+    return Typical(area, float(np.median(lengths)), contrast, fins)
 
 
 def _no_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Settings) -> FinloopError:

@@ -7,7 +7,7 @@ and darker than the tank, what is darker than a shadow belongs to the silhouette
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -17,6 +17,7 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone, ring, trace, upper_level
 from finloop.extract.background import Scene, difference
+from finloop.extract.fins import Fins, Pale, nearest, of_tone, pale_of, with_fins
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -30,7 +31,7 @@ class Silhouette:
 
     x0, y0: pixel of the cut-out's upper left corner. mask: (h, w) bool. field: (h, w) uint8, the
     difference image. area_px: pixels of the mask. at_border: it touches the edge of the picture or
-    of the arena.
+    of the arena. fins: pale pixels beyond it; None where they are not looked for.
     """
 
     x0: int
@@ -40,6 +41,7 @@ class Silhouette:
     contrast: float
     area_px: float
     at_border: bool
+    fins: Pale | None = None
 
 
 @dataclass(frozen=True)
@@ -63,14 +65,21 @@ class Fish:
 
 
 def silhouettes(
-    frame: Picture, scene: Scene, arena: Picture, least_area: float, share: float, shadow: float
+    frame: Picture,
+    scene: Scene,
+    arena: Picture,
+    least_area: float,
+    share: float,
+    shadow: float,
+    *,
+    fins: Fins,
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
     `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
     edge of a patch lies at `share` of its own contrast; a shadow takes at most the share `shadow`
     of the tank's light. The rectangle about a candidate may hold parts of others, which are left
-    out.
+    out. fins: which pale pixels beyond a silhouette belong to it.
     """
     change = difference(frame, scene)
     height, width = change.shape
@@ -88,12 +97,20 @@ def silhouettes(
             window = np.s_[top:bottom, left:right]
             dark = _darker_than_shadows(frame[window], scene.background[window], shadow)
             above = _with_dark_skin(above, dark & (patch > scene.threshold))
+        parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:
             pixel = float(left + edge[0, 0, 0]), float(top + edge[0, 0, 1])
             if cv2.pointPolygonTest(candidate, pixel, measureDist=False) >= 0:
                 part = _silhouette(edge, patch, (left, top), contrast, arena)
                 if part.area_px >= least_area:
-                    yield part
+                    parts.append((part, edge))
+        if fins == "none" or not parts:
+            yield from (part for part, _ in parts)
+        else:
+            window = np.s_[top:bottom, left:right]
+            pale = of_tone(fins, frame[window], scene.background[window])
+            pale &= patch > scene.threshold
+            yield from _with_fins(parts, candidate, patch, (left, top), pale)
 
 
 def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
@@ -150,6 +167,23 @@ def _silhouette(
     return Silhouette(x0, y0, mask.view(bool), field, contrast, area, at_border)
 
 
+def _with_fins(
+    parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
+    pale: Mask,
+) -> Iterator[Silhouette]:  # fmt: skip
+    """The silhouettes of a candidate with the pale pixels of it that are nearest to each."""
+    bodies, inside = np.zeros(patch.shape, np.uint8), np.zeros(patch.shape, np.uint8)
+    cv2.drawContours(bodies, [edge for _, edge in parts], -1, 1, cv2.FILLED)
+    cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-corner[0], -corner[1]))
+    near = nearest(bodies)
+    for part, edge in parts:
+        number = int(near.number[edge[0, 0, 1], edge[0, 0, 0]])
+        h, w = part.mask.shape
+        box = part.x0 - corner[0], part.y0 - corner[1], w, h
+        found = pale_of(box, number, near, patch, inside.view(bool) & pale)
+        yield replace(part, fins=found._replace(x0=found.x0 + corner[0], y0=found.y0 + corner[1]))
+
+
 def _near_border(mask: Picture, arena: Picture) -> bool:
     """Whether a silhouette comes close to what is outside of the arena."""
     inside = arena[: mask.shape[0], : mask.shape[1]]
@@ -170,7 +204,8 @@ def contour(silhouette: Silhouette) -> Edge:
 def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -> Fish | None:
     """Backbone, outline and cut-out of an isolated silhouette; None if it has no backbone.
 
-    `frame` and `scene` are those in which it was found.
+    `frame` and `scene` are those in which it was found. All but the cut-out are of the silhouette
+    alone; the cut-out shows its fins, too.
     """
     backbone = trace(silhouette.mask, silhouette.field, points, scene.threshold)
     if backbone is None:
@@ -179,8 +214,11 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
     moments = cv2.moments(alpha)
     x0, y0 = silhouette.x0, silhouette.y0
     corner = np.array([x0, y0])
-    h, w = alpha.shape
-    window = np.s_[y0 : y0 + h, x0 : x0 + w]
+    shown, (left, top) = alpha, (x0, y0)
+    if silhouette.fins is not None:
+        shown, (left, top) = with_fins(alpha, (x0, y0), silhouette.fins, silhouette.contrast)
+    h, w = shown.shape
+    window = np.s_[top : top + h, left : left + w]
     return Fish(
         x_px=moments["m10"] / moments["m00"] + x0,
         y_px=moments["m01"] / moments["m00"] + y0,
@@ -188,9 +226,9 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
         contrast=silhouette.contrast,
         backbone=backbone._replace(points_px=backbone.points_px + corner),
         outline_px=outline(alpha) + corner,
-        x0=x0,
-        y0=y0,
-        cutout=premultiplied(frame[window], scene.background[window], alpha),
+        x0=left,
+        y0=top,
+        cutout=premultiplied(frame[window], scene.background[window], shown),
     )
 
 

@@ -12,7 +12,8 @@ GIVEN_NAME = "given.parquet"  # only where tracks are from a file
 class SceneFacts:
     """Facts about the tank and its fish, for later stages.
 
-    points: of a backbone. Contrast, noise and threshold in grey levels of the difference image.
+    points: of a backbone. fins: which pale pixels beyond silhouettes cut-outs show. Contrast,
+    noise and threshold in grey levels of the difference image.
     """
 
     polarity: str
@@ -21,6 +22,7 @@ class SceneFacts:
     typical_area_px: float
     typical_length_px: float
     typical_contrast_grey: float
+    fins: str
     points: int
 
 

@@ -36,7 +36,7 @@ def detections_picture(
         panel, scale = coloured(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
         edges = settings.outline_share, settings.shadow
-        for s in silhouettes(frame, lit, arena, settings.least_area_px, *edges):
+        for s in silhouettes(frame, lit, arena, settings.least_area_px, *edges, fins="none"):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))

@@ -14,8 +14,8 @@ import numpy as np
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_kernel
 
-BEYOND = 4
-"""Steps of a strip, straight, beyond either end of its backbone."""
+BEYOND = 10
+"""Steps of a strip, straight, beyond either end of its backbone, where pale fins are."""
 
 HIDDEN = 1e9
 """The distance [px] of what a pose does not show."""

@@ -46,9 +46,14 @@ class Instrument:
 
     @property
     def typical(self) -> Typical:
-        """The film's typical fish."""
+        """The film's typical fish; its fins are no part of what is measured."""
         facts = self.facts
-        return Typical(facts.typical_area_px, facts.typical_length_px, facts.typical_contrast_grey)
+        return Typical(
+            facts.typical_area_px,
+            facts.typical_length_px,
+            facts.typical_contrast_grey,
+            fins="none",
+        )
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:
         """The detections of extraction in each frame: the tank with one fish."""

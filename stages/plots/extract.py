@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.extract.background import Polarity, Scene
+from finloop.extract.fins import Fins
 from finloop.extract.samples import Typical
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts
@@ -43,7 +44,10 @@ def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray
         background, cast(Polarity, record.polarity), record.noise_grey, record.threshold_grey
     )
     typical = Typical(
-        record.typical_area_px, record.typical_length_px, record.typical_contrast_grey
+        record.typical_area_px,
+        record.typical_length_px,
+        record.typical_contrast_grey,
+        cast(Fins, record.fins),
     )
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
     numbers = np.linspace(0, facts.frames - 1, min(count, facts.frames)).round().astype(int)
