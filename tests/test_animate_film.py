@@ -529,7 +529,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
     table, pairs = rich()
     dear = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
     shown = []
-    for share in (0.0, 1.0):
+    for share in (0.0, 3.0):
         player = loops_player(film_of(table, pairs, dear=(share * dear).cumsum()))
         found, _ = edit_of(player, [], 1500, 5)
         rows = np.concatenate([one.number for one in found.stretches])

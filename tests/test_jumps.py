@@ -83,7 +83,7 @@ def test_of_what_is_near_the_best_to_the_eye_are_chosen():
     made = best_jumps(near, np.array([1.5, 0.5, 3.0, 2.0, 9.0]), 2)
     assert list(made) == JUMPS.names
     assert made["to"].tolist() == [5, 4, 8] and made["row"].tolist() == [0, 0, 1]
-    assert made["seam"].tolist() == [0.5, 2.25, 81]
+    assert made["seam"].tolist() == [0.75, 2.75, 81.5]
 
 
 def test_what_is_seen_is_what_no_posture_explains(rng):

@@ -18,8 +18,8 @@ JUMPS = Schema(
     Column("seam", "float32", "natural step"),
 )
 """In place of `row` the film can show the row `to`, mirrored or not, and play on from there.
-`seam` is the cost of the jump in natural steps: the larger of the distance of the two signatures
-and the square of the visible distance in one pose. A mirrored `row` has the same jumps, with
+`seam` is the cost of the jump in natural steps: the sum of the distance of the two signatures and
+of the square of the visible distance in one pose. A mirrored `row` has the same jumps, with
 `mirrored` inverted."""
 
 LOOK = Schema(Column("look", "float32", "1", length=ANY))

@@ -72,7 +72,7 @@ class VisibleDistance:
     def best(self, near: pd.DataFrame, count: int) -> Floats:
         """Natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
 
-        A jump costs the larger of `far`, which rises within each row, and the visible distance
+        A jump costs the sum of `far`, which rises within each row, and the visible distance
         squared. The distance is infinite where `count` other jumps of the row cost less: it is
         not measured there.
         """

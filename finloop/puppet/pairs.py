@@ -45,7 +45,7 @@ def nearest_in_pose(
     """As `apart_in_pose`, but only for pairs that can be among the `count` best of their row.
 
     rows: rising. to: the second pictures (k,), whether they are mirrored, and the least cost (k,)
-    of each pair, rising within each row. The cost of a pair is the larger of that and the square
+    of each pair, rising within each row. The cost of a pair is the sum of that and the square
     of Eq. 5 in `unit`. −1 for pairs that are not drawn.
     """
     partner, mirrored, least = to
@@ -60,7 +60,7 @@ def nearest_in_pose(
             continue
         pair = rows[k], partner[k], mirrored[k]
         apart[k] = _apart(film, pair, canvas)
-        worth = max(least[k], (apart[k] / unit) ** 2)
+        worth = least[k] + (apart[k] / unit) ** 2
         if many == count and worth >= best[-1]:
             continue
         many = min(many + 1, count)
