@@ -16,16 +16,13 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Floats, Mask, Picture
 from finloop.extract.backbone import Backbone
 
-_REACH = 0.3  # of the diagonal of a silhouette's box; what is farther away is no part of the fish
+_REACH = 0.3  # of the diagonal of a silhouette's box; what is so far from the box is no fin
 _ALIKE = 1.2  # as long as this the two means count as equal: fish that all head the same way
 _LEAST = 0.02  # of a silhouette's area; less of it that is pale tells no side
-
 _RIM = 2  # px of tank that a cut-out keeps about its fins
 
 Fins = Literal["all", "darker", "brighter", "none"]
 """Which pale pixels count as fins: by whether they are darker or brighter than the tank."""
-
-Place = tuple[int, int, int, int]  # x, y, width, height of a box
 
 
 class Pale(NamedTuple):
@@ -41,37 +38,30 @@ class Pale(NamedTuple):
     field: Picture
 
 
-class Nearest(NamedTuple):
-    """The silhouette that is nearest to each pixel of a patch.
+def nearest(bodies: Picture) -> NDArray[np.int32]:
+    """The number (h, w) of the silhouette that is nearest to each pixel, from 1 on.
 
-    number: (h, w) int32, one number a silhouette; distance_px: (h, w), 0 inside of one.
+    bodies: (h, w) uint8, 1 where one is.
     """
-
-    number: NDArray[np.int32]
-    distance_px: NDArray[np.float32]
-
-
-def nearest(bodies: Picture) -> Nearest:
-    """The nearest silhouettes; bodies: (h, w) uint8, 1 where one is."""
-    distance, number = cv2.distanceTransformWithLabels(
+    numbers = cv2.distanceTransformWithLabels(
         1 - bodies, cv2.DIST_L2, cv2.DIST_MASK_5, labelType=cv2.DIST_LABEL_CCOMP
-    )
-    return Nearest(np.asarray(number), np.asarray(distance))
+    )[1]
+    return np.asarray(numbers)
 
 
-def pale_of(box: Place, number: int, near: Nearest, patch: Picture, mask: Mask) -> Pale:
-    """The pale pixels about the silhouette of that number.
+def pale_of(corner: tuple[int, int], body: Mask, mask: Mask, field: Picture) -> Pale:
+    """The pale pixels about a silhouette `body` (h, w), whose first pixel is at `corner`, x and y.
 
-    box: of the silhouette in the patch, with its rim; patch: (h, w) uint8, the difference image;
-    mask: (h, w) the pale pixels. x0 and y0 of the result are px of the patch.
+    mask, field: (H, W) of the patch to which `corner` counts, as do x0 and y0 of the result: the
+    pixels that are pale or of the body, and the difference image.
     """
-    x, y, w, h = box
-    reach = _REACH * float(np.hypot(w, h))
-    left, top = max(x - int(reach) - 1, 0), max(y - int(reach) - 1, 0)
-    window = np.s_[top : y + h + int(reach) + 1, left : x + w + int(reach) + 1]
-    distance = near.distance_px[window]
-    own = mask[window] & (near.number[window] == number) & (distance > 0) & (distance <= reach)
-    return Pale(left, top, own, patch[window].copy())
+    (x, y), (h, w) = corner, body.shape
+    reach = int(_REACH * np.hypot(h, w))
+    left, top = max(x - reach, 0), max(y - reach, 0)
+    window = np.s_[top : y + h + reach, left : x + w + reach]
+    own = mask[window].copy()
+    own[y - top : y - top + h, x - left : x - left + w] &= ~body
+    return Pale(left, top, own, field[window].copy())
 
 
 def with_fins(
@@ -90,19 +80,17 @@ def with_fins(
         right = max(right, min(u + width + _RIM, fins.mask.shape[1]))
         bottom = max(bottom, min(v + height + _RIM, fins.mask.shape[0]))
     mask, field = fins.mask[y:bottom, x:right], fins.field[y:bottom, x:right]
-    whole = np.where(mask, np.minimum(field * (255 / contrast) + 0.5, 255), 0).astype(np.uint8)
+    share = np.minimum(np.arange(256) * (255 / contrast) + 0.5, 255).astype(np.uint8)
+    whole = np.asarray(cv2.LUT(field, share)) * mask
     x, y = x + fins.x0, y + fins.y0
     body = whole[top - y : top - y + h, left - x : left - x + w]
     np.copyto(body, alpha, where=alpha > 0)
     return whole, (x, y)
 
 
-def of_tone(fins: Fins, film: Picture, tank: Picture) -> Mask:
-    """Where the film (h, w) or (h, w, 3) differs from the tank in the way that `fins` says."""
-    if fins in ("all", "none"):
-        return np.full(film.shape[:2], fins == "all")
-    low, high = (film, tank) if fins == "darker" else (tank, film)
-    change = low.astype(np.int16) - high
+def is_darker(film: Picture, tank: Picture) -> Mask:
+    """Where (h, w) the film (h, w) or (h, w, 3) is darker than the tank, all channels together."""
+    change = film.astype(np.int16) - tank
     return np.asarray((change if change.ndim == 2 else change.sum(axis=2)) < 0)
 
 

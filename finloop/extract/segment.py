@@ -17,7 +17,7 @@ from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone, ring, trace, upper_level
 from finloop.extract.background import Scene, difference
-from finloop.extract.fins import Fins, Pale, nearest, of_tone, pale_of, with_fins
+from finloop.extract.fins import Fins, Pale, is_darker, nearest, pale_of, with_fins
 from finloop.extract.table import OUTLINE_POINTS
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
@@ -107,10 +107,12 @@ def silhouettes(
         if fins == "none" or not parts:
             yield from (part for part, _ in parts)
         else:
-            window = np.s_[top:bottom, left:right]
-            pale = of_tone(fins, frame[window], scene.background[window])
-            pale &= patch > scene.threshold
-            yield from _with_fins(parts, candidate, patch, (left, top), pale)
+            seen = patch > scene.threshold
+            if fins != "all":
+                window = np.s_[top:bottom, left:right]
+                darker = is_darker(frame[window], scene.background[window])
+                seen &= darker if fins == "darker" else ~darker
+            yield from _with_fins(parts, candidate, patch, (left, top), seen)
 
 
 def _darker_than_shadows(film: Picture, tank: Picture, shadow: float) -> Mask:
@@ -169,19 +171,22 @@ def _silhouette(
 
 def _with_fins(
     parts: list[tuple[Silhouette, Edge]], candidate: Edge, patch: Picture, corner: tuple[int, int],
-    pale: Mask,
+    seen: Mask,
 ) -> Iterator[Silhouette]:  # fmt: skip
-    """The silhouettes of a candidate with the pale pixels of it that are nearest to each."""
-    bodies, inside = np.zeros(patch.shape, np.uint8), np.zeros(patch.shape, np.uint8)
-    cv2.drawContours(bodies, [edge for _, edge in parts], -1, 1, cv2.FILLED)
-    cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-corner[0], -corner[1]))
-    near = nearest(bodies)
+    """The silhouettes of a candidate with those of the pixels `seen` that are nearest to each."""
+    left, top = corner
+    inside = np.zeros(patch.shape, np.uint8)
+    cv2.drawContours(inside, [candidate], -1, 1, cv2.FILLED, offset=(-left, -top))
+    seen = seen & inside.view(bool)
+    if len(parts) > 1:
+        bodies = np.zeros(patch.shape, np.uint8)
+        cv2.drawContours(bodies, [edge for _, edge in parts], -1, 1, cv2.FILLED)
+        numbers = nearest(bodies)
     for part, edge in parts:
-        number = int(near.number[edge[0, 0, 1], edge[0, 0, 0]])
-        h, w = part.mask.shape
-        box = part.x0 - corner[0], part.y0 - corner[1], w, h
-        found = pale_of(box, number, near, patch, inside.view(bool) & pale)
-        yield replace(part, fins=found._replace(x0=found.x0 + corner[0], y0=found.y0 + corner[1]))
+        x, y = edge[0, 0]
+        own = seen if len(parts) == 1 else seen & (numbers == numbers[y, x])
+        found = pale_of((part.x0 - left, part.y0 - top), part.mask, own, patch)
+        yield replace(part, fins=found._replace(x0=found.x0 + left, y0=found.y0 + top))
 
 
 def _near_border(mask: Picture, arena: Picture) -> bool:
