@@ -193,7 +193,7 @@ def test_sprites_and_frames_join_alike():
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
         ]  # fmt: skip
         assert edit["pose"][tick] is not None
-        assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 25
+        assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 30  # two orientations
 
 
 def test_a_fish_that_never_bends_joins_too():

@@ -76,7 +76,7 @@ class Follower:
             across=p.path_across, late=p.path_late,
             heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
         )  # fmt: skip
-        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
+        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:
             self._film = policy.crossing.film.footage

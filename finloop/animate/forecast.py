@@ -107,7 +107,7 @@ class ForecastSwimmer:
         """The film as paths are followed through it by a fish that swims as is foretold."""
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
-        rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam)
+        rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         return footage_of(space_of(film, waters.bounds, rules), reach_of(waters))
 
     def begin(self, rng: np.random.Generator) -> Fish:

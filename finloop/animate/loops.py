@@ -32,7 +32,7 @@ class FilmSwimmer:
     def __init__(self, waters: Waters) -> None:
         self.waters = waters
         p = waters.settings
-        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam)
+        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam, p.again)
         self._wide = self.rules._replace(beam=_WIDER * p.beam)
 
     @cached_property

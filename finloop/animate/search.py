@@ -86,8 +86,8 @@ class Rules(NamedTuple):
     aside: float = 0.0
 
     @classmethod
-    def of(cls, waters: Waters, ahead: float, stride: float, beam: int) -> "Rules":
-        """The rules of some waters; ahead, stride: times in Δ."""
+    def of(cls, waters: Waters, ahead: float, stride: float, beam: int, again: float) -> "Rules":
+        """The rules of some waters; ahead, stride, again: times in Δ."""
         motion, p = waters.motion, waters.settings
         swims, delta = waters.film.speed[waters.film.more], motion.delta
         brisk = brisk_of(swims, p) if len(swims) else 1.0
@@ -97,7 +97,7 @@ class Rules(NamedTuple):
             pace=pace, turning=turning,
             horizon=max(2, waters.ticks(ahead)), stride=max(1, waters.ticks(stride)),
             stay=max(1, waters.ticks(p.stay)), beam=beam, seam=p.seam * delta,
-            jerk=p.jerk * delta**2 / motion.rate_hz, again=p.again * delta,
+            jerk=p.jerk * delta**2 / motion.rate_hz, again=again * delta,
             memory=p.memory * delta, error=p.most_error_deg,
             room=pace / np.radians(turning) + motion.body_length_px / 2, aside=180 / turning,
         )  # fmt: skip

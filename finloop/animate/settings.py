@@ -138,6 +138,7 @@ class Settings:
     path_ahead: Positive  # Δ; ways are followed along the path so far ahead
     path_stride: Positive  # Δ; jumps nearer to the last decision are passed by
     path_beam: Count  # ways that are followed at once
+    path_again: NotNegative  # in place of `again`: along a path there is less to choose from
     # What a tick costs, in ticks, as a seam does:
     path_across: NotNegative  # a body length beside the path
     path_late: NotNegative  # a body length from the place that is asked for at that time
