@@ -46,13 +46,17 @@ def fish_at(x, y, deg):
     return covered(flanks + others[::-1]), covered(fin)
 
 
-def film(fishes, fin=0.0, shadow=0.0, tone=BODY, fin_tone=BODY):
-    """A frame with fish; `fin` and `shadow`: how opaque these are. A shadow falls 6, 8 px aside."""
+def film(fishes, fin=0.0, shadow=0.0, tone=BODY, fin_tone=BODY, gloom=0.0):
+    """A frame with fish; `fin`, `shadow`, `gloom`: how opaque these are.
+
+    A shadow falls 6, 8 px aside. Gloom is all around a fish.
+    """
     picture = tank().astype(float)
     for place in fishes:
         body, tail = fish_at(*place)
         fallen = fish_at(place[0] + 6, place[1] + 8, place[2])[0] * shadow
         picture *= 1 - 0.5 * cv2.GaussianBlur(fallen, (0, 0), 1.5)
+        picture *= 1 - gloom * cv2.GaussianBlur(body, (0, 0), 6)
         for share, ink in ((tail * fin, fin_tone), (body, tone)):
             picture = share * ink + (1 - share) * picture
     return picture.round().astype(np.uint8)
@@ -136,12 +140,22 @@ def test_what_is_far_from_the_silhouette_is_no_part_of_the_fish():
     [
         ({"fin": 0.2}, "all"),
         ({"shadow": 0.4}, "none"),
+        ({"gloom": 0.3}, "none"),
         ({}, "all"),
     ],
 )
-def test_fins_are_told_from_shadows_by_many_fish(how, fins):
+def test_fins_are_told_from_shadows_and_gloom_by_many_fish(how, fins):
     typical = survey(wheel(**how), WHOLE, settings("extract"))[1]
     assert typical.fins == fins
+
+
+def test_a_fin_fades_where_noise_begins():
+    field = np.arange(256, dtype=np.uint8)[None, :]
+    none, mask = np.zeros((1, 256), np.uint8), np.ones((1, 256), bool)
+    alpha = with_fins(none, (0, 0), Pale(0, 0, mask, field), (100.0, 6.0))[0][0]
+    assert not alpha[:7].any()
+    assert np.all(np.diff(alpha.astype(int)) >= 0)
+    assert np.abs(alpha[12:100] - 2.55 * field[0, 12:100]).max() <= 1
 
 
 def test_bright_fins_are_kept_where_the_shadow_is_dropped():
@@ -173,7 +187,7 @@ def test_a_fin_at_the_edge_of_what_was_looked_at():
     mask[:, :3] = True
     field = np.full((6, 8), 20, np.uint8)
     alpha = np.full((2, 2), 255, np.uint8)
-    whole, corner = with_fins(alpha, (14, 12), Pale(10, 10, mask, field), 100.0)
+    whole, corner = with_fins(alpha, (14, 12), Pale(10, 10, mask, field), (100.0, 6.0))
     assert corner == (10, 10)
     assert whole.shape == (6, 6)
     assert np.array_equal(whole[2:4, 4:], alpha)

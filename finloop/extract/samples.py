@@ -27,7 +27,7 @@ from finloop.extract.background import (
     patched_background,
     survey_noise,
 )
-from finloop.extract.fins import Fins, are_fins, side
+from finloop.extract.fins import Fins, kind, side
 from finloop.extract.segment import Silhouette, silhouettes
 from finloop.extract.settings import Settings
 
@@ -169,9 +169,9 @@ def typical_fish(candidates: Sequence[Silhouette], scene: Scene, settings: Setti
         for s, line in zip(alike, lines, strict=True)
         if line is not None and s.fins is not None
     )
-    fins: Fins = "all" if settings.fins == "keep" or are_fins(sides) else "brighter"
-    if settings.fins == "drop" or (fins == "brighter" and scene.polarity == "dark"):
-        fins = "none"
+    told = {"keep": "fins", "drop": "gloom"}.get(settings.fins) or kind(sides)
+    both: Fins = "brighter" if scene.polarity == "both" else "none"
+    fins: Fins = "all" if told == "fins" else both if told == "shadow" else "none"
     contrast = float(np.median([s.contrast for s in alike]))
     return Typical(area, float(np.median(lengths)), contrast, fins)
 

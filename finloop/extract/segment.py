@@ -221,7 +221,8 @@ def measure(silhouette: Silhouette, frame: Picture, scene: Scene, points: int) -
     corner = np.array([x0, y0])
     shown, (left, top) = alpha, (x0, y0)
     if silhouette.fins is not None:
-        shown, (left, top) = with_fins(alpha, (x0, y0), silhouette.fins, silhouette.contrast)
+        levels = silhouette.contrast, scene.threshold
+        shown, (left, top) = with_fins(alpha, (x0, y0), silhouette.fins, levels)
     h, w = shown.shape
     window = np.s_[top : top + h, left : left + w]
     return Fish(

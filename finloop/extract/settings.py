@@ -27,7 +27,7 @@ class Settings:
     # of the tank's light that a shadow takes at most; of fish that are brighter and darker than the
     # tank, what lacks more is dark skin
     shadow: Share
-    # of what is paler than a silhouette's edge: keep, drop, or keep as fins unless it is a shadow
+    # what is paler than a silhouette's edge: keep, drop, or keep if it is fins, no shadow or gloom
     fins: Literal["auto", "keep", "drop"]
     least_area_px: Annotated[float, Field(ge=4)]  # px²; smaller patches are never looked at
     least_area_ratio: Share  # of a typical fish's area; a smaller silhouette is no fish
