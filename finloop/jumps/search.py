@@ -79,8 +79,8 @@ class Search:
 def best_jumps(near: pd.DataFrame, visible: Floats, count: int) -> pd.DataFrame:
     """The `count` jumps of every row with the least seams: columns of `JUMPS`.
 
-    A seam is the sum of `far` and the visible distance squared: the motion hides what is less than
-    a natural step. near: as `Search` gives it; visible: (k,) natural steps.
+    A seam is the sum of `far` and the visible distance squared, which is small below a natural
+    step, where the motion hides it. near: as `Search` gives it; visible: (k,) natural steps.
     """
     table = near.assign(seam=near["far"] + np.square(visible))
     table = table.sort_values(["row", "seam", "to"]).groupby("row").head(count)
