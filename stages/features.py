@@ -15,7 +15,7 @@ from finloop.features.metrics import (
     table1,
 )
 from finloop.features.settings import Settings
-from finloop.features.table import FEATURES, USED, delta_of, features
+from finloop.features.table import FEATURES, USED, delta_of, features, limits_of, spans
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
@@ -36,7 +36,14 @@ def main() -> None:
     table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 
-    metrics = summary(table) | {"delta_s": delta_of(table) / facts.frame_rate_hz}
+    delta = delta_of(table)
+    heading, bend = (table[name].to_numpy(float) for name in ("heading_deg", "bend"))
+    limits = limits_of(heading, bend, spans(table), delta, settings)
+    metrics = summary(table) | {
+        "delta_s": delta / facts.frame_rate_hz,
+        "turn_threshold_deg": limits.turn_deg,
+        "bend_threshold_body_lengths_2": limits.bend,
+    }
     if facts.mm_per_px is not None:
         tank = facts.width_px, facts.height_px
         metrics |= in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)

@@ -13,9 +13,10 @@ from finloop.animate.company import ALONE
 from finloop.animate.edit_list import FRAME, NETWORK, Goal
 from finloop.animate.endless import endless, leading, parts
 from finloop.animate.film import ROW
-from finloop.animate.forecast import ForecastSwimmer, Recall, farther, look, wakes
+from finloop.animate.forecast import ForecastSwimmer, farther, wakes
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import FORECAST, brisk_of
+from finloop.animate.outlook import Recall, look
 from finloop.animate.path_measures import swum_path
 from finloop.animate.paths import lay
 from finloop.animate.policies import Policy
@@ -320,7 +321,7 @@ def test_to_rest_before_a_wall_is_no_way_round_it():
     here = one.waters
     y, x = np.argwhere(here.tank.legal).min(0)
     goal = Spot(400.0, 300.0, 10.0, 5.0)
-    recall = Recall(0, np.zeros((0, 3), np.int64), 1, 1, 1, NO_REPEAT, 1, ALONE)
+    recall = Recall(0, np.zeros((0, 3), np.int64), 1, 1, 1, NO_REPEAT, 1, ALONE, 0.0, 1.0)
     (into, along), free = (
         np.concatenate(both)
         for both in zip(*(

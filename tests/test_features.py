@@ -7,6 +7,7 @@ known in closed form. y is down: what is anticlockwise and left is so as seen on
 import itertools
 import json
 import shutil
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -31,13 +32,24 @@ from finloop.features.metrics import (
     summary,
     table1,
 )
-from finloop.features.swimming_type import LEFT, RIGHT, STRAIGHT, swimming_type, turn
+from finloop.features.swimming_type import (
+    BRISK,
+    LEFT,
+    RIGHT,
+    STRAIGHT,
+    Thresholds,
+    score,
+    swimming_type,
+    thresholds,
+    turn,
+)
 from finloop.features.table import (
     FEATURES,
     Settings,
     delta_frames,
     features,
     heading,
+    limits_of,
     orientation,
     wrap_deg,
 )
@@ -416,8 +428,10 @@ def test_a_long_track_does_not_overflow():
 
 
 def kind(turned, bent, **changed):
-    given = {"turn_threshold_deg": 16.0, "bend_threshold": 0.04, "release": 0.5} | changed
-    return swimming_type(np.asarray(turned, float), np.asarray(bent, float), **given)
+    given = {"turn_deg": 16.0, "bend": 0.04, "release": 0.5} | changed
+    release = given.pop("release")
+    both = np.asarray(turned, float), np.asarray(bent, float)
+    return swimming_type(*both, Thresholds(**given), release)
 
 
 @pytest.mark.parametrize("span", [1, 4, 5, 6])
@@ -445,8 +459,8 @@ def test_both_cues_count_in_units_of_their_thresholds():
     assert kind([33.0], [0.0]).tolist() == [LEFT]
     assert kind([33.0], [-0.04]).tolist() == [STRAIGHT]  # a tail beat against the turn
     assert kind([-16.1], [-0.04]).tolist() == [RIGHT]
-    assert kind([16.1], [0.04], turn_threshold_deg=20.0).tolist() == [STRAIGHT]
-    assert kind([16.1], [0.04], bend_threshold=0.05).tolist() == [STRAIGHT]
+    assert kind([16.1], [0.04], turn_deg=20.0).tolist() == [STRAIGHT]
+    assert kind([16.1], [0.04], bend=0.05).tolist() == [STRAIGHT]
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -461,6 +475,47 @@ def test_hysteresis(seed, release):
         for start, stop in edges.reshape(-1, 2):  # a run above release is a turn as a whole or not
             assert np.all((found[start:stop] == sign) == ((sign * score[start:stop]).max() > 1))
         assert not np.any((found == sign) & ~above[1:-1])
+
+
+def weaving(deg_s, bent, seconds=60.0, rate=RATE):
+    """Heading [°] and bend of a track that turns to and fro, at most so quickly and so bent."""
+    time = np.arange(0, seconds, 1 / rate)
+    wave = 2 * np.pi * time / 20
+    return deg_s * 20 / (2 * np.pi) * np.sin(wave), bent * np.cos(wave)
+
+
+def test_a_brisk_fish_has_the_thresholds_of_one():
+    heading_deg, bent = weaving(300.0, 0.1)
+    assert thresholds([heading_deg], [bent], 5) == BRISK
+
+
+@pytest.mark.parametrize("slower", [0.2, 0.4])
+def test_a_slow_fish_turns_as_often_as_a_brisk_one(slower):
+    # 45° and more in all, but never 16° in Δ: by fixed thresholds it would swim straight for ever.
+    heading_deg, bent = weaving(75.0 * slower, 0.04 * slower, seconds=120.0)
+    both = turn(heading_deg, 5), bent
+    assert set(swimming_type(*both, BRISK, 0.5)) == {STRAIGHT}
+    limits = thresholds([heading_deg], [bent], 5)
+    types = swimming_type(*both, limits, 0.5)
+    assert (np.abs(score(*both, limits)) >= 1).mean() == pytest.approx(0.1, abs=0.02)
+    assert {LEFT, RIGHT} < set(types.tolist())
+    # In its own units it turns just as a fish twice as slow does in its own.
+    slow = thresholds([heading_deg / 2 + 7.0], [bent / 2], 5)
+    assert slow == pytest.approx([value / 2 for value in limits])
+
+
+def test_a_fish_that_keeps_its_heading_is_found_no_turns_in():
+    time = np.arange(500)
+    wag = 5.0 * np.sin(time)  # of a tail beat
+    assert thresholds([wag + 178.0, wag - 90.0], [0.01 * np.cos(time)] * 2, 5) == BRISK
+
+
+def test_given_thresholds_are_kept():
+    heading_deg, bent = weaving(10.0, 0.002)
+    given = replace(SETTINGS, turn_threshold_deg=9.0, bend_threshold="auto")
+    limits = limits_of(heading_deg, bent, [slice(0, len(bent))], 5, given)
+    measured = thresholds([heading_deg], [bent], 5)
+    assert limits == Thresholds(9.0, measured.bend)
 
 
 def test_seen_in_a_mirror_left_is_right():

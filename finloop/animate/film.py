@@ -21,8 +21,8 @@ from finloop.loops.graph import LoopGraph, endless_rows
 ROW = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("dx", "f8"), ("dy", "f8"), ("heading", "f8"), ("speed", "f8"),
-        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("end", "i4"), ("rest", "i4"),
-        ("more", "?"), ("endless", "?"),
+        ("area", "f8"), ("scale", "f8"), ("dear", "f8"), ("slow", "f8"),
+        ("end", "i4"), ("rest", "i4"), ("more", "?"), ("endless", "?"),
     ],
     align=True,
 )  # fmt: skip
@@ -30,7 +30,8 @@ ROW = np.dtype(
 
 x, y: px of the row's track at the drawn size; dx, dy: px to the next row, as filmed; heading in
 degrees; speed in body lengths/s; area: relative motion area; scale: drawn size / filmed size; dear:
-ticks that showing all rows up to it costs; end: number of the loop end at the row, −1 for none;
+ticks that showing all rows up to it costs; slow: ticks by which all rows up to it lag behind the
+film's mean speed; end: number of the loop end at the row, −1 for none;
 rest: for how many ticks the animal rests from the row on, 0 where it moves; more: whether there is
 a next row to play; endless: whether playing on from the row need never stop."""
 
@@ -134,6 +135,7 @@ def film(
     rows["heading"], rows["area"] = features["heading_deg"], features["motion_area_rel"]
     rows["speed"] = _speed(place, track, motion.delta) * motion.rate_hz / motion.body_length_px
     rows["scale"], rows["more"], rows["dear"] = scale, more, dear
+    rows["slow"][1:] = lags(rows).cumsum()[:-1]
     rows["rest"] = np.where(rests, runs(more & np.append(rests[1:], False)) + 1, 0)
     if len(jumps.end) > n:
         rows = np.concatenate([rows, _upside_down(rows)])
@@ -146,6 +148,18 @@ def film(
     rows["endless"] = endless_rows(more, end, made.start, made.to)
     leads = rows["more"] & np.append(rows["endless"][1:], False)
     return made.only(leads[made.to])
+
+
+def mean_step_px(rows: NDArray[np.void]) -> float:
+    """The mean way of a tick, px, of rows (n,) of dtype `ROW`; 1 where none goes on."""
+    steps = np.hypot(rows["dx"], rows["dy"])[rows["more"]]
+    return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
+
+
+def lags(rows: NDArray[np.void]) -> Floats:
+    """Ticks (n,) by which a fish that plays on from each row falls behind the film's mean speed."""
+    slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)
+    return np.asarray(np.where(rows["more"], slower, 0.0))
 
 
 def _upside_down(rows: NDArray[np.void]) -> NDArray[np.void]:

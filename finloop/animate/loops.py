@@ -99,6 +99,7 @@ class FilmSwimmer:
         here = Here(
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
             fish.company, int(self.waters.film.rest[fish.row + 1]) if fish.row >= 0 else 0,
+            self.waters.price_of_rest(fish, aim),
         )  # fmt: skip
         terms, found, verdict = decide.weigh(self.space, ways, here, aim, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may

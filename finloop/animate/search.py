@@ -46,7 +46,7 @@ class Here(NamedTuple):
 
     speed: in body lengths/s; since: ticks since its last jump; recent (m, 3): what was on screen,
     as `Fish` keeps it, and the repeat that this is; company: of `Fish`; rest: ticks for which the
-    animal rests if the film plays on.
+    animal rests if the film plays on; slow: ticks that every tick on the spot costs (`Tempo`).
     """
 
     x: float
@@ -58,6 +58,7 @@ class Here(NamedTuple):
     repeat: Repeat = NO_REPEAT
     company: Company = ALONE
     rest: int = 0
+    slow: float = 0.0
 
 
 class Rules(NamedTuple):
@@ -248,6 +249,7 @@ def _legs(space, search, n, here, towards):  # type: ignore[no-untyped-def]
         ticks, touched = _leg(space, way, aim, here, (rules.stride, most))
         if not leads_on(film, search.found, way, ticks):
             continue
+        way.cost += here.slow * (film.rows[way.row].slow - film.rows[shown].slow)
         if way.ticks == ticks:  # the first leg; the next ones are decided anew
             way.cost += film.rows[way.row].dear - film.rows[shown].dear
         if touched or way.ticks >= rules.horizon:

@@ -76,6 +76,8 @@ class Settings:
     # Network mode: as is foretold (`finloop.forecast`), or by the paper's sprites and network (Fig.
     # 18), as also where the film shows too little to foretell by
     sprites: Literal["learned", "paper"]
+    # degrees; or as long as a brisk fish takes to turn so far, if that is longer
+    ahead_turn: Annotated[float, Field(ge=0, le=360)]
     ahead: Positive  # Δ; ways are looked at so far ahead
     chance: Positive  # Δ; a way that takes so much longer is taken a third as often
     wall: NotNegative  # Δ that a way costs for every Δ that a wall holds it up
@@ -112,6 +114,8 @@ class Settings:
     seam: NotNegative  # Δ; so long a detour equals a seam of one natural step ...
     jerk: NotNegative  # ... a change of speed by one body length in a Δ ...
     again: NotNegative  # ... frames that were on screen just now
+    # price of a tick on the spot, in ticks, for who wanders and lags behind the film as usual
+    tempo: NotNegative
     memory: Positive  # Δ; what was on screen so long ago costs nothing any more
     patience: Positive  # Δ; a fish that has come no nearer to its goal for so long makes a detour
     free: Positive  # Δ; ways whose cost differs by about so much are equally good

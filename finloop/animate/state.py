@@ -21,6 +21,7 @@ from finloop.animate.motion import TURN, Motion
 from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
+from finloop.animate.tempo import Tempo
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.social.walls import Walls
 
@@ -56,6 +57,16 @@ class Waters:
         """What keeps a fish inside the tank."""
         return bounds_of(self.tank, self.discs)
 
+    @cached_property
+    def tempo(self) -> Tempo:
+        """How fast the film's fish swim."""
+        return Tempo.of(self.film, self.ticks(self.settings.memory), self.motion.delta)
+
+    def price_of_rest(self, fish: "Fish", aim: Spot) -> float:
+        """Ticks that every tick on the spot costs a fish; < 0 only where it wanders."""
+        price = self.tempo.price(fish.lag, self.settings.tempo)
+        return price if aim.free else max(price, 0.0)
+
     @property
     def duration(self) -> int:
         """Ticks of the animation."""
@@ -84,7 +95,7 @@ class Fish:
     a legal way on; recent (m, 3): stretches of film that were on screen (`finloop.animate.recent`);
     repeat: whether what is shown repeats them.
     As is foretold: past (L + 1, d), its last states, the present one first
-    (`finloop.forecast.sampling`).
+    (`finloop.forecast.sampling`). lag: ticks that it lags behind the film (`Tempo`).
     company: where the other fish will be, for the decision that is made now alone.
     """
 
@@ -104,6 +115,7 @@ class Fish:
     recent: Ints = field(default_factory=lambda: np.zeros((0, 3), np.int64))
     repeat: Repeat = NO_REPEAT
     past: Floats | None = None
+    lag: float = 0.0
     company: Company = ALONE
 
     @property
@@ -260,6 +272,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
     ticks, number = len(stretch.way), int(stretch.number[-1])
     x, y, heading = map(float, stretch.way[-1])
     film, sprites, motion = waters.film, waters.sprites, waters.motion
+    lag = waters.tempo.after(fish.lag, stretch.way, (fish.x, fish.y))
     if stretch.kind == FRAME and stretch.rot is not None:
         return Fish(
             x, y, float(wrap(heading)),
@@ -270,6 +283,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
             waits=fish.waits + ticks if stretch.waits else 0,
             recent=_remembered(fish, stretch, waters), repeat=_repeated(fish, stretch),
             past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
+            lag=lag,
         )  # fmt: skip
     before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
     step = np.hypot(x - before_x, y - before_y) / motion.body_length_px
@@ -281,7 +295,7 @@ def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
         x, y, float(wrap(heading)), max(float(step * motion.rate_hz), motion.low),
         stretch.state, number, phase, float(sprites.area[number]) if bent else 0.0,
         fish.tick + ticks, since=ticks if fish.row >= 0 else fish.since + ticks,
-        recent=fish.recent,
+        recent=fish.recent, lag=lag,
     )  # fmt: skip
 
 

@@ -19,8 +19,11 @@ class Settings:
     # s, Δ: the time over which displacement and included angle are measured; auto: the paper's 0.2,
     # or half a tail beat, or a quarter of the longest track, whichever is shortest
     delta_s: Literal["auto"] | Positive
-    turn_threshold_deg: Positive  # degrees in Δ, the change of heading that makes a turn
-    bend_threshold: Positive  # squared body lengths, the signed motion area that makes a turn
+    # degrees in Δ, the change of heading that makes a turn; auto: 16, or of a fish that turns more
+    # slowly what nine of ten frames are below
+    turn_threshold_deg: Literal["auto"] | Positive
+    # squared body lengths, the signed motion area that makes a turn; auto: 0.04, or in the same way
+    bend_threshold: Literal["auto"] | Positive
     # a turn lasts as long as the mean stays above this
     release: Annotated[float, Field(gt=0, le=1)]
     # sectors of heading: frames are compared (Eq. 7), and sprites drawn, in each

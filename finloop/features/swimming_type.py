@@ -3,7 +3,13 @@
 The paper gives no rule. A turning fish is bent and changes its heading, both to the same side; a
 tail beat bends it as well, and a drift changes its heading as well. So both count, in units of
 their thresholds, and the mean of the two decides with hysteresis.
+
+How fast a fish turns, and how far it bends, differs between animals: thresholds of one would find
+no turn of another. They are measured in the film, unless they are given.
 """
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import skimage
@@ -13,6 +19,49 @@ from finloop.base.arrays import Floats, Reals
 
 STRAIGHT, LEFT, RIGHT = 0, 1, -1
 WORDS = {STRAIGHT: "straight", LEFT: "left", RIGHT: "right"}
+
+_SELDOM = 0.9  # quantile of a film's frames; turns are above it, and last on below
+# Degrees within a track. Measured: fish that keep to one heading 4-8, others 250 and more.
+_TURNS_DEG = 45.0
+
+
+class Thresholds(NamedTuple):
+    """The change of heading over Δ [°] and the signed bend [body length²] that make a turn."""
+
+    turn_deg: float
+    bend: float
+
+
+BRISK = Thresholds(16.0, 0.04)
+"""Those of a fish that turns briskly: zebrafish, and the drawn carp, whose turns are known."""
+
+
+def thresholds(headings_deg: Sequence[Reals], bends: Sequence[Reals], span: int) -> Thresholds:
+    """The thresholds of a film, from heading and bend of each track (n,).
+
+    Those of a brisk fish. Of one that turns more slowly, or bends less, what it exceeds in a tenth
+    of its frames; both are lowered together till a tenth of them reach the score of a turn. Where
+    no track turns by 45° in all there is no turn to find, and tail beats would pass for turns.
+    span: Δ in frames.
+    """
+    ranges = [np.ptp(np.unwrap(one, period=360)) for one in map(np.asarray, headings_deg)]
+    if max(ranges) < _TURNS_DEG:
+        return BRISK
+    turns = np.concatenate([turn(one, span) for one in headings_deg])
+    bent = np.concatenate(list(bends))
+    limits = Thresholds(*map(min, BRISK, (_seldom(turns), _seldom(bent))))
+    lower = min(1.0, _seldom(score(turns, bent, limits)))
+    return Thresholds(lower * limits.turn_deg, lower * limits.bend)
+
+
+def _seldom(values: Reals) -> float:
+    """The size that a tenth of some values (n,) reach; above 0."""
+    return max(float(np.quantile(np.abs(values), _SELDOM)), 1e-9)
+
+
+def score(turn_deg: Reals, bend: Reals, limits: Thresholds) -> Floats:
+    """How much frames (n,) turn: 1 makes a turn to the left, −1 one to the right."""
+    return 0.5 * (turn_deg / limits.turn_deg + bend / limits.bend)
 
 
 def turn(heading_deg: Reals, span: int) -> Floats:
@@ -31,9 +80,7 @@ def turn(heading_deg: Reals, span: int) -> Floats:
 def swimming_type(
     turn_deg: Reals,
     bend: Reals,
-    *,
-    turn_threshold_deg: float,
-    bend_threshold: float,
+    limits: Thresholds,
     release: float,
 ) -> NDArray[np.int8]:
     """Type (frames,) int8 of consecutive frames: 0 straight, 1 left, −1 right.
@@ -41,7 +88,7 @@ def swimming_type(
     A turn is a run of frames whose score - the mean of turn and signed bend, each over its
     threshold - stays above `release` and somewhere reaches 1.
     """
-    score = 0.5 * (turn_deg / turn_threshold_deg + bend / bend_threshold)
-    left = skimage.filters.apply_hysteresis_threshold(score, release, 1.0)
-    right = skimage.filters.apply_hysteresis_threshold(-score, release, 1.0)
+    scores = score(turn_deg, bend, limits)
+    left = skimage.filters.apply_hysteresis_threshold(scores, release, 1.0)
+    right = skimage.filters.apply_hysteresis_threshold(-scores, release, 1.0)
     return (LEFT * left + RIGHT * right).astype(np.int8)

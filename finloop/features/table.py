@@ -5,6 +5,7 @@ change of heading over the next Δ; *bend* the signed motion area. Angles are de
 anticlockwise as seen on screen, 0 = to the right.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -18,7 +19,7 @@ from finloop.features.area import at_places, bend
 from finloop.features.head import given_head_end, head_first
 from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
-from finloop.features.swimming_type import swimming_type, turn
+from finloop.features.swimming_type import Thresholds, swimming_type, thresholds, turn
 
 _STEPS = 5  # natural steps in Δ, as in the paper's film
 HEAD_SHARE = 1 / 3  # of the body; the head is bone and does not bend (§2.2)
@@ -117,7 +118,7 @@ def features(
             "the table that the stage `extract` writes, whose rows are those of the cut-outs",
             "make it again: `dvc repro --force extract`",
         )
-    every = _spans(tracks)
+    every = spans(tracks)
     backbone, confidence = oriented(tracks, rate_hz, given)
     length = tracks["length_px"].to_numpy(float)
     bent, direction = bend(backbone, length), heading(backbone)
@@ -126,7 +127,11 @@ def features(
         delta_s = measured_delta([bent[one] for one in every], rate_hz)
     delta = delta_frames(delta_s, rate_hz)
     place = tracks[["x_px", "y_px"]].to_numpy(float)
-    types = [_type(direction[one], bent[one], delta, settings) for one in every]
+    limits = limits_of(direction, bent, every, delta, settings)
+    types = [
+        swimming_type(turn(direction[one], delta), bent[one], limits, settings.release)
+        for one in every
+    ]
     area, (moved, turned) = np.abs(bent), np.full((2, len(tracks)), np.nan)
     for one in every:
         now, then = _from_to(one, delta)
@@ -154,15 +159,18 @@ def features(
     return pd.DataFrame(values), backbone.astype(np.float32)
 
 
-def _type(direction: Floats, bent: Floats, delta: int, settings: Settings) -> NDArray[np.int8]:
-    """Swimming type (frames,) of one track."""
-    return swimming_type(
-        turn(direction, delta),
-        bent,
-        turn_threshold_deg=settings.turn_threshold_deg,
-        bend_threshold=settings.bend_threshold,
-        release=settings.release,
-    )
+def limits_of(
+    direction: Reals, bent: Reals, tracks: Sequence[slice], delta: int, settings: Settings
+) -> Thresholds:
+    """The thresholds of turns: as they are given, or measured in the film.
+
+    direction [°], bent (n,): heading and bend of all rows; tracks: the rows of each; delta: in
+    frames.
+    """
+    given = settings.turn_threshold_deg, settings.bend_threshold
+    measured = thresholds([direction[one] for one in tracks], [bent[one] for one in tracks], delta)
+    pairs = zip(given, measured, strict=True)
+    return Thresholds(*(own if value == "auto" else value for value, own in pairs))
 
 
 def _from_to(track: slice, delta: int) -> tuple[slice, slice]:
@@ -171,7 +179,7 @@ def _from_to(track: slice, delta: int) -> tuple[slice, slice]:
     return slice(track.start, last), slice(track.start + delta, last + delta)
 
 
-def _spans(tracks: pd.DataFrame) -> list[slice]:
+def spans(tracks: pd.DataFrame) -> list[slice]:
     """The rows of each track of a table that is sorted by them."""
     first = np.flatnonzero(np.diff(tracks["track_id"].to_numpy(), prepend=np.nan))
     return [slice(*one) for one in pairwise([*first.tolist(), len(tracks)])]
@@ -185,7 +193,7 @@ def oriented(
     width = lists_to_array(tracks["half_width_px"])
     ends = None if given is None else given_head_end(backbone, *given_ends(given))
     first, confidence = np.empty(len(tracks), bool), np.empty(len(tracks))
-    for one in _spans(tracks):
+    for one in spans(tracks):
         end = None if ends is None else ends[one]
         first[one], confidence[one] = head_first(backbone[one], width[one], rate_hz, end)
     return np.where(first[:, None, None], backbone, backbone[:, ::-1]), confidence
