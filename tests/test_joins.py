@@ -209,6 +209,9 @@ def test_the_time_of_a_join_is_measured_or_said():
         return joins(settings("animate", **changes), film, DELTA, HOW.helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
-    assert decay(0.01) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
+    assert decay(0.01, join_frames=3) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
+    # Of few frames in Δ a join has frames enough to be none.
+    assert decay(0.01, join_frames=6) == pytest.approx(6 / RATE)
+    assert decay(9.0, join_frames=6) == pytest.approx(0.4)
     assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
     assert joins(settings("animate", join="cut"), BODIES, DELTA, HOW.helps).fade == 0

@@ -78,12 +78,14 @@ class Joins:
 
 def joins(p: Settings, bodies: Bodies, delta: int, helps: Helps) -> Joins:
     """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
-    time = p.join_time
-    if time == "auto":
+    if p.join_time == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
+        ticks = max(time * delta, float(p.join_frames))
+    else:
+        ticks = max(p.join_time * delta, 1.0)
     fade = 0 if p.join == CUT else round(p.fade * delta)
     still = rests(bodies, p.rest)
-    return Joins(p.join, fade, max(float(time) * delta, 1.0), bodies, helps, still)
+    return Joins(p.join, fade, ticks, bodies, helps, still)
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,8 @@ class Settings:
     join: Literal["inertial", "fade", "cut"]
     # Δ, after which 5 % of the difference are left; auto: so long as a posture remembers itself
     join_time: Literal["auto"] | Positive
-    join_least: Positive  # Δ, the shortest that is taken where join_time is auto ...
+    join_frames: Count  # ticks that a join takes at least where join_time is auto
+    join_least: Positive  # Δ, the shortest that is taken then ...
     join_most: Positive  # ... and the longest
     # of the film's movement from frame to frame (RMS); where it moves less, the animal rests, and
     # neither joins nor forecasts move it
