@@ -5,7 +5,19 @@ from dataclasses import replace
 import cv2
 import numpy as np
 import pytest
-from toy_film import HULL, LENGTH, film_of, loops, open_tank, players_of, rich_table, waters_of
+from toy_film import (
+    HULL,
+    LENGTH,
+    film_of,
+    lesson,
+    loops,
+    open_tank,
+    players_of,
+    rich_table,
+    swum,
+    table_of,
+    waters_of,
+)
 
 from finloop.animate.arena import inside, room, tank
 from finloop.animate.avoidance import Avoidance
@@ -123,6 +135,24 @@ def test_a_rest_is_as_long_as_the_film_shows_it_and_longer_ones_cost():
     assert reel.rest[:11].tolist() == [0, 0, 0, 3, 2, 1, 0, 0, 0, 1, 0]
     assert longer_rest(2, 5) == 3 and longer_rest(5, 2) == 0
     assert longer_rest(0, 5) == 0  # it begins to rest
+
+
+def test_nobody_jumps_from_a_long_rest_to_another_rest():
+    table, delta = table_of(swum([0.0] * 80)), lesson().delta
+
+    def jumps(still):
+        film = film_of(table, loops((20, 50)), rests=np.isin(np.arange(len(table)), still))
+        ends = np.flatnonzero(film.end >= 0)
+        rows = ends[np.argsort(film.end[ends])]
+        return set(
+            zip(np.repeat(rows, np.diff(film.start)).tolist(), film.to.tolist(), strict=True)
+        )
+
+    source, to = 50, 20
+    there = [*range(to, to + delta)]
+    assert (source, to) in jumps([*range(source, source + delta), *there])  # soon over
+    assert (source, to) in jumps([*range(source, source + 3 * delta)])  # into motion
+    assert (source, to) not in jumps([*range(source, source + 3 * delta), *there])
 
 
 def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():

@@ -141,13 +141,25 @@ def film(
         rows = np.concatenate([rows, _upside_down(rows)])
         barred = np.tile(barred, 2)
     rows["end"] = jumps.end
-    made = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n).only(~barred[jumps.to])
+    made = Film(rows, jumps.start, jumps.to, jumps.seam, pose == BODY, n)
+    made = made.only(~barred[jumps.to] & ~_within_rests(made, motion.delta))
     del jumps  # of a film of hours they are 24 million
     # Columns of their own, as elsewhere: for a view of `rows` numba would compile it once more.
     more, end = rows["more"].copy(), rows["end"].copy()
     rows["endless"] = endless_rows(more, end, made.start, made.to)
     leads = rows["more"] & np.append(rows["endless"][1:], False)
     return made.only(leads[made.to])
+
+
+def _within_rests(film: Film, delta: int) -> Mask:
+    """Whether each jump (e,) leads from a rest that lasts for more than Δ to another rest.
+
+    Nothing else moves then, so that its seam is seen, and nothing is gained by it.
+    """
+    ends = np.flatnonzero(film.end >= 0)
+    order = ends[np.argsort(film.end[ends], kind="stable")]
+    source = np.repeat(order, np.diff(film.start))
+    return np.asarray((film.rest[source] > delta) & (film.rest[film.to] > 0))
 
 
 def mean_step_px(rows: NDArray[np.void]) -> float:
