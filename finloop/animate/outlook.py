@@ -69,9 +69,9 @@ def moved(place, state, pace):  # type: ignore[no-untyped-def]
 def look(sampler, bounds, rows, start, towards, recall):  # type: ignore[no-untyped-def]
     """The cost (k,), in ticks, of following each row: to the touch, or to the horizon and on.
 
-    Of a fish that only wanders, of leaving the tank alone. More where what is shown then was on
-    screen just now (`Recall`). And whether (k,) a row stays in the tank. To rest before a wall is
-    no way out: what the wall holds up after the rest costs as much.
+    Of a fish that only wanders, of leaving the tank, and of lagging behind the film (`Tempo`). More
+    where what is shown then was on screen just now (`Recall`). And whether (k,) a row stays in the
+    tank. To rest before a wall is no way out: what the wall holds up after the rest costs as much.
     start: x, y, heading; towards: goal, aim, `Pace`.
     """
     costs, free = np.empty(rows.size), np.empty(rows.size, np.bool_)

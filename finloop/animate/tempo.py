@@ -18,8 +18,11 @@ _MOST = 3.0  # times the usual lag; beyond it nothing gets dearer
 
 
 class Tempo(NamedTuple):
-    """How the film's fish swim. step_px: their mean way in a tick; keeps: share of a lag that is
-    left after a tick; usual: root mean square of their lags, ticks."""
+    """How the film's fish swim.
+
+    step_px: their mean way in a tick; keeps: share of a lag that is left after a tick; usual: root
+    mean square of their lags, ticks.
+    """
 
     step_px: float
     keeps: float
