@@ -5,7 +5,7 @@ of the store of cut-outs, in the order (track_id, frame). A sprite is a number a
 1 … orientations.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,7 +35,8 @@ class Reel:
     """A film and, where they have been made, its sprites.
 
     features (n rows): track_id, frame, x_px, y_px, heading_deg, body_length_px; film: the n
-    cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations.
+    cut-outs; sprites (s rows): schema SPRITES; store: the sprites in all orientations; size: how
+    many times as large as filmed all fish are drawn.
 
     Raises
     ------
@@ -47,6 +48,7 @@ class Reel:
     film: Cutouts
     sprites: pd.DataFrame = field(default_factory=pd.DataFrame)
     store: Cutouts | None = None
+    size: float = 1.0
 
     def __post_init__(self) -> None:
         keys = self.features[_KEY].to_numpy()
@@ -76,6 +78,13 @@ class Reel:
     def __len__(self) -> int:
         return len(self.features)
 
+    def sized(self, size: float) -> "Reel":
+        """The same film and sprites, drawn so many times as large as filmed."""
+        sprites = self.sprites
+        if len(sprites):
+            sprites = sprites.assign(scale=sprites["scale"] * (size / self.size))
+        return replace(self, sprites=sprites, size=size)
+
     @property
     def orientations(self) -> int:
         """The number of orientations of every sprite in the store."""
@@ -85,8 +94,8 @@ class Reel:
 
     @cached_property
     def length_px(self) -> float:
-        """The length at which every fish is drawn: the film's median."""
-        return float(self.features["body_length_px"].median())
+        """The length at which every fish is drawn: the film's median, times `size`."""
+        return self.size * float(self.features["body_length_px"].median())
 
     @cached_property
     def lengths_px(self) -> Reals:

@@ -300,7 +300,8 @@ def write_video(
     stores = {FRAME: reel.film} | ({} if reel.store is None else {SPRITE: reel.store})
     bodies = Bodies(poses, reel.goes_on, reel.sprites)
     gallery = Gallery(shelves(stores, tracks.table, reel.sprites), bodies)
-    shadow = Shadow(p.shadow, p.shadow_blur * reel.length_px)
+    length_px = reel.length_px * float(edit["scale"].median())
+    shadow = Shadow(p.shadow, p.shadow_blur * length_px)
     painter = Painter(tracks.background, shadow=shadow)
     rate = tracks.film.facts.frame_rate
     with Mp4Writer(Path(path), painter.frame.shape, rate, p.crf) as writer:

@@ -15,7 +15,6 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import encounters, measures, path_measures
-from finloop.animate.arena import fits
 from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fish
 from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
@@ -31,7 +30,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.mapped import open_array
 from finloop.io.picture import load_picture
-from finloop.io.record import load_record, save_records
+from finloop.io.record import load_record, save_json, save_records
 from finloop.io.table import load_table, save_csv, save_table
 from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
 from finloop.jumps.table import JUMPS
@@ -222,11 +221,11 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
     steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
     with bring(p) as plans, whole_folder(OUT) as folder:
         waters, features = plans.waters, plans.pictures.reel.features
-        if not fits(waters.tank.arena, plans.reach_px):
+        size = plans.pictures.reel.size
+        if size < 1 and p.size == "auto":
             print(
-                f"animate: the fish reaches {plans.reach_px:.0f} px from its centre, so that it "
-                "does not fit into the picture everywhere and is cut off at its edge; film from "
-                "farther away",
+                f"animate: where the fish may be it could hardly turn at its own size, so it is "
+                f"drawn at {size:.2g} of it; film from farther away, or set animate.size",
                 file=sys.stderr,
             )
         if p.tank == "auto" and waters.tank.arena.all():
@@ -239,6 +238,7 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         goals = plans.goals()
         plans.check_room(goals)
         save_records(folder / "goals.json", goals)
+        save_json(folder / "drawn.json", {"size": size})
         swum = measures.motion_of_film(features, waters.motion)
         for mode, player in plans.players.items():
             numbers[mode], edit, path = animation(folder, mode, goals, plans, steps, swum)
@@ -249,6 +249,7 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         film_numbers = measures.of_film(
             features, swum, steps["as_filmed"].to_numpy(float), waters.motion
         ) | (encounters.of_film(features) if p.fish > 1 else {})
+        film_numbers["drawn_size"] = size
         moves = measures.kinematics({measures.FILM_MOTION: swum} | moved)
         save_table(folder / "kinematics.parquet", moves, measures.KINEMATICS)
         save_csv(REPORT / "company.csv", company(folder, plans), decimals=3)

@@ -13,7 +13,7 @@ from finloop.base.errors import FinloopError
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.edit_list import load_edit
-from finloop.io.record import load_record, load_records
+from finloop.io.record import load_json, load_record, load_records, made_by
 from finloop.io.table import load_table
 from finloop.sprites.orient import SPRITES
 from stages.poses import load_poses
@@ -65,6 +65,15 @@ def load_drawn(
 def load_goals(mode: str) -> list[Goal]:
     """The goals that the edit list of a mode leads to; a recorded track has none."""
     return [] if mode == RETARGET else load_records(DATA / "animate/goals.json", Goal, "animate")
+
+
+def load_size(mode: str) -> float:
+    """How many times as large as filmed the fish of a mode is drawn, before its own size counts."""
+    if mode == RETARGET:
+        return 1.0
+    return load_json(
+        DATA / "animate/drawn.json", lambda facts: float(facts["size"]), *made_by("animate")
+    )
 
 
 def _load_retargeted(stage: str) -> pd.DataFrame:

@@ -28,7 +28,7 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, frames
 from finloop.render.painter import Box
 from finloop.sprites.stretch import SIDES, WORDS
-from stages.edit import DATA, load_drawn
+from stages.edit import DATA, load_drawn, load_size
 from stages.gallery import open_gallery
 from stages.settings import load
 
@@ -99,7 +99,7 @@ def main() -> None:
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
     least = round(p.tracks_least_s * facts.frame_rate)
-    mm, length_px = facts.mm_per_px, float(features["body_length_px"].median())
+    mm, length_px = facts.mm_per_px, load_size(p.mode) * float(features["body_length_px"].median())
     animals = names(tracks)
     points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
     with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:

@@ -2,6 +2,7 @@
 
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
+import sys
 from pathlib import Path
 
 from finloop.drawn.truth import TRUTH
@@ -43,7 +44,15 @@ def main() -> None:
         "delta_s": delta / facts.frame_rate_hz,
         "turn_threshold_deg": limits.turn_deg,
         "bend_threshold_body_lengths_2": limits.bend,
+        "current_body_lengths_s": float(table["current"].iloc[0]),
     }
+    if metrics["current_body_lengths_s"] and settings.current == "auto":
+        print(
+            "features: the animal stays in its place and beats its tail; it is taken to swim "
+            f"{metrics['current_body_lengths_s']:.2g} body lengths/s against a current "
+            "(features.current; 0 = none)",
+            file=sys.stderr,
+        )
     if facts.mm_per_px is not None:
         tank = facts.width_px, facts.height_px
         metrics |= in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)

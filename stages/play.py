@@ -44,11 +44,11 @@ def opened(mode: str, fish: int | None, seed: int) -> Iterator[View]:
     q: RenderSettings = load("render")
     scene = load_record(DATA / "extract/scene.json", SceneFacts, "extract")
     tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(scene.points), PLACE)
-    shadow = Shadow(q.shadow, q.shadow_blur * scene.typical_length_px)
-    painter = Painter(load_picture(DATA / "extract/background.png"), shadow=shadow)
     with bring(p) as brought:
         pictures, most = brought.pictures, p.fade_steps * brought.step
         reel = pictures.reel
+        shadow = Shadow(q.shadow, q.shadow_blur * reel.size * scene.typical_length_px)
+        painter = Painter(load_picture(DATA / "extract/background.png"), shadow=shadow)
         stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
         gallery = Gallery(shelves(stores, tracks, reel.sprites), pictures.bodies, PICTURES)
 

@@ -47,14 +47,15 @@ def share_of(ticks: Sized, work: list[Work]) -> float:
 
 
 def swimming_of(
-    works: dict[str, list[Work]], pictures: Pictures, instrument: Instrument, crew: Workers
-) -> dict[str, Swimming]:
+    works: dict[str, list[Work]], pictures: Pictures, instruments: dict[str, Instrument],
+    crew: Workers,
+) -> dict[str, Swimming]:  # fmt: skip
     """Film and animations as extraction measures them; those that it cannot follow are left out."""
-    work = partial(measure_list, pictures, instrument)
-    every = [job for part in works.values() for job in part]
+    work = partial(measure_list, pictures)
+    every = [(instruments[name], *job) for name, part in works.items() for job in part]
     tables = []
-    with progress("realism", sum(len(edit) for edit, _ in every), "ticks") as advance:
-        for (edit, _), table in zip(every, ordered_map(work, every, crew), strict=True):
+    with progress("realism", sum(len(edit) for _, edit, _ in every), "ticks") as advance:
+        for (_, edit, _), table in zip(every, ordered_map(work, every, crew), strict=True):
             tables.append(table)
             advance(len(edit))
     swum: dict[str, Swimming] = {}
@@ -62,7 +63,7 @@ def swimming_of(
         own, tables = tables[: len(part)], tables[len(part) :]
         share = 0.0
         if any(map(len, own)):
-            swum[name] = swimming([edit for edit, _ in part], own, instrument.rate_hz)
+            swum[name] = swimming([edit for edit, _ in part], own, instruments[name].rate_hz)
             share = share_of(swum[name].row, part)
         if share < LEAST_SHARE:
             print(f"realism: extraction followed the fish of {name} in {100 * share:.0f} % of the "
@@ -145,15 +146,19 @@ def compare_swimming(p: Settings, q: AnimateSettings, crew: Workers) -> None:
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
     with bring(q) as planner:
+        size = planner.pictures.reel.size
         for mode in planner.players:
             works[mode] = list(animations(planner, mode, amount, q))
     pictures = pictures_of(mode, "realism")
+    current = float(features["current"].iloc[0])
     instrument = Instrument(
         load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
         pictures.drawn.scene, load("extract"),
-        replace(load("features"), delta_s=delta_of(features) / rate), rate,
+        replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
     )  # fmt: skip
-    swum = swimming_of(works, pictures, instrument, crew)
+    drawn = instrument.of_animations(size)
+    instruments = {name: instrument if name == FILM else drawn for name in works}
+    swum = swimming_of(works, pictures, instruments, crew)
     if FILM not in swum:
         raise FinloopError(
             "extraction could follow no fish of the film drawn again",

@@ -19,7 +19,7 @@ from finloop.render.marks import Marks
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import Settings
 from finloop.render.steps import Steps, film_steps, step_numbers
-from stages.edit import DATA, load_drawn, load_goals
+from stages.edit import DATA, load_drawn, load_goals, load_size
 from stages.gallery import open_gallery
 from stages.settings import load
 
@@ -72,7 +72,8 @@ def main() -> None:
     background = load_picture(DATA / "extract/background.png")
     drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
     ticks = drawn.edit["tick"].nunique()
-    shadow = Shadow(p.shadow, p.shadow_blur * drawn.scene.typical_length_px)
+    length_px = load_size(p.mode) * drawn.scene.typical_length_px
+    shadow = Shadow(p.shadow, p.shadow_blur * length_px)
     with open_gallery(drawn) as gallery, progress("render", ticks) as advance:
         change = films(p, drawn.edit, goals, gallery, background, shadow, advance)
         natural = film_steps(Painter(background), gallery, drawn.tracks)

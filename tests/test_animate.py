@@ -32,9 +32,10 @@ from finloop.animate.arena import (
     inside,
     place_goals,
     roamed,
-    room,
     settled,
+    size_for,
     tank,
+    where,
 )
 from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
@@ -125,7 +126,7 @@ def test_a_floor_goes_on_where_most_beyond_is_as_bright(beyond, same):
     order = np.argsort(disc(66.0)[:, 0, 0])
     whole, picture = np.ones((160, 200), bool), np.full((160, 200), 150 + beyond, np.uint8)
     picture[roamed(whole, disc(66.0), "filmed")] = 150
-    kept = room(whole, disc(66.0)[order], 30.0, "auto", picture).arena
+    kept = where(whole, disc(66.0)[order], 30.0, "auto", picture)
     assert kept.all() == (beyond == 0)
 
 
@@ -150,17 +151,25 @@ def test_of_two_pools_the_larger_is_the_tank():
     assert legal[100, 300] and not legal[100, 60]
 
 
-def test_a_fish_larger_than_the_picture_keeps_to_its_middle():
+def test_a_fish_that_does_not_fit_into_where_it_was_filmed_may_be_anywhere():
     whole, wide = np.ones((160, 200), bool), disc(66.0)
-    assert np.array_equal(room(whole, wide, 30.0, "auto").arena, roamed(whole, wide, "auto"))
-    arena = room(whole, wide, 75.0, "auto")  # it does not fit into where it was filmed
-    assert arena.arena.all() and arena.legal[80, 100] and not arena.legal[80, 70]
-    cramped = room(whole, wide, 300.0, "auto")
-    assert cramped.legal[80, 100] and not cramped.legal[:50].any()
+    filmed = roamed(whole, wide, "auto")
+    assert not filmed.all() and np.array_equal(where(whole, wide, 30.0, "auto"), filmed)
+    assert where(whole, wide, 75.0, "auto").all()
+    assert np.array_equal(where(whole, wide, 75.0, "filmed"), filmed)  # asked for, so kept to
     given = np.zeros((160, 200), bool)
     given[20:60, 20:180] = True
+    assert np.array_equal(where(given, wide, 30.0, "auto"), given)
     with pytest.raises(FinloopError, match="smaller than the fish"):
-        room(given, wide, 30.0, "auto")
+        tank(given, 30.0)
+
+
+@pytest.mark.parametrize("reach", [5.0, 39.0, 41.0, 90.0, 1000.0])
+def test_a_fish_is_drawn_smaller_only_where_it_could_hardly_turn(reach):
+    whole = np.ones((160, 200), bool)  # 80 px from the edge to the middle
+    size = size_for(whole, reach)
+    assert size == (1 if reach <= 40 else pytest.approx(40 / reach))
+    assert tank(whole, size * reach).legal.mean() >= 0.2
 
 
 @pytest.mark.parametrize("arena", [np.ones((30, 200), bool), np.zeros((50, 50), bool)])

@@ -19,7 +19,7 @@ from toy_film import (
     waters_of,
 )
 
-from finloop.animate.arena import inside, room, tank
+from finloop.animate.arena import inside, tank
 from finloop.animate.avoidance import Avoidance
 from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
 from finloop.animate.company import discs_of
@@ -116,16 +116,6 @@ def test_what_is_behind_a_wall_that_is_met_and_nothing_along_it():
     assert beyond(bounds, 200.0, 60.0, 90.0, 100.0) == pytest.approx(0.61, abs=0.02)
     assert beyond(bounds, 200.0, 30.0, 0.0, 80.0) == 0
     assert beyond(bounds, 200.0, 60.0, -90.0, 100.0) == 0
-
-
-def test_a_fish_too_long_for_the_picture_is_inside_where_it_fits_lengthwise():
-    whole = np.ones((100, 400), bool)
-    hull = np.array([[100.0, 0], [-100, 8], [-100, -8]])
-    outline = np.stack([hull + (200, 50)])
-    water = room(whole, outline, 100.0, "auto")
-    bounds = bounds_of(water, discs_of(np.stack([hull]), []))
-    assert water.cramped and fits(bounds, 0, 200.0, 50.0, 0.0)
-    assert not fits(bounds, 0, 200.0, 50.0, 90.0)
 
 
 def test_a_rest_is_as_long_as_the_film_shows_it_and_longer_ones_cost():

@@ -34,7 +34,7 @@ from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
 from finloop.io.poses import load_poses
 from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
-from finloop.io.record import save_record
+from finloop.io.record import save_json, save_record
 from finloop.io.table import save_csv_in_blocks, save_table
 from finloop.io.video import VideoFacts, save_facts
 from finloop.render.gallery import Gallery, Shelf
@@ -513,6 +513,7 @@ def folder(tmp_path, monkeypatch):
     source = np.where(sprite, 0, ticks)
     edit = edit_list(TICKS, kind=kinds, source=source, orientation=number, speed=1.5)
     save_table(data / "animate/nn.parquet", edit, EDIT)
+    save_json(data / "animate/drawn.json", {"size": 1.0})
     return tmp_path
 
 

@@ -20,8 +20,10 @@ from scratch import content, prepare, same_but_figures
 import stages.features
 import stages.plots.features
 from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
 from finloop.features import area as features_area
 from finloop.features.area import bend, closed_spline, control_points, signed_area
+from finloop.features.current import through_water
 from finloop.features.head import _posterior, _viterbi, head_first
 from finloop.features.memory import block_frames, measured_delta
 from finloop.features.metrics import (
@@ -51,6 +53,7 @@ from finloop.features.table import (
     heading,
     limits_of,
     orientation,
+    spans,
     wrap_deg,
 )
 from finloop.io.picture import load_picture, save_figure
@@ -68,7 +71,12 @@ ORIENTATIONS = 24  # conf/features/default.yaml
 
 RATE = 25.0
 SETTINGS = Settings(
-    delta_s=0.2, turn_threshold_deg=16.0, bend_threshold=0.04, release=0.5, orientations=24
+    delta_s=0.2,
+    current=0.0,
+    turn_threshold_deg=16.0,
+    bend_threshold=0.04,
+    release=0.5,
+    orientations=24,
 )
 LENGTH = 60.0
 POINTS = 33
@@ -1006,3 +1014,49 @@ def test_a_ruler_gives_lengths_and_speeds_in_millimetres():
     assert found["speed_median_mm_s"] == pytest.approx(0.5 * 10 * 25 / 5)
     assert (found["tank_width_mm"], found["tank_height_mm"]) == (160, 120)
     assert in_mm(table, (640, 480), 25.0, 0.5) == {name: 2 * mm for name, mm in found.items()}
+
+
+# -- a current ---------------------------------------------------------------------------------------
+
+
+def held(current=0.0, heading_deg=30.0):
+    """The features of a fish that beats its tail on the spot."""
+    lines = swim(100, speed=0.0, heading_deg=heading_deg, wag_deg=40.0)
+    lines -= lines.mean(axis=1, keepdims=True) - (400, 300)
+    table = tracks_table(lines)
+    return features(table, RATE, settings("features", delta_s=0.2, current=current))[0]
+
+
+def test_in_still_water_places_are_as_filmed():
+    table = held()
+    assert np.array_equal(through_water(table), table[["x_px", "y_px"]].to_numpy())
+    assert table["displacement"].max() < 1e-3
+
+
+@pytest.mark.parametrize("heading_deg", [0.0, 90.0, -150.0])
+def test_a_fish_in_a_current_gets_on_along_its_heading(heading_deg):
+    table = held(1.5, heading_deg)
+    way = through_water(table)
+    far = way[-1] - way[0]
+    assert np.hypot(*far) == pytest.approx(1.5 * LENGTH * 99 / RATE, rel=0.02)
+    assert np.degrees(np.arctan2(-far[1], far[0])) == pytest.approx(heading_deg, abs=2)
+    assert table["displacement"].dropna().median() == pytest.approx(1.5 * 0.2, rel=0.05)
+    assert np.allclose(table[["x_px", "y_px"]], [400, 300])  # the picture is where it was
+    assert forwards(table) == {"moving_fish_frames": 0}  # an assumed way proves no heading
+
+
+def test_the_current_is_found_and_a_number_overrides_it():
+    found = held("auto")["current"]
+    assert found.nunique() == 1 and 0.3 < found.iloc[0] < 1.6
+    lines = swim(200, speed=4.0, wag_deg=40.0)
+    table = tracks_table(shuffled(lines, np.ones(33), np.random.default_rng(0))[0])
+    assert (features(table, RATE, settings("features"))[0]["current"] == 0).all()
+    assert (features(table, RATE, SETTINGS)[0]["current"] == 0).all()
+
+
+def test_tracks_are_moved_on_each_by_itself():
+    both = pd.concat([held(1.0), held(1.0).assign(track_id=1)], ignore_index=True)
+    way = through_water(both)
+    steps = np.diff(way, axis=0)
+    assert np.allclose(steps[:99], steps[100:], atol=1e-6)
+    assert [one.stop - one.start for one in spans(both)] == [100, 100]

@@ -138,7 +138,7 @@ def fish(seed, seconds=60.0, turning=1.0, track=0):
             "heading_deg": (heading + 180) % 360 - 180, "body_length_px": 40.0,
             "motion_area": 0.05 * np.abs(bend),
         }
-    ).reindex(columns=FEATURES.names)  # fmt: skip
+    ).reindex(columns=FEATURES.names).assign(current=0.0)  # fmt: skip
 
 
 def swum(table, row):
@@ -380,6 +380,25 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     assert turned.abs().median() < 0.3
 
 
+@pytest.mark.parametrize("size", [0.5, 1.25])
+def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size):
+    features = load_table(carp / "data/features/features.parquet", FEATURES)
+    first = features[features["track_id"] == features["track_id"].iloc[0]]
+    one = instrument_of(carp)
+    drawn = one.of_animations(size)
+    assert drawn.features.current == 0.0  # it swims about, however the film was made
+    filmed = first[["x_px", "y_px"]].to_numpy()
+    about = (filmed - filmed.mean(0)) * size
+    places = about + np.array(one.tank.shape[1::-1]) / 2
+    edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
+    with open_gallery(load_drawn(NETWORK, "realism")) as gallery:
+        table = drawn.measure(placed(drawn.through_lens(edit), gallery))
+    off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
+    assert np.median(np.abs(off)) < 0.2
+    assert table["body_length_px"].median() == pytest.approx(first["body_length_px"].median(), 0.05)
+    assert one.of_animations(1.0).tank is one.tank
+
+
 def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
     here = pictures_of(NETWORK, "realism")
     sent = pickle.dumps(here)
@@ -436,5 +455,10 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
         stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
     )
     pictures = pictures_of(NETWORK, "realism")
-    assert stages.realism.swimming_of(works, pictures, instrument_of(carp), Processes()) == {}
+    assert (
+        stages.realism.swimming_of(
+            works, pictures, dict.fromkeys(works, instrument_of(carp)), Processes()
+        )
+        == {}
+    )
     assert "the fish of nn in 0 %" in capsys.readouterr().err

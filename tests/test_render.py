@@ -30,7 +30,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture
-from finloop.io.record import load_records, save_records
+from finloop.io.record import load_records, save_json, save_records
 from finloop.io.table import save_table
 from finloop.io.video import read_frames
 from finloop.plots.render import (
@@ -866,6 +866,7 @@ def extracted(tmp_path_factory):
     )  # fmt: skip
     save_table(folder / "data/animate/nn.parquet", edit, EDIT)
     save_records(folder / "data/animate/goals.json", [Goal("A", 100.0, 60.0)])
+    save_json(folder / "data/animate/drawn.json", {"size": 1.0})
     (folder / "first_frame").write_text(str(own["frame"].iloc[0]))
     return folder
 

@@ -1,9 +1,11 @@
 """Several fish planned together: they keep clear, swim as each would alone, and are read by all."""
 
 import sys
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cache
 from itertools import combinations
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -34,6 +36,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
 from finloop.io.table import load_table, save_table
+from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
 from finloop.realism import lists
 from finloop.realism.lists import animations
@@ -360,3 +363,42 @@ def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
     listed = pd.read_csv(folder / "data/export/hybrid.csv")
     assert sorted(listed["fish"].unique()) == [0, 1, 2]
+
+
+def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    p = replace(settings("animate"), fish=1, tank="arena")
+    with ExitStack() as stack:
+        whole, half = (
+            stack.enter_context(stages.animate.bring(replace(p, size=size))) for size in (1.0, 0.5)
+        )
+        assert half.reach_px == pytest.approx(whole.reach_px / 2)
+        assert half.waters.touch_px == pytest.approx(whole.waters.touch_px / 2)
+        assert half.waters.head_px == pytest.approx(whole.waters.head_px / 2)
+        film, small = whole.waters.film, half.waters.film
+        assert np.allclose(small.scale, film.scale / 2)
+        assert np.allclose(small.dx, film.dx / 2) and np.allclose(small.speed, film.speed)
+        assert half.waters.tank.legal.sum() > whole.waters.tank.legal.sum()
+        player, other = whole.players[NETWORK], half.players[NETWORK]
+        assert np.allclose(other.cast.sprite_scale, player.cast.sprite_scale / 2)
+        one, two = (each.cast.discs for each in (player, other))
+        assert np.allclose(two.table[..., :2], one.table[..., :2] / 2, atol=1e-3)
+        # Joins are measured in body lengths, so that what is drawn smaller joins no better.
+        show = [each.pictures("frame", 5, 0, 30.0, float(each.waters.film.scale[5]), False)
+                for each in (whole, half)]  # fmt: skip
+        assert np.allclose(*show, atol=1e-3) and show[0].any()
+        assert np.allclose(whole.pictures.headed, half.pictures.headed, atol=1e-3)
+
+
+def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    facts = load_facts(Path("data/clip") / FACTS_NAME)
+    narrow = np.zeros((facts.height_px, facts.width_px), bool)
+    narrow[100:130] = True
+    monkeypatch.setattr(stages.animate, "load_mask", lambda *_: narrow)
+    p = replace(settings("animate"), fish=1, trials=0, seconds=1.0)
+    with stages.animate.bring(p) as plans:
+        size = plans.pictures.reel.size
+        assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
+    with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.size"):
+        stages.animate.bring(replace(p, size=1.0)).__enter__()

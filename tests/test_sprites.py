@@ -171,7 +171,7 @@ def film(plan=PLAN, heading=20.0, mirrored=False, speed=2.5, start=0, track=3):
             [np.cos(np.radians(heading)), -np.sin(np.radians(heading))]
         )
     tracks = pd.DataFrame(rows)
-    table, _ = features(tracks, RATE, FeatureSettings(0.2, 16.0, 0.04, 0.5, ORIENTATIONS))
+    table, _ = features(tracks, RATE, FeatureSettings(0.2, 0.0, 16.0, 0.04, 0.5, ORIENTATIONS))
     return Film(tracks, table, cutouts)
 
 

@@ -87,6 +87,7 @@ def track(number: int, seed: int, mirror: int = 1, scale: float = 1.0) -> pd.Dat
             "bend": bent,
             "motion_area_rel": np.abs(bent) / 0.1,
             "swimming_type": typed.astype(int),
+            "current": 0.0,
         }
     )
 
@@ -170,7 +171,7 @@ def swum(turns, heading=0.0, track=0, length=LENGTH, at=(500.0, 500.0)):
         {
             "track_id": track, "frame": np.arange(n), "x_px": place[:, 0], "y_px": place[:, 1],
             "heading_deg": wrap_deg(headings), "body_length_px": length,
-            "motion_area_rel": 0.1, "swimming_type": 0, "bend": 0.0,
+            "motion_area_rel": 0.1, "swimming_type": 0, "bend": 0.0, "current": 0.0,
         }
     )  # fmt: skip
 

@@ -49,6 +49,7 @@ def swum(count=3000, seed=0, tracks=1):
             "displacement": np.where(ends, np.nan, moved),
             "included_angle_deg": np.where(ends, np.nan, turned),
             "swimming_type": np.sign(turned).astype(np.int8),
+            "current": 0.0,
         }
     )  # fmt: skip
     codes = np.stack([bend, 0.2 * bend**2 + 0.05 * rng.normal(size=count)], 1)

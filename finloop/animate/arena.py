@@ -1,7 +1,7 @@
 """The tank: where the centre of a fish may be, which way leads round a wall, what is in sight."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
 
@@ -20,9 +20,7 @@ _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45
 _SETTLED = 2 / 3  # of the area; measured: carp of 20 s 0.52, of 60 s 0.79, mouse 0.91
 _ALIKE = 0.5  # of the picture beyond; measured: pieces of the carp 0.86-0.91, mouse 0.16-0.36
-# Of the way from edge to middle, kept free by a fish larger than the picture: 0.5, 0.75, 0.9 leave
-# the centre of the sunfish 36, 14, 5 % of the picture; it reaches 46, 54, 75 % of its goals there.
-_ROOM = 0.75
+_ROOM = 0.5  # of the way from wall to middle that a fish drawn smaller reaches at most
 _LOT = 10_000  # outlines at a time
 _CELLS = 200  # a way round a wall is looked for on a map of at most so many cells a side
 
@@ -30,14 +28,12 @@ _CELLS = 200  # a way round a wall is looked for on a map of at most so many cel
 @dataclass(frozen=True)
 class Tank:
     """`arena` (h, w): where animals can be. `legal`: where their centre can be, so that no part of
-    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each;
-    cramped: whether the fish is larger than the arena, and a part of it leaves it even there.
+    them leaves the arena; `nearest` (2, h, w): row and column of the legal pixel nearest to each.
     """
 
     arena: Mask
     legal: Mask
     nearest: NDArray[np.int32]
-    cramped: bool = False
 
     @cached_property
     def depth_px(self) -> NDArray[np.float32]:
@@ -125,7 +121,7 @@ def tank(arena: Mask, reach_px: float) -> Tank:
             f"the tank ({columns} × {rows} px) is smaller than the fish, which reaches "
             f"{reach_px:.0f} px from its centre",
             f"a tank at least {2 * reach_px + 4:.0f} px wide everywhere",
-            "give the arena its real size (clip.arena), or film the fish from farther away",
+            "give the arena its real size (clip.arena), or draw the fish smaller (animate.size)",
         )
     legal = parts == 1 + np.argmax(np.bincount(parts.ravel())[1:])
     nearest = scipy.ndimage.distance_transform_edt(
@@ -224,20 +220,22 @@ def roamed(arena: Mask, outline_px: Reals, tank: str, floor: Picture | None = No
     return filmed if known and (tank == "filmed" or filmed.mean() >= _ROAMS) else arena
 
 
-def room(
-    arena: Mask, outline_px: Reals, reach_px: float, where: str, floor: Picture | None = None
-) -> Tank:
-    """The tank of a fish: where it `roamed`; by `auto` the arena, if it does not fit in there.
-
-    A fish that is larger than the picture, with no arena given, keeps to the middle; there a part
-    of it is outside the picture. FinloopError if it does not fit in otherwise.
+def where(
+    arena: Mask, outline_px: Reals, reach_px: float, tank: str, floor: Picture | None = None
+) -> Mask:
+    """The part (h, w) that a fish may be in: where it `roamed`; by `auto` the whole arena, if it
+    reaches too far from its centre to fit in there.
     """
-    area = roamed(arena, outline_px, where, floor)
-    if where == "auto" and not fits(area, reach_px):
-        area = arena
-    if area.all() and not fits(area, reach_px):
-        return replace(tank(area, _ROOM * float(_depth_px(area).max())), cramped=True)
-    return tank(area, reach_px)
+    area = roamed(arena, outline_px, tank, floor)
+    return arena if tank == "auto" and not fits(area, reach_px) else area
+
+
+def size_for(area: Mask, reach_px: float) -> float:
+    """How large a fish is drawn, of its size as filmed, that reaches so far from its centre.
+
+    1, but less where an area (h, w) is so narrow that it could hardly turn in it.
+    """
+    return min(1.0, _ROOM * float(_depth_px(area).max()) / reach_px)
 
 
 def fits(arena: Mask, reach_px: float) -> bool:

@@ -45,12 +45,10 @@ def bounds_of(tank: Tank, discs: Discs = NO_DISCS) -> Bounds:
         cv2.distanceTransform(side, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[1:-1, 1:-1]
         for side in (walled, 1 - walled)
     )
-    cramped = tank.cramped and len(discs.table) > 0
-    roomy = np.zeros_like(tank.legal) if cramped else tank.legal
     side = 1 << _CELL
-    whole = np.pad(roomy, [(0, -n % side) for n in roomy.shape], constant_values=True)
+    whole = np.pad(tank.legal, [(0, -n % side) for n in tank.legal.shape], constant_values=True)
     cells = whole.reshape(whole.shape[0] // side, side, -1, side).all(axis=(1, 3))
-    return Bounds(roomy, np.asarray(cells), depth - beyond, tank.nearest, discs)
+    return Bounds(tank.legal, np.asarray(cells), depth - beyond, tank.nearest, discs)
 
 
 @leaf_kernel

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from finloop.animate.motion import Motion
 from finloop.base.arrays import Floats, Mask
 from finloop.distance.picture import BODY, typical_length
+from finloop.features.current import through_water
 from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import LoopGraph, endless_rows
 
@@ -123,7 +124,7 @@ def film(
     """
     n = len(features)
     scale = motion.body_length_px / typical_length(features).to_numpy(float)
-    place = features[["x_px", "y_px"]].to_numpy(float) * scale[:, None]
+    place = through_water(features) * scale[:, None]
     track = features["track_id"].to_numpy()
     more = np.append(track[1:] == track[:-1], False) & ~barred & ~np.append(barred[1:], True)
     moved = np.zeros((n, 2))

@@ -19,6 +19,7 @@ from finloop.animate.state import Waters
 from finloop.animate.swim import Player
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
+from finloop.features.current import through_water
 from finloop.features.table import wrap_deg
 from finloop.puppet import PoseShapes
 
@@ -125,15 +126,16 @@ def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
     number = np.where(sprite, edit["source"], 0)
     sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     head = edit["heading_deg"].to_numpy(float) + sway
-    return _over_delta(edit[["x_px", "y_px"]].to_numpy(), head, player.waters.motion)
+    motion = player.waters.motion
+    place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
+    return _over_delta(place, head, motion)
 
 
 def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floats]:
     """The same of every track of the film."""
+    length = motion.body_length_px / motion.size
     parts = [
-        _over_delta(
-            track[["x_px", "y_px"]].to_numpy(), track["heading_deg"].to_numpy(float), motion
-        )
+        _over_delta(through_water(track) / length, track["heading_deg"].to_numpy(float), motion)
         for _, track in features.groupby("track_id")
         if len(track) > motion.delta
     ]
@@ -142,11 +144,12 @@ def motion_of_film(features: pd.DataFrame, motion: Motion) -> tuple[Floats, Floa
 
 
 def _over_delta(place: Floats, heading_deg: Floats, motion: Motion) -> tuple[Floats, Floats]:
+    """place (n, 2): in body lengths."""
     delta, seconds = motion.delta, motion.delta / motion.rate_hz
     moved = np.hypot(*(place[delta:] - place[:-delta]).T)
     heading = np.unwrap(heading_deg, period=360)
     turned = heading[delta:] - heading[:-delta]
-    return moved / motion.body_length_px / seconds, turned / seconds
+    return moved / seconds, turned / seconds
 
 
 def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:

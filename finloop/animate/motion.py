@@ -23,6 +23,7 @@ from finloop.base.arrays import Floats
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread
+from finloop.features.current import through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
 
 STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
@@ -31,7 +32,7 @@ STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "fore
 
 _QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
 _LEARNT = 100_000  # rows; they show thousands of phases and turns, of which few are ever alike
-_MOTION = ("x_px", "y_px", "heading_deg", "bend")
+_MOTION = ("heading_deg", "bend")
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,8 @@ class Motion:
     """All that a fish needs to know to swim as the film does.
 
     straight_ticks: how long it swam between two turns. low, high: the range of its speeds.
-    brisk_deg: by how much it turns in a tick where it turns briskly, over Δ.
+    brisk_deg: by how much it turns in a tick where it turns briskly, over Δ. body_length_px: as it
+    is drawn, `size` times as large as filmed.
     """
 
     phases: Phases
@@ -84,6 +86,11 @@ class Motion:
     rate_hz: float
     delta: int
     body_length_px: float
+    size: float = 1.0
+
+    def sized(self, size: float) -> "Motion":
+        """The same of a fish drawn so many times as large as filmed."""
+        return replace(self, body_length_px=self.body_length_px * size / self.size, size=size)
 
 
 @dataclass(frozen=True)
@@ -100,7 +107,7 @@ class Course:
 
 
 Track = dict[str, NDArray[Any]]
-"""Columns of a feature table, the rows of one track."""
+"""Columns of a feature table, the rows of one track; x_px, y_px as `through_water` has them."""
 
 
 def course(track: Track, delta: int, length_px: float, rate_hz: float) -> Course:
@@ -172,6 +179,7 @@ def _tracks(features: pd.DataFrame, least: int) -> Iterator[Track]:
     """The tracks that are longer than `least`; of a long film as many as have `_LEARNT` rows."""
     edges = np.flatnonzero(np.diff(features["track_id"], prepend=-1, append=-1))
     columns: Track = {name: features[name].to_numpy(float) for name in _MOTION}
+    columns["x_px"], columns["y_px"] = through_water(features).T
     columns["swimming_type"] = features["swimming_type"].to_numpy()
     long = np.flatnonzero(np.diff(edges) > least)
     rows = int(np.diff(edges)[long].sum())

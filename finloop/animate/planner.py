@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.arena import place_goals, room
+from finloop.animate.arena import place_goals, size_for, tank, where
 from finloop.animate.bodies import Bodies
 from finloop.animate.company import NO_DISCS
 from finloop.animate.crossing import Crossing
@@ -167,15 +167,14 @@ class Planner:
 
 def planner(made: Material, p: Settings) -> Planner:
     """Bring together everything that swims."""
-    reel, facts, rate_hz = made.reel, made.map_facts, made.rate_hz
+    reel, hulls, area, reach_px, barred = sized(made, p)
+    facts, rate_hz = made.map_facts, made.rate_hz
     features, sprites = reel.features, reel.sprites
     motion = learn(features, rate_hz, delta_frames(made.model.delta_s, rate_hz), p)
+    motion = motion.sized(reel.size)
     bodies = Bodies(made.poses, reel.goes_on, sprites)
     pictures = Pictures(reel, facts.size, bodies)
-    scale = (reel.length_px / reel.lengths_px).astype(float)
-    hulls = frame_hulls(made.outline_px, features, scale)
     cast = Cast(sprites, outlines(reel), hulls)
-    reach_px, barred = reach(cast.sprite_hulls, hulls, p.reach_quantile)
     if made.line is not None and made.line.rows is not None and not p.path_film:
         barred[made.line.rows] = True
     pose = facts.pose if p.jumps == "loops" else BODY
@@ -186,12 +185,15 @@ def planner(made: Material, p: Settings) -> Planner:
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
     )
     way = film(features, _jumps(made, p), motion, pose, barred, rarity.dear, how.rests)
-    head = np.hypot(
-        features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
-    ).median()
+    head = (
+        np.hypot(
+            features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
+        ).median()
+        * reel.size
+    )
     order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
     touch_px = p.goal_radius * motion.body_length_px
-    water = room(made.arena, made.outline_px, reach_px, p.tank, made.floor)
+    water = tank(area, reach_px)
     swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
     learned = swum is not None and swum.usable.any() and p.sprites == "learned"
     # Sprites are shown where every picture fits alone.
@@ -208,6 +210,32 @@ def planner(made: Material, p: Settings) -> Planner:
     by_mode = {mode: replace(one, shoaling=made.shoaling) for mode, one in by_mode.items()}
     path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
     return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
+
+
+class Sized(NamedTuple):
+    """A film at the size at which it is drawn.
+
+    hulls: of its frames; area (h, w): where its fish may be; reach_px, barred: of `reach`.
+    """
+
+    reel: Reel
+    hulls: FrameHulls
+    area: Mask
+    reach_px: float
+    barred: Mask
+
+
+def sized(made: Material, p: Settings) -> Sized:
+    """The film at the size that is asked for; by `auto` it fits in where the fish may be."""
+    reel, outline_px = made.reel, made.outline_px
+    scale = (reel.length_px / reel.lengths_px).astype(float)
+    filmed = frame_hulls(outline_px, reel.features, scale)
+    reach_px, barred = reach(outlines(reel), filmed, p.reach_quantile)
+    size = 1.0 if p.size == "auto" else p.size
+    area = where(made.arena, outline_px, size * reach_px, p.tank, made.floor)
+    size = size_for(area, reach_px) if p.size == "auto" else size
+    hulls = replace(filmed, scale=size * scale)
+    return Sized(reel.sized(size), hulls, area, size * reach_px, barred)
 
 
 def _jumps(made: Material, p: Settings) -> Jumps:

@@ -23,6 +23,9 @@ class Settings:
     # one was given, else where animals were filmed if they filled a quarter of the picture and
     # the film is long enough to show the tank, or the floor ends there
     tank: Literal["auto", "arena", "filmed"]
+    # how many times as large as filmed the fish is drawn; auto: once, but smaller where it could
+    # hardly turn between the walls
+    size: Literal["auto"] | Annotated[float, Field(ge=0.05, le=20)]
     goal_radius: Positive  # body lengths from a goal at which head or centre have reached it
     seconds: Positive  # s, of the animation, in every mode
     seed: Seed  # for every choice that is left to chance
@@ -77,9 +80,10 @@ class Settings:
     # Network mode: as is foretold (`finloop.forecast`), or by the paper's sprites and network (Fig.
     # 18), as also where the film shows too little to foretell by
     sprites: Literal["learned", "paper"]
-    # degrees; or as long as a brisk fish takes to turn so far, if that is longer
+    ahead: Positive  # Δ; ways are looked at so far ahead ...
+    # degrees; ... or as long as a brisk fish takes to turn so far, if that is longer, but for
+    # `look_ahead` at most
     ahead_turn: Annotated[float, Field(ge=0, le=360)]
-    ahead: Positive  # Δ; ways are looked at so far ahead
     chance: Positive  # Δ; a way that takes so much longer is taken a third as often
     wall: NotNegative  # Δ that a way costs for every Δ that a wall holds it up
     follow_most: Positive  # Δ; a row of the film is followed so long at most

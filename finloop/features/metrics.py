@@ -80,11 +80,12 @@ def in_mm(
 def forwards(features: pd.DataFrame) -> dict[str, float]:
     """The share of moving rows headed within 90° of their way; swaps of head and tail lower it.
 
-    The way is the displacement over Δ, the heading that in the middle of it.
+    The way is the displacement over Δ, the heading that in the middle of it. In a current the film
+    shows no way.
     """
     delta = delta_of(features)
     start = np.flatnonzero(features["displacement"] > _MOVING)
-    if start.size == 0:
+    if start.size == 0 or features["current"].any():
         return {"moving_fish_frames": 0}
     x, y = features["x_px"].to_numpy(), features["y_px"].to_numpy()
     way = np.degrees(np.arctan2(-(y[start + delta] - y[start]), x[start + delta] - x[start]))

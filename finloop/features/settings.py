@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from finloop.base.settings import Positive
+from finloop.base.settings import NotNegative, Positive
 
 
 @dataclass(frozen=True)
@@ -19,6 +19,9 @@ class Settings:
     # s, Δ: the time over which displacement and included angle are measured; auto: the paper's 0.2,
     # or half a tail beat, or a quarter of the longest track, whichever is shortest
     delta_s: Literal["auto"] | Positive
+    # body lengths/s, of the water past an animal that stays in its place: it is animated as if it
+    # swam so fast; auto: by its tail beat, 0 where animals swim about
+    current: Literal["auto"] | NotNegative
     # degrees in Δ, the change of heading that makes a turn; auto: 16, or of a fish that turns more
     # slowly what nine of ten frames are below
     turn_threshold_deg: Literal["auto"] | Positive

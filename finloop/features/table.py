@@ -16,6 +16,7 @@ from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.schema import Column, Schema, columns, lists_to_array, lists_to_points
 from finloop.features.area import at_places, bend
+from finloop.features.current import measured_current, through_water
 from finloop.features.head import given_head_end, head_first
 from finloop.features.memory import measured_delta
 from finloop.features.settings import Settings
@@ -44,6 +45,7 @@ FEATURES = Schema(
     Column("bend", "float32", "body length²"),
     Column("displacement", "float32", "body length", nullable=True),
     Column("included_angle_deg", "float32", "deg", nullable=True),
+    Column("current", "float32", "body length/s"),
     Column("swimming_type", "int8", "1"),
     Column("head_confidence", "float32", "1"),
 )
@@ -132,11 +134,11 @@ def features(
         swimming_type(turn(direction[one], delta), bent[one], limits, settings.release)
         for one in every
     ]
-    area, (moved, turned) = np.abs(bent), np.full((2, len(tracks)), np.nan)
-    for one in every:
-        now, then = _from_to(one, delta)
-        moved[now] = np.hypot(*(place[then] - place[now]).T) / np.median(length[one])
-        turned[now] = wrap_deg(direction[then] - direction[now])
+    current = settings.current
+    if current == "auto":
+        tail = _tail(backbone, direction, length)
+        current = measured_current(place / length[:, None], direction, tail, bent, every, rate_hz)
+    area = np.abs(bent)
     values = {
         "track_id": tracks["track_id"].to_numpy(),
         "frame": tracks["frame"].to_numpy(),
@@ -151,12 +153,37 @@ def features(
         "motion_area": area,
         "motion_area_rel": area / (area.max() or 1.0),
         "bend": bent,
-        "displacement": moved,
-        "included_angle_deg": turned,
+        "current": current,
         "swimming_type": np.concatenate(types),
         "head_confidence": confidence,
     }
-    return pd.DataFrame(values), backbone.astype(np.float32)
+    table = pd.DataFrame(values)
+    moved, turned = _over_delta(table, every, delta)
+    table = table.assign(displacement=moved, included_angle_deg=turned)
+    return table[FEATURES.names], backbone.astype(np.float32)
+
+
+def _over_delta(table: pd.DataFrame, tracks: Sequence[slice], delta: int) -> tuple[Floats, Floats]:
+    """Displacement [body lengths] and included angle [°] (n,) of the rows of tracks."""
+    way, direction, length = (
+        through_water(table),
+        table["heading_deg"].to_numpy(float),
+        table["body_length_px"].to_numpy(float),
+    )
+    moved, turned = np.full((2, len(table)), np.nan)
+    for one in tracks:
+        last = max(one.stop - delta, one.start)
+        now, then = slice(one.start, last), slice(one.start + delta, last + delta)
+        moved[now] = np.hypot(*(way[then] - way[now]).T) / np.median(length[one])
+        turned[now] = wrap_deg(direction[then] - direction[now])
+    return moved, turned
+
+
+def _tail(backbone: Floats, heading_deg: Floats, length: Floats) -> Floats:
+    """How far (rows,) the tail's tip is from the line of the head, body lengths, + = left."""
+    dx, dy = (backbone[:, -1] - backbone[:, 0]).T
+    back = np.radians(heading_deg)
+    return (-dx * np.sin(back) - dy * np.cos(back)) / length
 
 
 def limits_of(
@@ -171,12 +198,6 @@ def limits_of(
     measured = thresholds([direction[one] for one in tracks], [bent[one] for one in tracks], delta)
     pairs = zip(given, measured, strict=True)
     return Thresholds(*(own if value == "auto" else value for value, own in pairs))
-
-
-def _from_to(track: slice, delta: int) -> tuple[slice, slice]:
-    """The rows of a track that have others `delta` later, and these."""
-    last = max(track.stop - delta, track.start)
-    return slice(track.start, last), slice(track.start + delta, last + delta)
 
 
 def spans(tracks: pd.DataFrame) -> list[slice]:

@@ -17,6 +17,7 @@ from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.distance.picture import typical_length
+from finloop.features.current import through_water
 from finloop.features.memory import memory_frames
 from finloop.features.table import delta_of
 from finloop.forecast.settings import Settings
@@ -115,7 +116,7 @@ def shown_mirror(poses: FilmPoses, look: Reals) -> Reals | None:
 
 def _motion(features: pd.DataFrame, rate_hz: float) -> Floats:
     """Forward, sideways and turning speed (n, 3) from the row before; NaN at a track's first."""
-    place = features[["x_px", "y_px"]].to_numpy(float)
+    place = through_water(features)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     length = typical_length(features).to_numpy(float)
     step, turn = (np.diff(values, axis=0, prepend=values[:1]) for values in (place, heading))

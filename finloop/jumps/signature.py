@@ -10,6 +10,7 @@ from scipy.sparse.linalg import svds
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
 from finloop.base.stretches import spread
+from finloop.features.current import through_water
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings
 from finloop.pose.film import FilmPoses
@@ -121,7 +122,7 @@ def slope(values: Floats, goes_on: Mask, span: int) -> Floats:
 def film_motion(reel: Reel, span: int) -> Floats:
     """Speeds ahead and aside (+ = left) and of turning (2, n, 3) of rows and mirror images."""
     features = reel.features
-    place = features[["x_px", "y_px"]].to_numpy(float) / reel.lengths_px[:, None]
+    place = through_water(features) / reel.lengths_px[:, None]
     speed = motion(place, features["heading_deg"].to_numpy(float), reel.goes_on, span)
     return np.stack([speed, speed * (1, -1, -1)])
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Reals
 from finloop.base.kernel import kernel
+from finloop.features.current import through_water
 from finloop.loops.graph import JUMP, Leg, LoopGraph
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -63,7 +64,7 @@ def position_table(ends: Rows, features: pd.DataFrame) -> pd.DataFrame:
 
     `ends` : rising rows of the feature table. A cell of two tracks is empty.
     """
-    x, y = features["x_px"].to_numpy(float), features["y_px"].to_numpy(float)
+    x, y = through_water(features).T
     track = features["track_id"].to_numpy()[ends]
     later = (track[:, None] == track) & (ends[:, None] < ends)
     quadrants = quadrant(*displacement(x, y, ends[:, None], ends))

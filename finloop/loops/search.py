@@ -23,6 +23,7 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
 from finloop.distance.picture import typical_length
+from finloop.features.current import through_water
 from finloop.features.table import delta_of, wrap_deg
 from finloop.loops.graph import ranked
 from finloop.loops.settings import Settings
@@ -224,7 +225,7 @@ def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
     adrift. A fish that moved less than `TRAVEL` body lengths has no direction of travel.
     """
     track = features["track_id"].to_numpy()
-    x, y = features["x_px"].to_numpy(float), -features["y_px"].to_numpy(float)
+    x, y = through_water(features).T * ((1,), (-1,))
     length = typical_length(features).to_numpy(float)
     heading = np.radians(features["heading_deg"].to_numpy(float))
     unit = np.exp(1j * heading)

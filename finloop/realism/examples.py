@@ -148,16 +148,23 @@ class View(NamedTuple):
 
 
 def views(example: pd.DataFrame, length_px: float) -> dict[str, View]:
-    """Cameras over the ways of both sides of an example (rows of `EXAMPLES`), of one width."""
-    places = example.groupby("side")[["x_px", "y_px"]]
-    low, high = places.min(), places.max()
-    width = float(np.hypot(*(high - low).to_numpy().T).max()) + _AROUND * length_px
-    start = example.groupby("side")["start_deg"].first()
-    middle = (low + high) / 2
+    """Cameras over the ways of both sides of an example (rows of `EXAMPLES`).
+
+    They see equally many body lengths. length_px: of the fish as filmed.
+    """
+    sides = example.groupby("side")
+    low, high = sides[["x_px", "y_px"]].min(), sides[["x_px", "y_px"]].max()
+    drawn = sides["scale"].median()  # / as filmed
+    far = np.hypot(*(high - low).to_numpy().T) / drawn.to_numpy()
+    width = float(far.max()) + _AROUND * length_px
+    start, middle = sides["start_deg"].first(), (low + high) / 2
     return {
-        side: View(middle.at[side, "x_px"], middle.at[side, "y_px"], float(start[side]), width)
+        side: View(
+            middle.at[side, "x_px"], middle.at[side, "y_px"], float(start[side]),
+            width * float(drawn[side]),
+        )
         for side in middle.index
-    }
+    }  # fmt: skip
 
 
 def pictures(
@@ -177,10 +184,10 @@ def strip(
     count, size = shape
     moments = edit.iloc[np.linspace(0, len(edit) - 1, count).round().astype(int)]
     numbered = moments.assign(tick=np.arange(count))
-    tiles: list[Picture] = []
+    tiles, width = list[Picture](), _AROUND * length_px * float(moments["scale"].median())
     for fish, start in zip(placed(numbered, gallery), moments["start_deg"], strict=True):
         painter.show(fish)
-        view = View(fish.x_px, fish.y_px, start, _AROUND * length_px)
+        view = View(fish.x_px, fish.y_px, start, width)
         tiles.append(view.of(painter.frame, size))
     return np.hstack(tiles)
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import pandas as pd
 
@@ -34,7 +35,8 @@ _RIM = 16  # px around a fish, beyond once its own size on each side
 class Instrument:
     """How the film was measured.
 
-    tank: (h, w) or (h, w, 3) uint8, empty; arena: (h, w) uint8, 255 inside; facts: of the film.
+    tank: (h, w) or (h, w, 3) uint8, empty; arena: (h, w) uint8, 255 inside; facts: of the film;
+    size: how many times as large as filmed the fish are that it looks at.
     """
 
     tank: Picture
@@ -43,6 +45,30 @@ class Instrument:
     extract: ExtractSettings
     features: FeatureSettings
     rate_hz: float
+    size: float = 1.0
+
+    def of_animations(self, size: float) -> "Instrument":
+        """The same for fish drawn so many times as large as filmed, which swim in still water.
+
+        It looks at them through a lens, which makes them as large as filmed, and their tank, too.
+        """
+        still = replace(self, features=replace(self.features, current=0.0), size=size)
+        if size == 1:
+            return still
+        width, height = (max(1, round(side / size)) for side in self.arena.shape[::-1])
+        return replace(
+            still,
+            tank=cv2.resize(self.tank, (width, height)),
+            arena=cv2.resize(self.arena, (width, height), interpolation=cv2.INTER_NEAREST),
+        )
+
+    def through_lens(self, edit: pd.DataFrame) -> pd.DataFrame:
+        """An edit list as it is looked at."""
+        if self.size == 1:
+            return edit
+        places = {name: (edit[name] + 0.5) / self.size - 0.5 for name in ("x_px", "y_px")}
+        scales = {name: edit[name] / self.size for name in ("scale", "partner_scale")}
+        return edit.assign(**places, **scales)
 
     @property
     def typical(self) -> Typical:
@@ -155,10 +181,9 @@ def swimming(
 
 def measure_list(
     open_pictures: Callable[[], AbstractContextManager[Gallery]],
-    instrument: Instrument,
-    work: tuple[pd.DataFrame, Sequence[int]],
+    work: tuple[Instrument, pd.DataFrame, Sequence[int]],
 ) -> pd.DataFrame:
     """An edit list with its cuts, drawn and measured: for a process of its own."""
-    edit, cuts = work
+    instrument, edit, cuts = work
     with open_pictures() as gallery:
-        return instrument.measure(placed(edit, gallery), cuts)
+        return instrument.measure(placed(instrument.through_lens(edit), gallery), cuts)

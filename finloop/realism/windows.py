@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.axes import ahead_left
+from finloop.features.current import through_water
 
 CHANNELS = ("forward", "sideways", "turning", "area")
 """Forward, sideways: body lengths/s; turning: °/s, + = left; area: of the film's largest."""
@@ -94,7 +95,7 @@ def channels(track: pd.DataFrame, rate_hz: float, largest: float) -> Floats:
     largest: motion area of the film's most bent fish.
     """
     length = float(track["body_length_px"].median())
-    travel = np.diff(track[["x_px", "y_px"]].to_numpy(float), axis=0) * (rate_hz / length)
+    travel = np.diff(through_water(track), axis=0) * (rate_hz / length)
     heading = np.unwrap(track["heading_deg"].to_numpy(float), period=360)
     angle = np.radians((heading[1:] + heading[:-1]) / 2)
     return np.column_stack([

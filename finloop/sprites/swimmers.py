@@ -8,6 +8,7 @@ import pandas as pd
 import scipy
 
 from finloop.base.arrays import Floats, Reals
+from finloop.features.current import through_water
 from finloop.sprites.settings import Settings
 
 
@@ -25,9 +26,8 @@ def swimmers(features: pd.DataFrame, tracks: pd.DataFrame, settings: Settings) -
     dx = (table["tail_x_px"] - table["head_x_px"]).to_numpy(float)
     dy = (table["tail_y_px"] - table["head_y_px"]).to_numpy(float)
     heading = of_track["heading_deg"].transform(lambda h: np.unwrap(h.to_numpy(float), period=360))
-    place = np.column_stack(
-        [of_track[side].transform(lambda x: smooth(x.to_numpy(float))) for side in ("x_px", "y_px")]
-    )
+    way = pd.DataFrame(through_water(table)).groupby(table["track_id"].to_numpy(), sort=False)
+    place = way.transform(lambda x: smooth(x.to_numpy(float))).to_numpy()
     travel = np.zeros_like(place)
     travel[:-1] = np.diff(place, axis=0)
     last = (of_track.cumcount(ascending=False) == 0).to_numpy()

@@ -9,7 +9,7 @@ from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
-from stages.edit import DATA, load_drawn, load_goals
+from stages.edit import DATA, load_drawn, load_goals, load_size
 from stages.gallery import open_gallery
 from stages.settings import load
 
@@ -21,7 +21,7 @@ def main() -> None:
     p: Settings = load("render")
     background = load_picture(DATA / "extract/background.png")
     drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
-    half_px = round(0.75 * drawn.scene.typical_length_px)
+    half_px = round(0.75 * load_size(p.mode) * drawn.scene.typical_length_px)
     edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
     with open_gallery(drawn) as gallery:
         for name, ticks in sheet_ticks(edit, drawn.tracks).items():

@@ -1,0 +1,61 @@
+"""A current past an animal that stays in its place: how fast it swims through the water.
+
+In a swim tunnel, or in a stream, a fish beats its tail and comes nowhere in the picture. What it
+does there is swimming: animated, it should move on as it would in still water.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Reals
+from finloop.features.memory import memory_frames
+
+_STAYS = 1.0  # body lengths; measured: trout, sunfish 0.03, a carp of 4 s 2.5
+_STEADY = 0.9  # length of the mean of all headings as unit vectors; trout, sunfish 1.0
+_LEAST_BEAT = 0.05  # body lengths from side to side; less may be noise
+_STROUHAL = 0.3  # of fish that cruise: tail beats/s × their width / speed (Taylor et al. 2003)
+_MOST_STRIDE = 0.7  # body lengths in a tail beat (Bainbridge 1958)
+_MEMORIES = 6.0  # in a beat: a sine is forgotten after a sixth of its period
+
+
+def measured_current(
+    places: Reals, heading_deg: Reals, tail: Reals, bent: Reals, tracks: Sequence[slice],
+    rate_hz: float,
+) -> float:  # fmt: skip
+    """Speed through the water, body lengths/s, of animals that stay in their places; else 0.
+
+    From how fast and how far the tail beats: fish that cruise do so at a Strouhal number of 0.3.
+    places (n, 2): in body lengths; tail (n,): its tip's offset from the head's axis, body lengths;
+    bent (n,): signed motion area; tracks: the rows of each.
+    """
+    if max(float(np.hypot(*np.ptp(places[one], axis=0))) for one in tracks) >= _STAYS:
+        return 0.0
+    if abs(np.exp(1j * np.radians(heading_deg)).mean()) < _STEADY:
+        return 0.0
+    wide = 2 * np.sqrt(2) * float(np.std(tail))  # of a sine, from side to side
+    if wide < _LEAST_BEAT:
+        return 0.0
+    track = np.repeat(np.arange(len(tracks)), [one.stop - one.start for one in tracks])
+    beats = rate_hz / (_MEMORIES * memory_frames(np.asarray(bent)[:, None], track))
+    return beats * min(wide / _STROUHAL, _MOST_STRIDE)
+
+
+def through_water(features: pd.DataFrame) -> Floats:
+    """Places (n, 2), px, of every row as if its track were swum in still water.
+
+    As filmed where there is no current (column `current`, body lengths/s); else moved on along the
+    heading. Only differences within a track have a meaning.
+    """
+    place = features[["x_px", "y_px"]].to_numpy(float)
+    current = features["current"].to_numpy(float)
+    if not current.any():
+        return place
+    length = features.groupby("track_id")["body_length_px"].transform("median").to_numpy(float)
+    heading = np.radians(features["heading_deg"].to_numpy(float))
+    time_s = features["time_s"].to_numpy(float)
+    far = current * length * np.diff(time_s, append=time_s[-1:])
+    steps = far[:, None] * np.column_stack([np.cos(heading), -np.sin(heading)])
+    before = np.cumsum(steps, axis=0) - steps
+    return np.asarray(place + before)
