@@ -41,7 +41,7 @@ from finloop.animate.edit_list import CUT, EDIT, FRAME, NETWORK, SPRITE, Goal
 from finloop.animate.joins import Shown, cross_fades
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.listing import play
-from finloop.animate.motion import SLIDE, STATES, TURN, learn
+from finloop.animate.motion import SLIDE, STATES, TURN, _ticks_to_turn, learn
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.sprites import plan_turn
 from finloop.animate.state import Waters
@@ -141,6 +141,17 @@ def test_the_edge_of_the_picture_is_a_wall():
     found = tank(np.ones((100, 100), bool), 20.0)
     assert not found.legal[:20].any() and not found.legal[:, -20:].any()
     assert found.legal[50, 50]
+
+
+@pytest.mark.parametrize(("rate", "ticks"), [(4.0, 30), (8.0, 15), (1.0, 75), (0.0, 75)])
+def test_how_long_a_fish_takes_to_turn_is_told_by_its_way_not_by_how_its_head_sways(rate, ticks):
+    p = settings("animate", ahead_turn=120.0, look_ahead=15.0)
+    at = np.arange(400)
+    steady = rate * at
+    assert _ticks_to_turn([steady, -steady], DELTA, p) == ticks
+    sways = steady + 20 * np.sin(np.pi * at / DELTA)  # by 40 deg to and fro, in Δ
+    assert abs(_ticks_to_turn([sways, steady], DELTA, p) - ticks) <= DELTA
+    assert _ticks_to_turn([steady[:2]], DELTA, p) == 15 * DELTA  # too short to tell
 
 
 def test_of_two_pools_the_larger_is_the_tank():

@@ -50,8 +50,7 @@ class ForecastSwimmer:
         turn_deg = float(np.degrees(1 / motion.rate_hz))
         fastest = brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px
         turning = brisk_of(np.abs(speed[:, 2]), p) * turn_deg
-        turn = min(p.ahead_turn / turning, waters.ticks(p.look_ahead))
-        horizon = max(2, waters.ticks(p.ahead), round(turn))
+        horizon = max(2, waters.ticks(p.ahead), motion.about)
         self.pace = Pace(
             px, turn_deg, horizon, fastest, turning, p.wall,
             waters.film.dear.copy(), wakes(sampler),

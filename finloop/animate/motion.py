@@ -8,7 +8,7 @@ swimming type, left or right; both sides are kept as turns to the left, as a fis
 Speeds are body lengths per second, distances body lengths, angles degrees, + = left.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -73,8 +73,9 @@ class Motion:
     """All that a fish needs to know to swim as the film does.
 
     straight_ticks: how long it swam between two turns. low, high: the range of its speeds.
-    brisk_deg: by how much it turns in a tick where it turns briskly, over Δ. body_length_px: as it
-    is drawn, `size` times as large as filmed.
+    brisk_deg: by how much it turns in a tick where it turns briskly, over Δ; about: ticks in which
+    it turns by `animate.ahead_turn` then. body_length_px: as drawn, `size` times as large as
+    filmed.
     """
 
     phases: Phases
@@ -83,6 +84,7 @@ class Motion:
     low: float
     high: float
     brisk_deg: float
+    about: int
     rate_hz: float
     delta: int
     body_length_px: float
@@ -163,7 +165,25 @@ def learn(features: pd.DataFrame, rate_hz: float, delta: int, settings: Settings
     if turns is None:
         raise _too_little("turning")
     between = np.array([last - first for _, _, first, last in straight], np.int32)
-    return Motion(phases, turns, between, float(low), float(high), brisk, rate_hz, delta, length)
+    about = _ticks_to_turn([c.heading_deg for c in courses], delta, settings)
+    return Motion(
+        phases, turns, between, float(low), float(high), brisk, about, rate_hz, delta, length
+    )
+
+
+def _ticks_to_turn(headings: Sequence[Floats], delta: int, settings: Settings) -> int:
+    """Ticks, whole Δ, in which a brisk fish turns by `ahead_turn`; as many as `look_ahead` at most.
+
+    headings: of each track, unwrapped. In a shorter time its head sways with the tail.
+    """
+    most = max(1, round(settings.look_ahead))
+    for times in range(1, most):
+        lag = times * delta
+        turned = [np.abs(one[lag:] - one[:-lag]) for one in headings]
+        every = np.concatenate(turned)
+        if len(every) and np.quantile(every, settings.brisk) >= settings.ahead_turn:
+            return lag
+    return most * delta
 
 
 def brisk_of(sizes: Floats, settings: Settings) -> float:
