@@ -8,6 +8,7 @@ one that fails, why. `--realism` asks for that stage, too.
 
 import argparse
 import re
+import shutil
 import sys
 import tempfile
 from collections import Counter
@@ -23,8 +24,10 @@ from hydra.core.override_parser.types import Quote, QuotedString
 from benchmarks.pipeline import ROOT, needed, prepare, stage
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
+from finloop.drawn.truth import TRUTH
 from finloop.io.movie import VideoWriter
-from finloop.io.table import save_csv
+from finloop.io.table import save_csv, save_table
+from finloop.io.video import TRUTH_NAME
 
 DRAWN: dict[str, dict[str, Any]] = {
     "1.4 s at 500 Hz": {"frames": 700, "frame_rate_hz": 500.0},
@@ -52,15 +55,26 @@ def spoilt(name: str, pictures: Iterator[np.ndarray]) -> Iterator[np.ndarray]:
 
 
 def overrides(name: str, folder: Path) -> list[str]:
-    """What is given of a drawn film: the drawing, or the path of a file that is written here."""
+    """What is given of a drawn film: the drawing, or the path of a file that is written here.
+
+    Beside that file lies the truth, of the film before it was spoilt.
+    """
     values = DRAWN[name]
     if "flickers" not in name and "shakes" not in name:
         return ["clip=carp", *(f"clip.{key}={value}" for key, value in values.items())]
     carp = settings("clip", source="carp", **values)
     path = folder / "film.mp4"
+    truth: list[dict[str, Any]] = []
+
+    def pictures() -> Iterator[np.ndarray]:
+        for picture, rows in film(carp):
+            truth.extend(rows)
+            yield np.asarray(picture)
+
     with VideoWriter(path, carp.width_px, carp.height_px, Fraction(_RATE), carp.colour) as writer:
-        for picture in spoilt(name, (np.asarray(one[0]) for one in film(carp))):
+        for picture in spoilt(name, pictures()):
             writer.write(picture)
+    save_table(path.with_name(TRUTH_NAME), pd.DataFrame(truth), TRUTH)
     return file_overrides(path)
 
 
@@ -74,7 +88,11 @@ def file_overrides(path: Path) -> list[str]:
 def ended(folder: Path, overridden: list[str], last: list[str]) -> dict[str, Any]:
     """Run the pipeline on a film: one row of the table."""
     prepare(folder, [*overridden, "animate.trials=4"])
-    numbers = {word: stage(folder, word) for word in needed(last)}
+    numbers = {}
+    for word in needed(last):
+        numbers[word] = stage(folder, word)
+        if word == "clip" and (truth := folder / TRUTH_NAME).is_file():
+            shutil.copyfile(truth, folder / "data/clip" / TRUTH_NAME)  # `features` compares with it
     features, swum = numbers["features"], numbers["animate"]
     row = {
         "rows": features["fish_frames"],

@@ -39,7 +39,7 @@ from finloop.extract.film import (
     tracks,
 )
 from finloop.extract.samples import survey
-from finloop.extract.segment import silhouettes
+from finloop.extract.segment import Ends, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.table import tracks_schema
 from finloop.extraction import sample_of
@@ -119,7 +119,7 @@ def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarra
     return [
         (s.mask, s.field)
         for frame in frames
-        for s in silhouettes(frame, scene, arena, 200, how.outline_share, how.shadow, fins="all")
+        for s in silhouettes(frame, scene, arena, 200, Ends(how.outline_share, how.shadow, "all"))
     ]
 
 

@@ -18,8 +18,9 @@ from finloop.base.arrays import Picture
 from finloop.base.errors import UndecodableError
 from finloop.base.parallel import Threads, Workers, ordered_map
 from finloop.extract import film
+from finloop.extract.background import Scene
 from finloop.extract.given import Followed, nothing_used
-from finloop.extract.samples import Verdict, survey
+from finloop.extract.samples import Typical, Verdict, survey
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.given_tracks import check_given, given_metrics, load_given, save_given
@@ -60,6 +61,13 @@ class Extraction(NamedTuple):
     lengths: Counter[int]
     given: dict[str, float]
     lost: list[int]
+
+
+def scene_facts(scene: Scene, typical: Typical, points: int) -> SceneFacts:
+    """What later stages are told about the tank and its fish. points: of a backbone."""
+    area, length, contrast, fins, thin = typical
+    levels = scene.polarity, scene.noise, scene.threshold
+    return SceneFacts(*levels, area, length, contrast, fins, points, thin)
 
 
 def extract(
@@ -114,7 +122,7 @@ def extract(
         if tracks and follower:
             raise nothing_used(tracks.given, follower, p.least_frames)
         raise film.nothing_followed(p, verdicts)
-    tank = SceneFacts(scene.polarity, scene.noise, scene.threshold, *typical, points=p.points)
+    tank = scene_facts(scene, typical, p.points)
     save_record(folder / SCENE_NAME, tank)
     save_picture(folder / BACKGROUND_NAME, scene.background)
     numbers = {}

@@ -54,7 +54,7 @@ from finloop.extract.film import (
     tracks,
 )
 from finloop.extract.samples import Typical, judge, survey, typical_fish
-from finloop.extract.segment import Silhouette, matte, measure, premultiplied, silhouettes
+from finloop.extract.segment import Ends, Silhouette, matte, measure, premultiplied, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.metrics import against_truth
@@ -115,7 +115,7 @@ WHOLE = np.full(SIZE, 255, np.uint8)
 
 def patches(frame, scene, arena=WHOLE, least=20.0, share=0.4, shadow=0.45):
     inside = arena[: frame.shape[0], : frame.shape[1]]
-    return list(silhouettes(frame, scene, inside, least, share, shadow, fins="all"))
+    return list(silhouettes(frame, scene, inside, least, Ends(share, shadow, "all")))
 
 
 # -- background ---------------------------------------------------------------------------------
@@ -604,7 +604,8 @@ def test_a_typical_fish_is_no_speck_and_no_pair():
     dirt = [silhouette(25.0)] * 60
     pairs = [silhouette(800.0)] * 3
     cut_off = [silhouette(200.0, at_border=True)] * 40
-    typical = typical_fish(school + dirt + pairs + cut_off, scene, SETTINGS)
+    typical, differ = typical_fish(school + dirt + pairs + cut_off, scene, SETTINGS)
+    assert differ == pytest.approx(np.sqrt(407 / 393) / 2 - 0.5, rel=0.5)
     assert typical.area_px == pytest.approx(400, rel=0.03)
     assert typical.contrast == pytest.approx(80, abs=3)
     assert typical.length_px == pytest.approx(8 * np.sqrt(400 / np.pi / 4), rel=0.03)

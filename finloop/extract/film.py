@@ -26,7 +26,7 @@ from finloop.extract.background import (
     sample_size,
 )
 from finloop.extract.samples import Typical, Verdict, judge
-from finloop.extract.segment import Fish, Silhouette, contour, measure, silhouettes
+from finloop.extract.segment import Ends, Fish, Silhouette, contour, measure, silhouettes
 from finloop.extract.settings import Settings
 from finloop.extract.tracks import Linker, Spot
 
@@ -93,9 +93,8 @@ class Detector:
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
         scene = in_light_of(scene, frame)
-        edges = settings.outline_share, settings.shadow
-        fins = self.typical.fins
-        patches = list(silhouettes(frame, scene, self.arena, least, *edges, fins=fins))
+        ends = Ends(settings.outline_share, settings.shadow, self.typical.fins, self.typical.thin)
+        patches = list(silhouettes(frame, scene, self.arena, least, ends))
         verdicts = [judge(s, self.typical, settings) for s in patches]
         fish = [
             measure(s, frame, scene, settings.points) if verdict == "fish" else None

@@ -8,6 +8,7 @@ and darker than the tank, what is darker than a shadow belongs to the silhouette
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -19,6 +20,7 @@ from finloop.extract.backbone import Backbone, ring, trace, upper_level
 from finloop.extract.background import Scene, difference
 from finloop.extract.fins import Fins, Pale, is_darker, nearest, pale_of, with_fins
 from finloop.extract.table import OUTLINE_POINTS
+from finloop.extract.thin import EDGE, with_thin_parts
 
 _PAD = 4  # px of tank kept around a silhouette, so that soft edges and tips stay inside the cut-out
 Edge = NDArray[np.int32]  # (n, 1, 2) x, y, px
@@ -64,23 +66,29 @@ class Fish:
     cutout: Picture
 
 
+class Ends(NamedTuple):
+    """Where silhouettes end.
+
+    share: of a fish's own contrast, at which its edge lies; shadow: the share of the tank's light
+    that a shadow takes at most; fins: which pale pixels beyond a silhouette belong to it; thin:
+    whether its thin parts reach on where they are pale (`finloop.extract.thin`).
+    """
+
+    share: float
+    shadow: float
+    fins: Fins = "none"
+    thin: bool = False
+
+
 def silhouettes(
-    frame: Picture,
-    scene: Scene,
-    arena: Picture,
-    least_area: float,
-    share: float,
-    shadow: float,
-    *,
-    fins: Fins,
+    frame: Picture, scene: Scene, arena: Picture, least_area: float, ends: Ends
 ) -> Iterator[Silhouette]:
     """Every patch of `frame` of at least `least_area` px² that stands out from the background.
 
     `scene` is in the light of the frame (`in_light_of`); `arena` (h, w) uint8 is 255 inside. The
-    edge of a patch lies at `share` of its own contrast; a shadow takes at most the share `shadow`
-    of the tank's light. The rectangle about a candidate may hold parts of others, which are left
-    out. fins: which pale pixels beyond a silhouette belong to it.
+    rectangle about a candidate may hold parts of others, which are left out.
     """
+    fins = ends.fins
     change = difference(frame, scene)
     height, width = change.shape
     for candidate in _candidates(change, arena, int(scene.threshold)):
@@ -91,11 +99,13 @@ def silhouettes(
         right, bottom = min(x + w + _PAD, width), min(y + h + _PAD, height)
         patch = change[top:bottom, left:right]
         contrast = upper_level(patch, scene.threshold, _CONTRAST)
-        level = max(int(scene.threshold), int(share * contrast))
+        level = max(int(scene.threshold), int(ends.share * contrast))
         above = cv2.threshold(patch, level, 255, cv2.THRESH_BINARY)[1]
+        if ends.thin:
+            above = with_thin_parts(above, patch, max(int(scene.threshold), int(EDGE * contrast)))
         if scene.polarity == "both":
             window = np.s_[top:bottom, left:right]
-            dark = _darker_than_shadows(frame[window], scene.background[window], shadow)
+            dark = _darker_than_shadows(frame[window], scene.background[window], ends.shadow)
             above = _with_dark_skin(above, dark & (patch > scene.threshold))
         parts = []
         for edge in cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)[0]:

@@ -29,6 +29,9 @@ class Settings:
     shadow: Share
     # what is paler than a silhouette's edge: keep, drop, or keep if it is fins, no shadow or gloom
     fins: Literal["auto", "keep", "drop"]
+    # thin parts that are paler than a silhouette's edge, like the tail of a mouse or a larva: keep,
+    # drop, or keep if lengths differ far less from frame to frame with them
+    thin: Literal["auto", "keep", "drop"]
     least_area_px: Annotated[float, Field(ge=4)]  # px²; smaller patches are never looked at
     least_area_ratio: Share  # of a typical fish's area; a smaller silhouette is no fish
     # of a typical fish's area; a larger silhouette is several fish that touch

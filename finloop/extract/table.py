@@ -12,8 +12,9 @@ GIVEN_NAME = "given.parquet"  # only where tracks are from a file
 class SceneFacts:
     """Facts about the tank and its fish, for later stages.
 
-    points: of a backbone. fins: which pale pixels beyond silhouettes cut-outs show. Contrast,
-    noise and threshold in grey levels of the difference image.
+    points: of a backbone. fins: which pale pixels beyond silhouettes cut-outs show; thin: whether
+    thin parts belong to silhouettes where they are pale. Contrast, noise and threshold in grey
+    levels of the difference image.
     """
 
     polarity: str
@@ -24,6 +25,7 @@ class SceneFacts:
     typical_contrast_grey: float
     fins: str
     points: int
+    thin: bool = False
 
 
 GIVEN = Schema(

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Picture
 from finloop.extract.background import Scene, in_light_of
 from finloop.extract.samples import Typical, judge
-from finloop.extract.segment import Silhouette, silhouettes
+from finloop.extract.segment import Ends, Silhouette, silhouettes
 from finloop.extract.settings import Settings
 from finloop.plots.parts import coloured, in_rows, write
 
@@ -35,8 +35,8 @@ def detections_picture(
     for frame, label in zip(frames, labels, strict=True):
         panel, scale = coloured(frame), frame.shape[1] / 900
         lit = in_light_of(scene, frame)
-        edges = settings.outline_share, settings.shadow
-        for s in silhouettes(frame, lit, arena, settings.least_area_px, *edges, fins="none"):
+        ends = Ends(settings.outline_share, settings.shadow, thin=typical.thin)
+        for s in silhouettes(frame, lit, arena, settings.least_area_px, ends):
             colour = _COLOURS[judge(s, typical, settings)]
             cv2.drawContours(panel, [_contour(s)], -1, colour, max(1, frame.shape[1] // 600))
         place, line = (int(12 * scale), int(30 * scale)), max(1, round(2 * scale))

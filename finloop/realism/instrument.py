@@ -79,6 +79,7 @@ class Instrument:
             facts.typical_length_px,
             facts.typical_contrast_grey,
             fins="none",
+            thin=facts.thin,
         )
 
     def detections(self, fish: Iterable[Placed]) -> Iterator[Detections]:

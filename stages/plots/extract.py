@@ -48,6 +48,7 @@ def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray
         record.typical_length_px,
         record.typical_contrast_grey,
         cast(Fins, record.fins),
+        record.thin,
     )
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
     numbers = np.linspace(0, facts.frames - 1, min(count, facts.frames)).round().astype(int)
