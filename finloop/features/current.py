@@ -12,8 +12,10 @@ import pandas as pd
 from finloop.base.arrays import Floats, Reals
 from finloop.features.memory import memory_frames
 
-_STAYS = 1.0  # body lengths; measured: trout, sunfish 0.03, a carp of 4 s 2.5
-_STEADY = 0.9  # length of the mean of all headings as unit vectors; trout, sunfish 1.0
+# Measured: sunfish 0.02, trout 0.03, a drawn shark in a current 0.31, a carp in a small tub 1.3.
+_STAYS = 1.0  # body lengths
+# Measured: trout, sunfish 1.00, the shark 0.99, the carp 0.34.
+_STEADY = 0.9  # length of the mean of all headings as unit vectors
 _LEAST_BEAT = 0.05  # body lengths from side to side; less may be noise
 _STROUHAL = 0.3  # of fish that cruise: tail beats/s × their width / speed (Taylor et al. 2003)
 _MOST_STRIDE = 0.7  # body lengths in a tail beat (Bainbridge 1958)
