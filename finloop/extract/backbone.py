@@ -64,7 +64,7 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
     `_NOTCH` of the largest half width. Not where that closes a ring: there head and tail are near.
     """
     picture = mask.view(np.uint8)
-    widest = float(cv2.distanceTransform(_rimmed(picture, 1), cv2.DIST_L2, 3).max())
+    widest = float(cv2.distanceTransform(rimmed(picture, 1), cv2.DIST_L2, 3).max())
     reach = int(_NOTCH * widest + 0.5)
     disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * reach + 1, 2 * reach + 1))
     closed = _closing(picture, disc)
@@ -77,11 +77,11 @@ def without_notches(mask: Mask, field: Picture) -> tuple[Mask, Picture]:
 def _closing(picture: Picture, disc: Picture) -> Picture:
     """The closing (h, w) of a picture in which nothing lies beyond the border."""
     (h, w), rim = picture.shape, len(disc) // 2
-    closed = cv2.morphologyEx(_rimmed(picture, rim), cv2.MORPH_CLOSE, disc)
+    closed = cv2.morphologyEx(rimmed(picture, rim), cv2.MORPH_CLOSE, disc)
     return closed[rim : rim + h, rim : rim + w].copy()
 
 
-def _rimmed(picture: Picture, rim: int) -> Picture:
+def rimmed(picture: Picture, rim: int) -> Picture:
     """A picture with a rim of 0. Unlike np.pad it leaves no cycles of references."""
     return np.asarray(cv2.copyMakeBorder(picture, rim, rim, rim, rim, cv2.BORDER_CONSTANT))
 
