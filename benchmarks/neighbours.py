@@ -25,12 +25,14 @@ from pynndescent import NNDescent
 
 from benchmarks.pipeline import ROOT
 from finloop.base.arrays import Ints
+from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.base.stretches import spread
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import open_cutouts
 from finloop.io.table import load_table
 from finloop.jumps.signature import parts, signatures
+from finloop.jumps.source import InMemory
 from finloop.nearest import Nearest, Vectors
 from finloop.reel import Reel
 from stages.poses import load_poses
@@ -46,8 +48,10 @@ def vectors_of(data: Path) -> Vectors:
     p = settings("jumps")
     with chdir(data.parent), open_cutouts(Path("data/extract/cutouts.arrow")) as film:
         features = load_table(Path("data/features/features.parquet"), FEATURES)
-        reel, poses = Reel(features, film), load_poses(features)
-        return signatures(parts(reel, poses, p), reel.step_ends, p)[0].astype(np.float32)
+        reel = Reel(features, film)
+        source = InMemory.of(reel, load_poses(features), p.look_px)
+        made = parts(source, p, Threads(THREADS))
+        return signatures(made, reel.step_ends, p)[0].astype(np.float32)
 
 
 def ours() -> Iterator[tuple[str, Search]]:

@@ -2,7 +2,9 @@
 
 `python -m benchmarks.speed` prints the table and writes benchmarks/speed.csv. Every pair is run in
 turn, A B A B …, and the median of the pairwise ratios is given, so that a machine whose speed
-drifts does not decide. Files are read and written as the stages do; pictures and start-up left out.
+drifts does not decide. Of zebrafish A files are read and written as the stages do; pictures and the
+start of Python are left out. Of a film ten times as long the two stages are run as commands, from
+start to end.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -10,6 +12,7 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from statistics import median
@@ -24,7 +27,7 @@ from skimage.graph import route_through_array
 from skimage.morphology import skeletonize
 
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.base.parallel import Threads
+from finloop.base.parallel import Processes, Threads, warm_up
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.extract.backbone import trace
@@ -46,12 +49,15 @@ from finloop.extraction import sample_of
 from finloop.features.table import FEATURES, features
 from finloop.features.table import Settings as FeatureSettings
 from finloop.io.film_writer import film_writer
+from finloop.io.movie import VideoWriter
 from finloop.io.table import load_table, save_table
-from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames
+from finloop.io.video import KEY_FRAME_EVERY, load_facts, read_frames, save_facts
 from finloop.io.wheel import cache_folder, zebrafish_clips
+from stages.extract import WORKERS_NEED
 from stages.run import THREADS
 
-PAIRS = 5
+PAIRS, LONG_PAIRS = 5, 3
+TIMES = 10  # as long as zebrafish A
 
 
 def timed(work: Callable[[], Any]) -> tuple[float, Any]:
@@ -61,11 +67,13 @@ def timed(work: Callable[[], Any]) -> tuple[float, Any]:
     return time.perf_counter() - start, result
 
 
-def paired(ours: Callable[[], Any], theirs: Callable[[], Any]) -> tuple[float, float, float, Any]:
+def paired(
+    ours: Callable[[], Any], theirs: Callable[[], Any], pairs: int = PAIRS
+) -> tuple[float, float, float, Any]:
     """Median seconds of both and median of the ratios ours / theirs; ours' result."""
     ours(), theirs()
     times = []
-    for _ in range(PAIRS):
+    for _ in range(pairs):
         mine, result = timed(ours)
         times.append((mine, timed(theirs)[0]))
     return (
@@ -98,7 +106,7 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     read = partial(read_frames, clip / "clip.mp4", colour=facts.colour, threads=1)
     detector = Detector(arena, typical, how)
     whole = Film(read, facts.frames, facts.frame_rate_hz, KEY_FRAME_EVERY)
-    found = detections(whole, scene, detector, Threads(THREADS))
+    found = detections(whole, scene, detector, Processes(THREADS))
     linked = tracks(decoded(found, []), typical, how, [start for start, _ in facts.segments[1:]])
     with film_writer(out, tracks_schema(how.points)) as write:
         for lot in batches(some for _, some in linked):
@@ -107,6 +115,27 @@ def extract_and_features(clip: Path, out: Path, how: Settings, then: FeatureSett
     measured, _ = features(table, facts.frame_rate_hz, then)
     save_table(out / "features.parquet", measured, FEATURES)
     return len(measured)
+
+
+def lengthened(folder: Path) -> None:
+    """Make the clip in a folder `TIMES` as long: it is shown again and again."""
+    clip = folder / "data/clip"
+    facts = load_facts(clip / "facts.json")
+    segments = [(k * facts.frames, (k + 1) * facts.frames) for k in range(TIMES)]
+    longer = replace(facts, frames=TIMES * facts.frames, segments=tuple(segments))
+    with VideoWriter.of(clip / "long.mp4", longer) as writer:
+        for _ in range(TIMES):
+            for frame in read_frames(clip / "clip.mp4"):
+                writer.write(frame)
+    (clip / "long.mp4").replace(clip / "clip.mp4")
+    save_facts(clip / "facts.json", longer)
+
+
+def both_stages(folder: Path) -> int:
+    """Run the stages `extract` and `features`; the number of fish-frames."""
+    fish = stage(folder, "extract")["fish_frames"]
+    stage(folder, "features")
+    return int(fish)
 
 
 def carp_outlines(count: int, how: Settings) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -154,6 +183,7 @@ def main() -> None:
     """Measure, print, write."""
     results = []
     cv2.setNumThreads(1)
+    warm_up(WORKERS_NEED)
     with tempfile.TemporaryDirectory() as folder:
         scratch = Path(folder)
         prepare(scratch, ["clip=zebrafish", "clip.parts=A"])
@@ -166,6 +196,12 @@ def main() -> None:
             )
             print(f"zebrafish A: {fish} fish-frames, {fish / mine:.0f} fish/s")
             results.append((f"extract + features / only decoding the {name}", mine, theirs, ratio))
+        lengthened(scratch)
+        long = partial(both_stages, scratch), partial(decode, clip / "clip.mp4")
+        mine, theirs, ratio, fish = paired(*long, LONG_PAIRS)
+        print(f"{TIMES} times as long: {fish} fish-frames, {fish / mine:.0f} fish/s")
+        results.append(("both stages as commands, of a film ten times as long / only decoding it",
+                        mine, theirs, ratio))  # fmt: skip
         outlines = carp_outlines(200, how)
         masks = [mask for mask, _ in outlines]
         for name, work in (

@@ -57,6 +57,9 @@ class Nearest:
             recall = _recall(index.search(some, _NEAREST + 1)[1], true)
         return cls(index, recall)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        return _restored, (faiss.serialize_index(self.index), self.recall)
+
     def search(self, queries: Floats | Vectors, count: int) -> Ints:
         """The numbers (k, count) of the vectors nearest to each query (k, d); −1: no more."""
         if count == 0:
@@ -81,6 +84,11 @@ class Nearest:
                 array[pending] = update
             pending = pending[~enough]
         return values
+
+
+def _restored(index: NDArray[np.uint8], recall: float) -> Nearest:
+    """What was pickled."""
+    return Nearest(faiss.deserialize_index(index), recall)
 
 
 def _recall(neighbours: Ints, true: Ints) -> float:

@@ -64,6 +64,7 @@ from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
 from finloop.jumps.film import FilmJumps, film_jumps
+from finloop.jumps.source import InMemory
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
 from finloop.mended import make_clip
@@ -215,7 +216,8 @@ def find_jumps(reel: Reel, poses: FilmPoses, **changes: Any) -> FilmJumps:
 
     `changes`: of `finloop.jumps.settings.Settings`.
     """
-    result = film_jumps(reel, poses, settings("jumps", **changes))
+    p = settings("jumps", **changes)
+    result = film_jumps(InMemory.of(reel, poses, p.look_px), p)
     return result._replace(jumps=as_loaded(result.jumps, JUMPS))
 
 

@@ -41,14 +41,14 @@ _UNUSED = {
     "places_not_isolated": "show no isolated animal",
     "places_in_short_runs": "are in runs shorter than extract.least_frames",
 }
-WORKERS_NEED = ["finloop.extract.film", "finloop.io.pieces"]
+WORKERS_NEED = ["finloop.extract.film", "finloop.extract.ready", "finloop.io.pieces"]
 """What the workers of a cluster import before they begin."""
 
 
 def main() -> None:
     """Make data/extract/, reports/extract/metrics.json and films.csv."""
     settings: Settings = load("extract")
-    with workers(WORKERS_NEED, threads=True) as crew, whole_folder(EXTRACT) as folder:
+    with workers(WORKERS_NEED) as crew, whole_folder(EXTRACT) as folder:
         if parts_of(CLIP):
             numbers, films = extract_films(CLIP, settings, crew, folder)
         else:

@@ -6,34 +6,28 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
-from finloop.io.mapped import new_array
 from finloop.io.record import save_record
-from finloop.io.table import load_table, save_table
+from finloop.io.table import save_table
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
-from finloop.jumps.visible import shape_of
-from finloop.reel import Reel
-from stages.poses import load_poses
+from stages.cluster import workers
+from stages.rows import StoredFilm
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/jumps"), Path("reports/jumps")
+OUT, REPORT = Path("data/jumps"), Path("reports/jumps")
+WORKERS_NEED = ["finloop.jumps.film", "stages.rows"]
 
 
 def main() -> None:
     """Make data/jumps/, reports/jumps/."""
     p: Settings = load("jumps")
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    with open_cutouts(DATA / "extract/cutouts.arrow") as film:
-        reel = Reel(features, film)
-        with whole_folder(OUT) as folder:
-            pictures = new_array(folder / "pictures.npy", shape_of(reel, p.look_px), "uint8")
-            with progress("jumps", len(reel), "rows") as advance:
-                result = film_jumps(reel, load_poses(features), p, advance, pictures)
-            save(folder, result)
+    with workers(WORKERS_NEED, threads=True) as crew, whole_folder(OUT) as folder:
+        source = StoredFilm(folder / "pictures.npy", p.look_px)
+        with progress("jumps", len(source.film()[0]), "rows") as advance:
+            result = film_jumps(source, p, crew, advance)
+        save(folder, result)
     save_metrics(REPORT / "metrics.json", result.numbers)
 
 

@@ -6,9 +6,11 @@ What a worker does is tested in this process; a cluster wants the extra `cluster
 import os
 import pickle
 import sys
-from contextlib import suppress
+from contextlib import contextmanager, nullcontext, suppress
+from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 from conftest import TINY_CARP
@@ -18,13 +20,16 @@ from scratch import content, prepare
 import stages.clip
 import stages.cluster
 import stages.extract
+import stages.jumps
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, ordered_map
+from finloop.base.parallel import ALONE, Processes, ordered_map
 from finloop.base.settings import settings
 from finloop.cluster import piece as at_worker
 from finloop.cluster import workers as at_client
 from finloop.cluster.piece import Call, Home, piece
 from finloop.cluster.workers import dask_workers
+from finloop.jumps import film as jumps_film
+from finloop.jumps import signature, visible
 
 START = "the command"
 needs_dask = pytest.mark.skipif(
@@ -196,6 +201,57 @@ def test_where_nobody_is_left_to_work_it_is_said(cluster, tmp_path, monkeypatch)
     for pipe in pipes:
         with suppress(OSError):  # ENXIO: nobody reads
             os.close(os.open(pipe, os.O_WRONLY | os.O_NONBLOCK))
+
+
+@pytest.fixture(scope="module")
+def posed(tmp_path_factory, tiny_run):
+    """A folder in which `pose` and all stages before it have run."""
+    folder = tmp_path_factory.mktemp("posed")
+    prepare(folder, *TINY_CARP)
+    tiny_run.bring(folder, ["pose"])
+    return folder
+
+
+class Posted:
+    """Workers to whom all is pickled, in this process."""
+
+    count, alone = 2, False
+
+    @contextmanager
+    def employ(self, work):
+        there = sent(work)
+        yield lambda item: Done(sent(there(sent(item))))
+
+
+class Done(NamedTuple):
+    """A piece of work that has been done already."""
+
+    made: object
+
+    def result(self):
+        return self.made
+
+
+def sent(what):
+    return pickle.loads(pickle.dumps(what))
+
+
+@pytest.mark.parametrize("where", ["posted", pytest.param("dask", marks=needs_dask)])
+def test_jumps_are_the_same_bytes_from_other_workers(posed, where, monkeypatch, request):
+    """By blocks of 50 rows, so that there are several; each worker opens the film anew."""
+    monkeypatch.chdir(posed)
+    for place in (signature, visible, jumps_film):
+        monkeypatch.setattr(place, "_LOT", 50)
+    crew = Posted()
+    if where == "dask":
+        cluster = request.getfixturevalue("cluster")
+        crew = replace(cluster, home=replace(cluster.home, folder=str(posed)))
+    made = []
+    for who in (ALONE, crew):
+        monkeypatch.setattr(stages.jumps, "workers", lambda *_, _who=who, **__: nullcontext(_who))
+        stages.jumps.main()
+        made.append((content(posed / "data/jumps"), content(posed / "reports/jumps")))
+    assert made[0] == made[1]
 
 
 @needs_dask

@@ -1,5 +1,7 @@
 """Nearest neighbours: of few vectors exactly, of many hardly one is missed."""
 
+import pickle
+
 import numpy as np
 import pytest
 
@@ -34,6 +36,14 @@ def test_of_many_vectors_hardly_a_neighbour_is_missed(vectors):
     found = made.search(vectors[some], 21)
     shares = [np.isin(one, other).mean() for one, other in zip(true, found, strict=True)]
     assert np.mean(shares) > 0.98
+
+
+@pytest.mark.parametrize("most", [1000, 10_000])
+def test_another_process_finds_the_same(vectors, most):
+    made = Nearest.of(vectors, most)
+    sent = pickle.loads(pickle.dumps(made))
+    assert sent.recall == made.recall
+    assert (sent.search(vectors, 20) == made.search(vectors, 20)).all()
 
 
 def test_where_more_are_asked_for_than_there_are_the_rest_is_none(vectors):

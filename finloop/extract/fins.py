@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Mask, Picture
+from finloop.base.kernel import kernel
 from finloop.extract.backbone import Backbone
 
 _REACH = 0.3  # of the diagonal of a silhouette's box; what is so far from the box is no fin
@@ -81,22 +82,36 @@ def with_fins(
     begins. levels: contrast and threshold, grey levels. alpha: of the silhouette, its first pixel
     at `corner`.
     """
-    (left, top), (h, w) = corner, alpha.shape
-    x, y, right, bottom = left - fins.x0, top - fins.y0, left - fins.x0 + w, top - fins.y0 + h
-    if fins.mask.any():
-        u, v, width, height = cv2.boundingRect(fins.mask.view(np.uint8))
-        x, y = min(x, max(u - _RIM, 0)), min(y, max(v - _RIM, 0))
-        right = max(right, min(u + width + _RIM, fins.mask.shape[1]))
-        bottom = max(bottom, min(v + height + _RIM, fins.mask.shape[0]))
-    mask, field = fins.mask[y:bottom, x:right], fins.field[y:bottom, x:right]
-    (contrast, threshold), level = levels, np.arange(256)
-    fading = np.clip(level / threshold - 1, 0, 1)
-    share = np.minimum(level * fading * (255 / contrast) + 0.5, 255).astype(np.uint8)
-    whole = np.asarray(cv2.LUT(field, share)) * mask
-    x, y = x + fins.x0, y + fins.y0
-    body = whole[top - y : top - y + h, left - x : left - x + w]
-    np.copyto(body, alpha, where=alpha > 0)
-    return whole, (x, y)
+    at = corner[0] - fins.x0, corner[1] - fins.y0
+    shown, x, y = _shown(alpha, at, fins.mask, fins.field, levels)
+    return shown, (x + fins.x0, y + fins.y0)
+
+
+@kernel
+def _shown(alpha, at, mask, field, levels):  # type: ignore[no-untyped-def]
+    """As `with_fins`, its first pixel too; at: the first pixel of `alpha`, x and y in the mask."""
+    (left, top), (contrast, threshold) = at, levels
+    (h, w), (height, width) = alpha.shape, mask.shape
+    x, y, right, bottom = left, top, left + w, top + h
+    for v in range(height):
+        for u in range(width):
+            if mask[v, u]:
+                x, right = min(x, max(u - _RIM, 0)), max(right, min(u + 1 + _RIM, width))
+                y, bottom = min(y, max(v - _RIM, 0)), max(bottom, min(v + 1 + _RIM, height))
+    share = np.empty(256, np.uint8)
+    for level in range(256):
+        fading = min(max(level / threshold - 1, 0.0), 1.0)
+        share[level] = int(min(level * fading * (255 / contrast) + 0.5, 255.0))
+    shown = np.zeros((bottom - y, right - x), np.uint8)
+    for v in range(bottom - y):
+        for u in range(right - x):
+            if mask[y + v, x + u]:
+                shown[v, u] = share[field[y + v, x + u]]
+    for v in range(h):
+        for u in range(w):
+            if alpha[v, u]:
+                shown[top - y + v, left - x + u] = alpha[v, u]
+    return shown, x, y
 
 
 def is_darker(film: Picture, tank: Picture) -> Mask:

@@ -28,6 +28,12 @@ def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     return made.view(np.ndarray)
 
 
+def keep_array(array: NDArray[Any]) -> None:
+    """What was written into an array of `new_array` is in its file, for other processes to open."""
+    assert isinstance(array.base, np.memmap)
+    array.base.flush()
+
+
 def open_array(path: Path, shape: tuple[int | None, ...], kind: str) -> NDArray[Any]:
     """A mapped array of a file. What is written into it stays in this process.
 

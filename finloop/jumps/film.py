@@ -1,20 +1,22 @@
 """The jumps of a film, how its rows look, and numbers about them."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.base.arrays import Ints
+from finloop.base.parallel import ALONE, Workers, ordered_map
 from finloop.features.table import delta_of
 from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.settings import Settings
 from finloop.jumps.sides import handedness, sides_apart
-from finloop.jumps.signature import Straight, parts, scaled, signatures
-from finloop.jumps.visible import Pictures, VisibleDistance
-from finloop.pose.film import FilmPoses
-from finloop.reel import Reel
+from finloop.jumps.signature import Straight, blocks, parts, scaled, signatures
+from finloop.jumps.source import Source
+from finloop.jumps.visible import VisibleDistance
 
 _LOT = 2000  # rows at a time
 
@@ -32,32 +34,29 @@ class FilmJumps(NamedTuple):
 
 
 def film_jumps(
-    reel: Reel, poses: FilmPoses, settings: Settings,
-    advance: Callable[[int], None] = lambda _: None, pictures: Pictures | None = None,
+    source: Source, settings: Settings, crew: Workers = ALONE,
+    advance: Callable[[int], None] = lambda _: None,
 ) -> FilmJumps:  # fmt: skip
-    """The jumps of a film. poses: of the reel's rows; advance(n): n more rows are done.
-
-    pictures: of `VisibleDistance.of`.
+    """The jumps of a film; `crew` works on some rows at a time, advance(n): n more are done.
 
     A fish whose sides differ is not mirrored, unless the settings say so.
     """
+    reel, _ = source.film()
     track = reel.features["track_id"].to_numpy()
-    row_parts = parts(reel, poses, settings)
+    row_parts = parts(source, settings, crew)
     block = max(1, round(settings.block * delta_of(reel.features)))
-    sides = sides_apart(Straight(reel, poses, settings.look_px), track)
+    sides = sides_apart(Straight(source, settings.look_px), track)
     hand = handedness(row_parts, block)
     alike = sides < settings.sides_most and hand < settings.handed_most
     mirror = settings.mirror == "yes" or (settings.mirror == "auto" and alike)
     values = signatures(row_parts, reel.step_ends, settings)
     least = max(1, round(settings.least * delta_of(reel.features)))
     search = Search.of(values, track, settings.candidates, least, mirror)
-    visible, tables = VisibleDistance.of(reel, poses, settings.look_px, pictures), []
-    for start in range(0, len(track), _LOT):
-        lot = np.arange(start, min(start + _LOT, len(track)))
-        near = search(lot)
-        tables.append(
-            best_jumps(near, visible.best(near, settings.neighbours), settings.neighbours)
-        )
+    visible, tables = VisibleDistance.of(source, crew), []
+    rows = blocks(len(track), _LOT)
+    best_of = partial(_best_jumps, source, search, visible.natural, settings.neighbours)
+    for lot, table in zip(rows, ordered_map(best_of, rows, crew), strict=True):
+        tables.append(table)
         advance(len(lot))
     jumps = pd.concat(tables, ignore_index=True)
     first, later = reel.step_ends
@@ -77,3 +76,12 @@ def film_jumps(
         "mirrored": float(mirror),
         "jumps_to_mirror_images_pct": 100 * float(jumps["mirrored"].mean()),
     })  # fmt: skip
+
+
+def _best_jumps(
+    source: Source, search: Search, natural: float, count: int, rows: Ints
+) -> pd.DataFrame:
+    """The `count` best jumps of rows. natural: of `VisibleDistance`."""
+    near = search(rows)
+    visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural)
+    return best_jumps(near, visible.best(near, count), count)

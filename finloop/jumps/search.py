@@ -1,10 +1,8 @@
 """The nearest neighbours of every row, mirror images too: the rows it can jump to."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
-import numba
 import numpy as np
 import pandas as pd
 
@@ -64,15 +62,7 @@ class Search:
         """
         rows = rows[some]
         near = np.sort(np.where(near < 0, -1, self.goals[near]), axis=1)
-        threads = numba.get_num_threads()
-        with ThreadPoolExecutor(threads) as pool:
-            results = pool.map(
-                lambda part: _minima(
-                    self.targets, self.track, rows[part], near[part], self.least, self.count
-                ),
-                np.array_split(np.arange(len(rows)), threads),
-            )
-            to, far = (np.concatenate(blocks) for blocks in zip(*results, strict=True))
+        to, far = _minima(self.targets, self.track, rows, near, self.least, self.count)
         return (to, far), np.isfinite(far[:, -1])
 
 

@@ -1,19 +1,21 @@
 """The signature of a row: the vector by which jumps are compared, for its mirror image too."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import svds
 
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.base.axes import ahead_left
+from finloop.base.parallel import Workers, ordered_map
 from finloop.base.stretches import spread
 from finloop.features.current import through_water
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings
-from finloop.pose.film import FilmPoses
+from finloop.jumps.source import Source
 from finloop.puppet import Pose, draw
 from finloop.reel import Reel
 
@@ -43,43 +45,51 @@ class Straight:
     That is the mean posture, which is its own mirror image. size: px across.
     """
 
-    reel: Reel
-    poses: FilmPoses
+    source: Source
     size: int
 
     def __call__(self, rows: NDArray[np.intp]) -> NDArray[np.float32]:
         """Pictures (k, size, size, c) of some rows. Upside down they are the mirror images."""
+        reel, poses = self.source.film()
         middle = (self.size - 1) / 2
         place = (np.array(number) for number in (middle, middle, 0.0, self.size / _SPAN))
-        target = Pose(*place, self.poses.shapes.mean)
-        film, size = self.reel.film, (self.size, self.size)
+        target, size = Pose(*place, poses.shapes.mean), (self.size, self.size)
         return np.stack([
-            draw(film[int(row)], self.poses.pose[row], target, size, sharp=False) for row in rows
+            draw(reel.film[int(row)], poses.pose[row], target, size, sharp=False) for row in rows
         ])  # fmt: skip
 
 
-def _components(straight: Straight, count: int) -> Floats:
+def _components(straight: Straight, n: int, count: int, crew: Workers) -> Floats:
     """Principal components (2, n, count) of straight pictures and of their mirror images."""
-    n = len(straight.reel)
     sample = straight(spread(np.arange(n), _SAMPLE))
     both = np.concatenate([sample, sample[:, ::-1]]).reshape(2 * len(sample), -1)
     mean = both.mean(0)
     count = min(count, min(both.shape) - 1)
     axes = svds((both - mean).astype(float), count, random_state=0)[2][::-1].T
-    lots = []
-    for start in range(0, n, _LOT):
-        lot = straight(np.arange(start, min(start + _LOT, n)))
-        sides = (lot, lot[:, ::-1])
-        lots.append(np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides]))
-    return np.concatenate(lots, axis=1).astype(float)
+    lots = ordered_map(partial(_along, straight, mean, axes), blocks(n, _LOT), crew)
+    return np.concatenate(list(lots), axis=1).astype(float)
 
 
-def parts(reel: Reel, poses: FilmPoses, settings: Settings) -> Parts:
-    """The parts of all rows; poses: of the reel's rows."""
+def _along(straight: Straight, mean: Reals, axes: Floats, rows: Ints) -> Floats:
+    """Straight pictures of rows (k,) and their mirror images along some axes, (2, k, count)."""
+    lot = straight(rows)
+    sides = (lot, lot[:, ::-1])
+    return np.stack([(side.reshape(len(lot), -1) - mean) @ axes for side in sides])
+
+
+def blocks(n: int, most: int) -> list[Ints]:
+    """The rows 0 … n − 1, `most` at a time."""
+    return np.split(np.arange(n), range(most, n, most))
+
+
+def parts(source: Source, settings: Settings, crew: Workers) -> Parts:
+    """The parts of all rows."""
+    reel, poses = source.film()
     span = max(1, round(delta_of(reel.features) / 4))
     pose = np.stack([poses.codes, poses.codes @ poses.shapes.mirror])
     change = np.stack([slope(codes, reel.goes_on, span) for codes in pose])
-    look = _components(Straight(reel, poses, settings.look_px), settings.look_numbers)
+    straight = Straight(source, settings.look_px)
+    look = _components(straight, len(reel), settings.look_numbers, crew)
     return Parts(pose, change, film_motion(reel, span), look)
 
 

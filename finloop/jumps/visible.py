@@ -1,29 +1,22 @@
 """The visible distance at a jump: a row drawn in the pose of another, against that one (Eq. 5)."""
 
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numba
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.parallel import Workers, ordered_map
 from finloop.distance.picture import SPAN, apart
-from finloop.pose.film import FilmPoses
+from finloop.jumps.signature import blocks
+from finloop.jumps.source import Pictures, Source
 from finloop.puppet import draw
 from finloop.puppet.pairs import PictureSet, apart_in_pose, nearest_in_pose
-from finloop.reel import Reel
-
-Pictures = NDArray[np.uint8]
 
 _LOT = 1000  # pictures at a time
-
-
-def shape_of(reel: Reel, size: int) -> tuple[int, ...]:
-    """The shape (n, s, s, c) of pictures of all rows, `size` px across."""
-    return len(reel), size, size, reel.film[0].pixels.shape[2]
 
 
 @dataclass(frozen=True)
@@ -39,20 +32,14 @@ class VisibleDistance:
     natural: float
 
     @classmethod
-    def of(
-        cls, reel: Reel, poses: FilmPoses, size: int, pictures: Pictures | None = None
-    ) -> "VisibleDistance":
-        """Draw the rows of a reel, `size` px across; poses: of the same rows.
-
-        pictures: where they are drawn, for a long film a mapped file; None: in memory.
-        """
-        middle, length = (size - 1) / 2, size / SPAN
-        if pictures is None:
-            pictures = np.empty(shape_of(reel, size), np.uint8)
-        there = poses.pose.at(middle, middle, 0.0, length)
-        for row in range(len(reel)):
-            picture = draw(reel.film[row], poses.pose[row], there[row], (size, size), sharp=False)
-            pictures[row] = np.round(255 * picture).clip(0, 255)
+    def of(cls, source: Source, crew: Workers) -> "VisibleDistance":
+        """Draw the rows of a film into the room that it has for its pictures."""
+        reel, poses = source.film()
+        pictures, rows = source.pictures(), blocks(len(reel), _LOT)
+        drawn = ordered_map(partial(_drawn, source, pictures.shape[1]), rows, crew)
+        for lot, of_lot in zip(rows, drawn, strict=True):
+            pictures[lot] = of_lot
+        source.keep()
         ends = np.stack(reel.step_ends)
         step = [
             apart(*pictures[some].astype(np.float32) / 255)
@@ -67,7 +54,9 @@ class VisibleDistance:
         mirrored = np.asarray(mirrored, bool)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
         parts = np.array_split(np.arange(len(rows)), numba.get_num_threads())
-        return self._of_all(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
+        with ThreadPoolExecutor(len(parts)) as pool:  # a kernel holds no lock
+            steps = pool.map(lambda k: apart_in_pose(film, rows[k], to[k], mirrored[k]), parts)
+            return np.concatenate(list(steps)) / self.natural
 
     def best(self, near: pd.DataFrame, count: int) -> Floats:
         """Natural steps (k,) of the jumps `near`: columns row, to, mirrored, far.
@@ -80,17 +69,18 @@ class VisibleDistance:
         mirrored, far = near["mirrored"].to_numpy(bool), near["far"].to_numpy(float)
         film = PictureSet(self.pictures, self.postures, self.pictures.shape[1] / SPAN)
 
-        def of_some(k: Ints) -> Floats:
-            to_rows = to[k], mirrored[k], far[k]
-            return nearest_in_pose(film, rows[k], to_rows, self.natural, count)
+        steps = nearest_in_pose(film, rows, (to, mirrored, far), self.natural, count)
+        return np.where(steps < 0, np.inf, steps / self.natural)
 
-        starts = np.flatnonzero(np.diff(rows, prepend=-1))
-        few = np.array_split(starts, numba.get_num_threads())[1:]
-        parts = np.split(np.arange(len(rows)), [lot[0] for lot in few if len(lot)])
-        steps = self._of_all(of_some, parts)
-        return np.where(steps < 0, np.inf, steps)
 
-    def _of_all(self, of_some: Callable[[Ints], Floats], parts: list[Ints]) -> Floats:
-        """Natural steps of all pairs, by threads: a kernel holds no lock."""
-        with ThreadPoolExecutor(len(parts)) as pool:
-            return np.concatenate(list(pool.map(of_some, parts))) / self.natural
+def _drawn(source: Source, size: int, rows: Ints) -> Pictures:
+    """Pictures (k, size, size, c) of rows (k,) in their own postures, headed right."""
+    reel, poses = source.film()
+    middle, length, shape = (size - 1) / 2, size / SPAN, (size, size)
+    own = poses.pose[rows]
+    there = own.at(middle, middle, 0.0, length)
+    pictures = np.stack([
+        draw(reel.film[row], own[k], there[k], shape, sharp=False)
+        for k, row in enumerate(rows.tolist())
+    ])  # fmt: skip
+    return np.round(255 * pictures).clip(0, 255).astype(np.uint8)
