@@ -5,13 +5,16 @@ import gc
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 from concurrent.futures import ProcessPoolExecutor
 from fractions import Fraction
 
 import cv2
 import numpy as np
+import psutil
 import pytest
-from conftest import wait_for
+from conftest import ROOT, wait_for
 from jobs import (
     after_the_next,
     cannot_read,
@@ -100,6 +103,33 @@ def test_no_more_is_worked_ahead_than_a_result_for_each_worker(workers, tmp_path
         next(results)
         most = taken + workers.count + 1
         assert not wait_for(lambda most=most: len(list(tmp_path.iterdir())) > most, 0.02)
+
+
+EMPLOYER = """
+from pathlib import Path
+from finloop.base.parallel import Processes, ordered_map, warm_up
+from jobs import notes_itself_and_waits
+if __name__ == "__main__":
+    warm_up(["jobs"])
+    list(ordered_map(notes_itself_and_waits, [Path("a"), Path("b")], Processes(2)))
+"""
+
+
+def test_workers_end_with_who_employs_them(tmp_path):
+    """By kill -9, which leaves it no time to say so."""
+    notes = [tmp_path / "a.pid", tmp_path / "b.pid"]
+    for note in notes:
+        os.mkfifo(note.with_suffix(""))
+    (tmp_path / "employer.py").write_text(EMPLOYER)
+    path = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
+    employer = subprocess.Popen(
+        [sys.executable, "employer.py"], cwd=tmp_path, env=os.environ | {"PYTHONPATH": path}
+    )
+    assert wait_for(lambda: all(note.exists() and note.read_text() for note in notes), 20)
+    workers = [psutil.Process(int(note.read_text())) for note in notes]
+    employer.kill()
+    employer.wait()
+    assert not psutil.wait_procs(workers, 10)[1]
 
 
 def test_who_stops_early_does_not_wait_for_the_rest(tmp_path):

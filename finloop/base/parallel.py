@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 import cv2
 
 from finloop.base.errors import FinloopError
-from finloop.base.process import die_with_parent
+from finloop.base.process import end_with_employer
 
 A = TypeVar("A")
 B = TypeVar("B")
@@ -186,7 +186,7 @@ def ended(workers: int) -> FinloopError:
 
 
 def _begin() -> None:
-    """In a worker: leave Ctrl-C to the parent, end with it, and use one thread."""
+    """In a worker: leave Ctrl-C to its employer, end with it, and use one thread."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    die_with_parent()
+    end_with_employer()
     cv2.setNumThreads(1)
