@@ -36,7 +36,7 @@ class Nearest:
     recall: float
 
     @classmethod
-    def of(cls, vectors: Vectors, most: int = MOST) -> "Nearest":
+    def of(cls, vectors: Floats | Vectors, most: int = MOST) -> "Nearest":
         """Vectors, put into cells where there are more than `most`."""
         vectors = np.ascontiguousarray(vectors, np.float32)
         m, d = vectors.shape
@@ -84,6 +84,16 @@ class Nearest:
                 array[pending] = update
             pending = pending[~enough]
         return values
+
+
+def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
+    """The part (n,), 0 … p − 1, of each row of a film: stretches of rows in turn, spread over it.
+
+    A part has about `most` rows at most. In a film of hours the nearest rows of a row are so near
+    that all go on alike. In a part of it they lie as in a short film, and go on in different ways.
+    """
+    count = max(1, -(-n // most))
+    return np.arange(n) // stretch % count
 
 
 def _restored(index: NDArray[np.uint8], recall: float) -> Nearest:

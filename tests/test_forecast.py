@@ -5,6 +5,7 @@ The law by which it bends and swims, and so its spread, is written down in toy_s
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ from finloop.forecast.sampling import (
     step,
     ways,
 )
+from finloop.nearest import parts_of
 
 
 @pytest.fixture(scope="module")
@@ -231,6 +233,21 @@ def test_similar_rows_do_not_depend_on_how_many_are_looked_at_at_a_time(film, mo
     assert len(film.rows) > 100
     for one, other in zip(whole, similar_rows(film, plain(film), seen, HOW), strict=True):
         assert np.array_equal(one, other)
+
+
+def test_neighbours_in_a_long_film_are_of_a_part_of_it(film, monkeypatch):
+    """Each turn of rows has another part, so that every part is reached."""
+    monkeypatch.setattr(neighbours, "parts_of", partial(parts_of, most=film.count // 3))
+    monkeypatch.setattr(neighbours, "_TURN", 50)
+    monkeypatch.setattr(neighbours, "_LOT", 25)
+    part = neighbours.parts_of(film.count, neighbours._STRETCH * film.delta)
+    parts, order = 1 + int(part.max()), np.empty(len(film.states), int)
+    order[film.rows] = np.arange(len(film.rows))
+    assert parts >= 3
+    pairs = np.concatenate([*neighbours._similar(film, plain(film), HOW)])
+    turn = order[pairs[:, 0]] // 50 % parts
+    assert (part[pairs[:, 1] % film.count] == turn).all()
+    assert len(np.unique(turn)) == parts
 
 
 def test_a_sampler_takes_means_that_were_foretold_before(film, learnt, swim):

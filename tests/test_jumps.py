@@ -1,5 +1,8 @@
 """Jumps to nearest neighbours: against every pair, one a passage, and mirror images alike."""
 
+from functools import partial
+from types import SimpleNamespace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -12,11 +15,14 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.planner import BODY
 from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
+from finloop.jumps import search
+from finloop.jumps.film import _best_jumps
 from finloop.jumps.search import Search, best_jumps
 from finloop.jumps.sides import handedness, sides_apart
 from finloop.jumps.signature import Parts, signatures
 from finloop.jumps.table import JUMPS
 from finloop.jumps.visible import VisibleDistance
+from finloop.nearest import parts_of
 
 COUNT, LEAST = 5, 8
 
@@ -72,6 +78,58 @@ def test_a_rest_is_no_more_neighbours_than_it_has_passages(rng):
     first = made[made["row"] < 30].groupby("row")["to"]
     assert first.apply(lambda to: to.between(190, 219).any()).all()
     assert made.groupby("row")["to"].apply(lambda to: np.diff(np.sort(to)).min()).min() >= LEAST
+
+
+class Nothing:
+    """A film of which no picture is looked at."""
+
+    def pictures(self):
+        return np.zeros((0, 8, 8, 2), np.uint8)
+
+    def film(self):
+        return None, SimpleNamespace(pose=SimpleNamespace(posture=np.zeros((0, 2))))
+
+
+def of_parts(monkeypatch, most: int) -> None:
+    """A film of so many rows is long."""
+    monkeypatch.setattr(search, "parts_of", partial(parts_of, most=most))
+
+
+def test_in_a_part_of_the_film_are_the_nearest_that_lie_there(rng, monkeypatch):
+    of_parts(monkeypatch, 60)
+    values, track = walk(rng), np.zeros(160, int)
+    made, whole = (Search.of(values, track, count, LEAST) for count in (COUNT, 160))
+    assert made.parts == 3
+    rows, every = np.arange(160), whole(np.arange(160))
+    for part in range(3):
+        few = made.in_part(rows, part)
+        assert (made.part[few["to"]] == part).all() and set(few["row"]) == set(rows)
+        for row, own in few.groupby("row"):
+            there = every[(every["row"] == row) & (made.part[every["to"]] == part)]
+            assert own["far"].min() <= there["far"].min()
+
+
+def test_jumps_of_a_long_film_lead_to_the_nearest_rows_and_to_others(rng, monkeypatch):
+    """Ten times the same film, which differ by less than a hundredth of a step."""
+    one = walk(rng)[0]
+    own = np.concatenate([one + rng.normal(0, 1e-3, one.shape) for _ in range(10)])
+    values, track = np.stack([own, own]), np.repeat(np.arange(10), len(one))
+    monkeypatch.setattr(VisibleDistance, "best", lambda self, near, count: 0 * near["far"])
+    made = {}
+    for most in (2000, 160):
+        of_parts(monkeypatch, most)
+        look = Search.of(values, track, 10, LEAST, mirror=False)
+        made[most] = _best_jumps(Nothing(), look, 1.0, (8, 3), np.arange(len(track)))
+    # The nearest are all of the same moment, after which all goes on alike.
+    elsewhere = {
+        most: (jumps["to"] % len(one) - jumps["row"] % len(one)).abs() >= LEAST
+        for most, jumps in made.items()
+    }
+    assert elsewhere[2000].mean() < 0.05 and elsewhere[160].mean() > 0.4
+    nearest = made[160].groupby("row")["seam"].min() - made[2000].groupby("row")["seam"].min()
+    assert nearest.abs().max() == 0
+    assert not made[160].duplicated(["row", "to", "mirrored"]).any()
+    assert made[160]["row"].is_monotonic_increasing
 
 
 def test_a_film_too_short_to_go_on_has_no_jump(rng):

@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from finloop.nearest import RECALL, Nearest
+from finloop.nearest import RECALL, Nearest, parts_of
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +44,15 @@ def test_another_process_finds_the_same(vectors, most):
     sent = pickle.loads(pickle.dumps(made))
     assert sent.recall == made.recall
     assert (sent.search(vectors, 20) == made.search(vectors, 20)).all()
+
+
+@pytest.mark.parametrize(("n", "parts"), [(1, 1), (100, 1), (101, 2), (950, 10)])
+def test_the_parts_of_a_film_are_stretches_spread_over_it(n, parts):
+    made = parts_of(n, 10, most=100)
+    assert set(made) == set(range(parts))
+    assert np.bincount(made).max() <= 100 + 10
+    edges = np.flatnonzero(np.diff(made)) + 1
+    assert (edges % 10 == 0).all() and (parts == 1 or len(edges) == (n - 1) // 10)
 
 
 def test_where_more_are_asked_for_than_there_are_the_rest_is_none(vectors):

@@ -8,6 +8,7 @@ film it costs nothing.
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numba
@@ -75,8 +76,12 @@ class Rarity:
     @property
     def dear(self) -> Floats:
         """Ticks (n,) that showing all rows up to each costs, beyond their mean."""
-        each = self.price(self.steps)
-        return (each - each.mean()).cumsum()
+        return (self._each - self._each.mean()).cumsum()
+
+    @cached_property
+    def _each(self) -> Floats:
+        """Ticks (n,) that the step to each row costs."""
+        return self.price(self.steps)
 
     def of_joins(self, rows: Ints, far: Floats) -> Floats:
         """Ticks (k,) that it costs to go on at rows (k,), beside what they cost themselves.
@@ -85,9 +90,8 @@ class Rarity:
         images.
         """
         soon = (rows[:, None] + np.arange(1, 1 + _SOON)) % len(self.steps)
-        steps = self.steps[soon]
-        more = self.price(steps + self.pull * far[:, None]) - self.price(steps)
-        return more.sum(1)
+        steps = self.steps[soon] + self.pull * far[:, None]
+        return (self.price(steps) - self._each[soon]).sum(1)
 
 
 def movement(pose: Pose) -> Movement:

@@ -10,7 +10,8 @@ relation is made symmetric, and a step to a row with more neighbours is taken le
 """
 
 from collections.abc import Callable, Iterator
-from functools import partial
+from functools import lru_cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +21,11 @@ from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.settings import Settings
-from finloop.nearest import Nearest
+from finloop.nearest import MOST, Choice, Nearest, parts_of
 
 _LOT = 512  # rows at a time
+_TURN = 4096  # rows whose neighbours are of one part of a long film
+_STRETCH = 20  # Δ, of film that is all of one part
 _BLOCK = 50_000  # rows at a time in the embedding
 _SPARE = 2  # times `count`: rows of different passages that are drawn for `count` that look alike
 _NEAR = 8  # times as many nearest rows that look alike are examined for these, ...
@@ -94,20 +97,36 @@ def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
     """Pairs (k, 2) of the film's own rows, rising, and similar rows, the most similar first.
 
     The rows after a pair look alike. A row has up to `_SPARE` · `p.neighbours` of them, each of
-    another passage. They come lot by lot of the rows.
+    another passage. They come lot by lot of the rows. Of a film of several parts (`parts_of`) the
+    neighbours of a row are of one of them, of some thousand rows later of another one.
     """
     rows, count, n = film.rows, p.neighbours, int((film.rows < film.count).sum())
     passage, near = max(film.delta, round(film.memory)), _NEAR * _SPARE * count
     space, looks = _space(film, rows, p.fade), np.asarray(look)[rows + 1]
     looks = (looks - looks.mean(0)).astype(np.float32)
-    index, limits = Nearest.of(space), (near, passage, _SPARE * count)
+    limits = near, passage, _SPARE * count
+    part = parts_of(film.count, _STRETCH * film.delta)[rows % film.count]
+    parts = 1 + int(part.max())
+
+    @lru_cache(1)
+    def of_part(number: int) -> tuple[Ints, Nearest]:
+        some = np.flatnonzero(part == number)
+        return some, Nearest.of(space[some], MOST if parts == 1 else len(some))
+
     for first in range(0, n, _LOT):
         lot = np.arange(first, min(first + _LOT, n))
-        (choice,) = index.choose(
-            space[lot], near, partial(_passages, rows, lot, (looks, p.look), limits), _MOST
-        )
+        some, index = of_part(first // _TURN % parts)
+        choose = partial(_passages, rows, lot, (looks, p.look), limits)
+        (choice,) = index.choose(space[lot], near, partial(_numbered, some, choose), _MOST)
         at, place = np.nonzero(choice >= 0)
         yield np.column_stack([rows[lot[at]], choice[at, place]])
+
+
+def _numbered(
+    some: Ints, choose: Choice, queries: Ints, near: Ints
+) -> tuple[tuple[NDArray[Any], ...], Mask]:
+    """What is chosen, where `near` are numbers into `some` rows alone."""
+    return choose(queries, np.where(near < 0, -1, some[near]))
 
 
 def _alike(pairs: Ints, count: int, visible: VisibleDistance, p: Settings) -> Ints:

@@ -54,7 +54,8 @@ def film_jumps(
     search = Search.of(values, track, settings.candidates, least, mirror)
     visible, tables = VisibleDistance.of(source, crew), []
     rows = blocks(len(track), _LOT)
-    best_of = partial(_best_jumps, source, search, visible.natural, settings.neighbours)
+    counts = settings.neighbours, min(settings.nearest, settings.neighbours)
+    best_of = partial(_best_jumps, source, search, visible.natural, counts)
     for lot, table in zip(rows, ordered_map(best_of, rows, crew), strict=True):
         tables.append(table)
         advance(len(lot))
@@ -79,9 +80,23 @@ def film_jumps(
 
 
 def _best_jumps(
-    source: Source, search: Search, natural: float, count: int, rows: Ints
+    source: Source, search: Search, natural: float, counts: tuple[int, int], rows: Ints
 ) -> pd.DataFrame:
-    """The `count` best jumps of rows. natural: of `VisibleDistance`."""
-    near = search(rows)
+    """The best jumps of rows. natural: of `VisibleDistance`.
+
+    counts: how many; and of a film of several parts, how many of them lead to the nearest rows of
+    all. The others lead to one part, each time to another one.
+    """
     visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural)
-    return best_jumps(near, visible.best(near, count), count)
+    (count, few), parts = counts, search.parts
+
+    def best(near: pd.DataFrame, most: int) -> pd.DataFrame:
+        return best_jumps(near, visible.best(near, most), most)
+
+    if parts == 1 or few == count:
+        return best(search(rows), count)
+    part = int(rows[0]) // _LOT % parts
+    both = pd.concat([best(search(rows), few), best(search.in_part(rows, part), count - few)])
+    return both.drop_duplicates(["row", "to", "mirrored"]).sort_values(
+        ["row", "seam", "to"], ignore_index=True
+    )

@@ -9,8 +9,9 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel
 from finloop.jumps.table import JUMPS
-from finloop.nearest import Nearest
+from finloop.nearest import Nearest, parts_of
 
+_STRETCH = 8  # times `least`: rows of a stretch, which are all of one part of the film
 _SPARE = 8  # times as many nearest rows are looked at, at first, for `count` passages
 
 
@@ -22,13 +23,15 @@ class Search:
     leads neither into the last `least` rows of a track nor within `least` rows of its own place.
 
     targets (m, d): of the n rows, and of their mirror images where these are looked at; goals:
-    numbers of those that can be jumped to, which are in `index`. track (n,): rising.
+    numbers of those that can be jumped to, which are in `index`. track (n,): rising; part (n,): of
+    `parts_of`.
     """
 
     targets: Floats
     goals: Ints
     index: Nearest
     track: Ints
+    part: Ints
     count: int
     least: int
 
@@ -40,28 +43,44 @@ class Search:
         targets = np.ascontiguousarray(values[: 1 + mirror].reshape(-1, values.shape[-1]))
         stays = np.searchsorted(track, track, "right") - 1 - np.arange(len(track)) >= least
         goals = np.flatnonzero(np.tile(stays, 1 + mirror))
-        index = Nearest.of(targets[goals].astype(np.float32))
-        return cls(targets, goals, index, np.asarray(track), count, least)
+        index = Nearest.of(targets[goals])
+        part = parts_of(len(track), _STRETCH * least)
+        return cls(targets, goals, index, np.asarray(track), part, count, least)
+
+    @property
+    def parts(self) -> int:
+        """The number of parts that the film has."""
+        return 1 + int(self.part.max())
 
     def __call__(self, rows: Ints) -> pd.DataFrame:
         """Neighbours of rows (k,), rising: row, to, mirrored, far; the nearest first."""
-        to, far = self.index.choose(
-            self.targets[rows], _SPARE * self.count, partial(self._passages, rows)
-        )
+        return self._nearest(rows, self.goals, self.index)
+
+    def in_part(self, rows: Ints, part: int) -> pd.DataFrame:
+        """The same, of the neighbours in one part of the film."""
+        goals = self.goals[self.part[self.goals % len(self.track)] == part]
+        return self._nearest(rows, goals, Nearest.of(self.targets[goals], len(goals)))
+
+    def _nearest(self, rows: Ints, goals: Ints, index: Nearest) -> pd.DataFrame:
+        """Neighbours of rows among some goals, which are in an index."""
+        choice = partial(self._passages, rows, goals)
+        to, far = index.choose(self.targets[rows], _SPARE * self.count, choice)
         at, place = np.nonzero(np.isfinite(far))
         to, n = to[at, place], len(self.track)
         return pd.DataFrame(
             {"row": rows[at], "to": to % n, "mirrored": to >= n, "far": far[at, place]}
         )
 
-    def _passages(self, rows: Ints, some: Ints, near: Ints) -> tuple[tuple[Ints, Floats], Mask]:
+    def _passages(
+        self, rows: Ints, goals: Ints, some: Ints, near: Ints
+    ) -> tuple[tuple[Ints, Floats], Mask]:
         """Targets (k, count) of different passages with their distances, ∞ where there is none.
 
         near (k, l): numbers of the goals nearest to rows[some] (k,). The mask (k,) is True where
         all `count` targets are there.
         """
         rows = rows[some]
-        near = np.sort(np.where(near < 0, -1, self.goals[near]), axis=1)
+        near = np.sort(np.where(near < 0, -1, goals[near]), axis=1)
         to, far = _minima(self.targets, self.track, rows, near, self.least, self.count)
         return (to, far), np.isfinite(far[:, -1])
 

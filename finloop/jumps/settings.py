@@ -12,6 +12,9 @@ class Settings:
 
     candidates: Count  # nearest frames of every frame that are drawn, one a passage of the film
     neighbours: Count  # of these, the jumps of a frame: those with the least seams
+    # of a film of more than 20,000 rows, the jumps to the nearest frames of all: these go on much
+    # alike. The others lead to a part of the film, where frames lie as far apart as in a short one
+    nearest: Count
     # Δ; the least film that a jump skips, that follows a jump, and that lies between candidates
     least: Positive
     # weights in the signature, 1 = equal: of the pose, ...
