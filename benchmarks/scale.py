@@ -125,8 +125,12 @@ def figures(folder: Path, word: str) -> dict[str, float]:
 
 
 def quality(folder: Path) -> dict[str, float]:
-    """What else is wanted of a film: recall of neighbours, ticks planned, size of a cut-out."""
+    """What else is wanted of a film: recall, goals met, ticks planned, size of a cut-out."""
     numbers = {}
+    if (report := folder / "reports/animate/measures.csv").exists():
+        measures = pd.read_csv(report, index_col="measure").drop(columns="film")
+        goals = measures.loc["trials_goals_reached_pct"].astype(float)
+        numbers |= goals.add_suffix("_goals_pct").to_dict()
     if (report := folder / "reports/jumps/metrics.json").exists():
         numbers["recall_pct"] = json.loads(report.read_text(encoding="utf-8"))["recall_pct"]
     if (planned := folder / "planning.json").exists():
