@@ -126,7 +126,7 @@ def figures(folder: Path, word: str) -> dict[str, float]:
 
 def quality(folder: Path) -> dict[str, float]:
     """What else is wanted of a film: recall, goals met, ticks planned, size of a cut-out."""
-    numbers = {}
+    numbers = dict[str, float]()
     if (report := folder / "reports/animate/measures.csv").exists():
         measures = pd.read_csv(report, index_col="measure").drop(columns="film")
         goals = measures.loc["trials_goals_reached_pct"].astype(float)

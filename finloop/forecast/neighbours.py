@@ -29,7 +29,8 @@ _STRETCH = 20  # Δ, of film that is all of one part
 _BLOCK = 50_000  # rows at a time in the embedding
 _SPARE = 2  # times `count`: rows of different passages that are drawn for `count` that look alike
 _NEAR = 8  # times as many nearest rows that look alike are examined for these, ...
-_MOST = 16_384  # ... among this number of nearest rows at most
+_MOST = 16_384  # ... among this number of nearest rows at most, in a part of the film fewer, ...
+_FEWEST = 2  # ... but so many times as many at least
 
 
 def embedding(film: FilmStates, rows: Ints, fade: float) -> Floats:
@@ -107,6 +108,7 @@ def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
     limits = near, passage, _SPARE * count
     part = parts_of(film.count, _STRETCH * film.delta)[rows % film.count]
     parts = 1 + int(part.max())
+    most = max(_MOST // parts, _FEWEST * near)
 
     @lru_cache(1)
     def of_part(number: int) -> tuple[Ints, Nearest]:
@@ -117,7 +119,7 @@ def _similar(film: FilmStates, look: Reals, p: Settings) -> Iterator[Ints]:
         lot = np.arange(first, min(first + _LOT, n))
         some, index = of_part(first // _TURN % parts)
         choose = partial(_passages, rows, lot, (looks, p.look), limits)
-        (choice,) = index.choose(space[lot], near, partial(_numbered, some, choose), _MOST)
+        (choice,) = index.choose(space[lot], near, partial(_numbered, some, choose), most)
         at, place = np.nonzero(choice >= 0)
         yield np.column_stack([rows[lot[at]], choice[at, place]])
 
