@@ -71,19 +71,27 @@ class Nearest:
     ) -> tuple[NDArray[Any], ...]:
         """The values that `choice` takes for each query (k, d) from its `count` nearest vectors.
 
-        Where these are not enough it gets more of them: until they are, or until `most`, or all.
+        Where these are not enough it gets more of them: until they are, or until `most`, or all
+        that the cells looked at have.
         """
         last = min(self.index.ntotal, self.index.ntotal if most is None else most)
         count = min(count, last)
-        values, enough = choice(np.arange(len(queries)), self.search(queries, count))
-        pending = np.flatnonzero(~enough)
+        near = self.search(queries, count)
+        values, enough = choice(np.arange(len(queries)), near)
+        pending = np.flatnonzero(~enough & _more(near))
         while len(pending) and count < last:
             count = min(_MORE * count, last)
-            more, enough = choice(pending, self.search(queries[pending], count))
+            near = self.search(queries[pending], count)
+            more, enough = choice(pending, near)
             for array, update in zip(values, more, strict=True):
                 array[pending] = update
-            pending = pending[~enough]
+            pending = pending[~enough & _more(near)]
         return values
+
+
+def _more(near: Ints) -> Mask:
+    """Whether (k,) there may be further vectors than these (k, l)."""
+    return near[:, -1] >= 0 if near.shape[1] else np.zeros(len(near), bool)
 
 
 def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:

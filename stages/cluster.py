@@ -54,9 +54,10 @@ def main() -> None:
     if not find_spec("distributed"):
         raise FinloopError("Dask is not installed", "the extra `cluster`", "make cluster")
     command = (sys.executable, "-m", "dask", "worker", arguments.address)
-    counts = ("--nthreads", "1", "--nworkers", str(arguments.count))
+    # A limit of memory would count what is mapped, and end who maps a long film.
+    limits = ("--nthreads", "1", "--nworkers", str(arguments.count), "--memory-limit", "0")
     path = os.pathsep.join(filter(None, (str(Path.cwd()), os.environ.get("PYTHONPATH"))))
-    os.execve(sys.executable, (*command, *counts), os.environ | {"PYTHONPATH": path})
+    os.execve(sys.executable, (*command, *limits), os.environ | {"PYTHONPATH": path})
 
 
 if __name__ == "__main__":

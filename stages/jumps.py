@@ -25,6 +25,7 @@ def main() -> None:
     p: Settings = load("jumps")
     with workers(WORKERS_NEED, threads=True) as crew, whole_folder(OUT) as folder:
         source = StoredFilm(folder / "pictures.npy", p.look_px)
+        source.create()
         with progress("jumps", len(source.film()[0]), "rows") as advance:
             result = film_jumps(source, p, crew, advance)
         save(folder, result)

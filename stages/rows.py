@@ -22,12 +22,16 @@ DATA = Path("data")
 class StoredFilm:
     """A `finloop.jumps.source.Source` whose pictures, `size` px across, are in the file `path`.
 
-    Whoever unpickles it opens the files anew.
+    Whoever unpickles it opens the files anew. OSError if the disk is full.
     """
 
     path: Path
     size: int
     _open: ExitStack = field(default_factory=ExitStack)
+
+    def create(self) -> None:
+        """Make the file, in the process that will fill it; others open it."""
+        self._pictures = new_array(self.path, shape_of(self._film[0], self.size), "uint8")
 
     @cached_property
     def _film(self) -> tuple[Reel, FilmPoses]:
@@ -37,10 +41,7 @@ class StoredFilm:
 
     @cached_property
     def _pictures(self) -> Pictures:
-        shape = shape_of(self._film[0], self.size)
-        if self.path.exists():
-            return open_array(self.path, shape, "uint8")
-        return new_array(self.path, shape, "uint8")
+        return open_array(self.path, shape_of(self._film[0], self.size), "uint8")
 
     def film(self) -> tuple[Reel, FilmPoses]:
         """As in `Source`."""

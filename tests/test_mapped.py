@@ -1,5 +1,8 @@
 """Mapped arrays: round trips; what is no array of the kind that is wanted is said."""
 
+import errno
+import os
+
 import numpy as np
 import pytest
 
@@ -59,3 +62,16 @@ def test_what_is_no_array_is_refused(tmp_path, content):
         path.write_bytes(content)
     with pytest.raises(FinloopError, match="cannot be read as an array"):
         open_array(path, ROWS.shape, "int64")
+
+
+def test_a_full_disk_is_an_error_before_anything_is_written(tmp_path, monkeypatch):
+    """And not a signal amid the work, which a mapped page without room on the disk gives."""
+
+    def full(_file, _start, size):
+        assert size > 8 * 1000
+        raise OSError(errno.ENOSPC, "no space left")
+
+    monkeypatch.setattr(os, "posix_fallocate", full, raising=False)
+    with pytest.raises(FinloopError, match="the disk is full"), whole_folder(tmp_path / "a") as to:
+        new_array(to / "b.npy", (1000,), "float64")
+    assert not list(tmp_path.iterdir())

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import cv2
+from llvmlite.binding import get_host_cpu_name
 
 from finloop.base.errors import FinloopError
 
@@ -71,6 +72,7 @@ def _facts(variables: tuple[str, ...]) -> dict[str, str]:
     return {
         "code": _code(),
         "python": platform.python_version(),
+        "processor": get_host_cpu_name(),  # kernels are compiled for it, sums are rounded by it
         **{name: _version(name) for name in _PACKAGES},
         **{name: os.environ.get(name, "not set") for name in variables},
     }

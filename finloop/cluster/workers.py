@@ -55,6 +55,7 @@ def dask_workers(
                 distributed.LocalCluster(
                     n_workers=processes,
                     threads_per_worker=1,
+                    memory_limit=0,  # it would count what is mapped, and end who maps a long film
                     dashboard_address="127.0.0.1:0",
                     silence_logs=logging.CRITICAL,
                 )
@@ -216,7 +217,7 @@ class _Task:
             return pickle.loads(self._future.result())
         except CancelledError as error:
             raise self._workers.gone() from error
-        except ImportError as error:
+        except (ImportError, AttributeError) as error:
             raise self._workers.refusal(error) from error
 
 

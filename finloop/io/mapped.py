@@ -3,6 +3,7 @@
 Opening one costs nothing, any row is reached at once, and processes share what they have read.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -22,9 +23,13 @@ def save_array(path: Path, array: NDArray[Any]) -> None:
 def new_array(path: Path, shape: tuple[int, ...], kind: str) -> NDArray[Any]:
     """A mapped array to be filled, in a file that appears at once; for `whole_folder`.
 
-    kind: its dtype.
+    kind: its dtype. OSError if the disk is full: the file has all its room from the beginning, as
+    a process that writes to a mapped page for which there is none is ended by the system.
     """
     made = np.lib.format.open_memmap(path, "w+", np.dtype(kind), shape)
+    if hasattr(os, "posix_fallocate"):
+        with path.open("r+b") as file:
+            os.posix_fallocate(file.fileno(), 0, made.offset + made.nbytes)
     return made.view(np.ndarray)
 
 

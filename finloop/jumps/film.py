@@ -19,6 +19,7 @@ from finloop.jumps.source import Source
 from finloop.jumps.visible import VisibleDistance
 
 _LOT = 2000  # rows at a time
+_TURN = 2000  # rows whose jumps lead to one part of a long film
 
 
 class FilmJumps(NamedTuple):
@@ -85,7 +86,7 @@ def _best_jumps(
     """The best jumps of rows. natural: of `VisibleDistance`.
 
     counts: how many; and of a film of several parts, how many of them lead to the nearest rows of
-    all. The others lead to one part, each time to another one.
+    all. The others lead to one part, of `_TURN` successive rows to the same one, then to the next.
     """
     visible = VisibleDistance(source.pictures(), source.film()[1].pose.posture, natural)
     (count, few), parts = counts, search.parts
@@ -95,8 +96,9 @@ def _best_jumps(
 
     if parts == 1 or few == count:
         return best(search(rows), count)
-    part = int(rows[0]) // _LOT % parts
-    both = pd.concat([best(search(rows), few), best(search.in_part(rows, part), count - few)])
-    return both.drop_duplicates(["row", "to", "mirrored"]).sort_values(
-        ["row", "seam", "to"], ignore_index=True
-    )
+    tables = [best(search(rows), few)]
+    for turn, some in pd.Series(rows).groupby(rows // _TURN):
+        near = search.in_part(some.to_numpy(), int(turn) % parts)
+        tables.append(best(near, count - few))
+    both = pd.concat(tables).drop_duplicates(["row", "to", "mirrored"])
+    return both.sort_values(["row", "seam", "to"], ignore_index=True)
