@@ -97,7 +97,7 @@ def _more(near: Ints) -> Mask:
 def parts_of(n: int, stretch: int, most: int = MOST) -> Ints:
     """The part (n,), 0 … p − 1, of each row of a film: stretches of rows in turn, spread over it.
 
-    A part has about `most` rows at most. In a film of hours the nearest rows of a row are so near
+    A part has about `most` rows, or fewer. In a film of hours the nearest rows of a row are so near
     that all go on alike. In a part of it they lie as in a short film, and go on in different ways.
     """
     count = max(1, -(-n // most))
