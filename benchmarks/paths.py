@@ -125,11 +125,11 @@ def measure(film: str, name: str, line: Line, plans: Planner) -> list[dict[str, 
         ticks = min(ticks, len(path.route.when))
     rows: list[dict[str, object]] = []
     for mode, player in plans.players.items():
-        swim(player, [], 2, np.random.default_rng(0), path.route)  # compiles
-        begin = time.process_time()
         swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
-        took = time.process_time() - begin
         played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
+        begin = time.process_time()  # of the path alone: after an open one the fish wanders
+        swim(player, [], played, np.random.default_rng(0), path.route)
+        took = time.process_time() - begin
         table = swum_path(mode, swum, path, ticks, waters)
         left = where_left(table, path, waters, limits(waters.film, waters))
         numbers = of_path(table, left, path, player.follower.spread, waters)

@@ -354,4 +354,4 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     _, cut = one.cut(state, stretch, 3)
     assert len(cut.fish.past) == len(then.fish.past)
     assert (cut.fish.x, cut.fish.y) == tuple(stretch.way[2, :2])
-    assert one.step(cut, path.route, rng)[1].along > 0
+    assert one.step(cut, path.route, rng)[1].path.along > 0

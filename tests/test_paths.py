@@ -313,7 +313,7 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut(mode):
         on, after_ = player.step(cut, route, again)
         assert len(short.steer if short.steer is not None else short.way) <= 2
         assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < 0.5 * LENGTH
-        assert after_.along >= state.along
+        assert after_.path.along >= state.path.along
         state = then
 
 

@@ -1,8 +1,8 @@
-"""A beam search through the film, compiled: what every search has in common, wherever it leads.
+"""A beam search through the film, compiled: candidates, ways, branches, what becomes of them.
 
 Every candidate begins a way. A way is followed in legs, from loop end to loop end; after every leg
-the best of all branches go on. `search.look` and `follow.look_along` say how a leg is swum, what it
-costs, and when a way has come to its end.
+the best of all branches go on. `search.look` says how a leg is swum, what it costs, and when a way
+has come to its end.
 """
 
 from typing import NamedTuple
@@ -19,13 +19,13 @@ from finloop.base.kernel import kernel_part, leaf_kernel
 
 WAY = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("along", "f8"),
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
     ]
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, row, rot; px along the path, if there is
-one), what it costs in ticks, the candidate that it began with (first), ticks that it took and that
-have passed since its last jump."""
+"""A way that is followed: where it has come to (x, y px, row, rot), what it costs in ticks, the
+candidate that it began with (first), ticks that it took and that have passed since its last
+jump."""
 
 
 BRANCH = np.dtype([("total", "f8"), ("first", "i8"), ("way", "i8"), ("jump", "i8"), ("cost", "f8")])
@@ -94,10 +94,10 @@ class Search(NamedTuple):
 
 
 @kernel_part
-def begin(space, candidates: Candidates, here, along: float, width: int):  # type: ignore[no-untyped-def]
+def begin(space, candidates: Candidates, here, width: int):  # type: ignore[no-untyped-def]
     """The search of a beam of so many ways, and how many there are: one a candidate, where it fits.
 
-    space, here: of `search.Space`, `search.Here`; along: px along the path, if there is one.
+    space, here: of `search.Space`, `search.Here`.
     """
     film, count = space.film, candidates.rows.size
     found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
@@ -113,7 +113,7 @@ def begin(space, candidates: Candidates, here, along: float, width: int):  # typ
         free = free and clear_ahead(here.company, row, x, y, heading, here.tick)
         if first.endless and free:
             way = search.ways[n]
-            way.x, way.y, way.along, way.first, way.ticks = x, y, along, c, 0
+            way.x, way.y, way.first, way.ticks = x, y, c, 0
             way.row, way.rot = candidates.rows[c], candidates.rots[c]
             way.cost, way.since = candidates.costs[c], candidates.since[c]
             n += 1

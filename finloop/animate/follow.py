@@ -1,7 +1,9 @@
 """Looking ahead along a path: a beam search whose ways are steered as the fish will be, compiled.
 
-A way costs what each of its ticks costs, beside the path and late, and what its jumps cost. After
-every leg the best are kept, by their costs so far and by where the film leads to in the next ticks.
+All ways are followed at once, in legs of a stride or more, to the next loop end. A stride is one
+step: where the film leads in it, turned and shifted as its ticks would be, one by one. After a leg
+a way may play on, and take any jump; the best of these branches go on, by what they cost so far and
+by where the film leads next.
 """
 
 from typing import NamedTuple
@@ -9,11 +11,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.beam import Branch, begin, ends, go_on, jumps_of, keep_best, leads_on
+from finloop.animate.beam import Branch, Found, jumps_of
 from finloop.animate.bounds import fits
 from finloop.animate.company import clear_ahead
 from finloop.animate.decide import Ways, priced
 from finloop.animate.film import Film, runs
+from finloop.animate.path_ways import Best, begin_ways, go_on, keep, rows_of, shown_at
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.route import Route, asked_at, place
 from finloop.animate.search import Here, Space, moved
@@ -23,18 +26,26 @@ from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import ahead_left
 from finloop.base.kernel import finite_leaf, kernel, kernel_part, leaf_kernel
 
-LEAD = np.dtype([("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("ticks", "i8")])
+LEAD = np.dtype(
+    [
+        ("dx", "f8"), ("dy", "f8"), ("ahead", "f8"), ("left", "f8"), ("far", "f8"),
+        ("half_ahead", "f8"), ("half_left", "f8"), ("half_far", "f8"), ("ticks", "i8"),
+    ]
+)  # fmt: skip
 """Where the film leads to from a row in some ticks, as filmed: px on the screen (dx, dy), px ahead
-and to the left."""
+and to the left, px as the crow flies; and in half as many ticks."""
 
 
 class Footage(NamedTuple):
-    """What a fish swims by. run (n,): ticks that the film goes on from each row; leads (n,): of
-    dtype `LEAD`.
+    """What a fish swims by.
+
+    run (n,): ticks that the film goes on from each row; leg (n,): ticks to the first loop end after
+    a stride, or to where the film ends; leads (n,): of dtype `LEAD`.
     """
 
     space: Space
     run: Ints
+    leg: Ints
     leads: NDArray[np.void]
 
     @property
@@ -48,59 +59,23 @@ def reach_of(waters: Waters) -> int:
     return max(2, waters.ticks(waters.settings.path_reach))
 
 
-def footage_of(space: Space, reach: int) -> Footage:
-    """What a fish swims by that looks `reach` ticks ahead."""
+def footage_of(space: Space, reach: int, stride: int) -> Footage:
+    """What a fish swims by that looks `reach` ticks ahead, and jumps after a stride at least."""
     rows = space.film.rows
-    here = np.arange(len(rows))
-    run = runs(rows["more"])
+    here, run = np.arange(len(rows)), runs(rows["more"])
+    ends = np.append(np.flatnonzero(rows["end"] >= 0), 2 * len(rows))
+    leg = np.minimum(run, ends[np.searchsorted(ends, here + stride)] - here)
     leads = np.zeros(len(rows), LEAD)
     leads["ticks"] = np.minimum(run, reach)
-    there = here + leads["ticks"]
-    leads["dx"], leads["dy"] = (rows[axis][there] - rows[axis] for axis in "xy")
-    offset = np.column_stack([leads["dx"], leads["dy"]])
-    leads["ahead"], leads["left"] = ahead_left(offset, np.radians(rows["heading"])).T
-    return Footage(space, run, leads)
-
-
-@finite_leaf
-def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after a stride, at most `most` ticks, steered.
-
-    here: where all ways began; by: rules, steering. `way` is moved on; its row is −1 where the film
-    ends, leaves the tank or meets another fish. Returns the ticks that were played.
-    """
-    rules, steering = by
-    rows = footage.space.film.rows
-    angle = np.radians(way.rot)
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y, along, row, rot, cost = way.x, way.y, way.along, way.row, way.rot, way.cost
-    t, tick = 0, here.tick + way.ticks
-    while True:
-        at = rows[row]
-        if not at.more:
-            row = row if at.end >= 0 and t > 0 else -1
-            break
-        lead = footage.leads[row]
-        leads = lead.dx * cos + lead.dy * sin, lead.dy * cos - lead.dx * sin
-        turn = turn_to(route, (x, y, along), leads, lead.ticks, steering)
-        small = np.radians(turn)
-        cos, sin = cos - small * sin, sin + small * cos
-        even = 1.5 - 0.5 * (cos * cos + sin * sin)
-        cos, sin, rot = cos * even, sin * even, rot + turn
-        x, y = x + at.dx * cos + at.dy * sin, y + at.dy * cos - at.dx * sin
-        t, tick, row = t + 1, tick + 1, row + 1
-        x, y, along, fx, fy, shift = shifted(route, (x, y, along), at.speed, tick, steering)
-        heading = rows[row].heading + rot
-        free = fits(footage.space.bounds, row, x, y, heading)
-        if not (free and clear_ahead(here.company, row, x, y, heading, tick)):
-            row = -1
-            break
-        used = turn / steering.turn, shift / max(steering.shift * at.speed, 1e-9)
-        cost += tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering)
-        if t >= most or (t >= rules.stride and rows[row].end >= 0):
-            break
-    way.x, way.y, way.along, way.row, way.rot, way.cost = x, y, along, row, rot, cost
-    return t
+    for part, ticks in (("", leads["ticks"]), ("half_", leads["ticks"] // 2)):
+        offset = np.column_stack([rows[axis][here + ticks] - rows[axis] for axis in "xy"])
+        leads[part + "ahead"], leads[part + "left"] = ahead_left(
+            offset, np.radians(rows["heading"])
+        ).T
+        leads[part + "far"] = np.hypot(*offset.T)
+        if not part:
+            leads["dx"], leads["dy"] = offset.T
+    return Footage(space, run, leg, leads)
 
 
 @kernel
@@ -111,100 +86,194 @@ def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Ro
 
     Returns
     -------
-    terms (k, 3) : what each costs at once, of `decide.priced`; what becomes of it.
+    terms (k, 3) : what each costs at once, of `decide.priced`; what becomes of it; the rows (l,)
+    with which the best way begins its legs, or that which leads farthest.
     """
-    space, rules = footage.space, by[0]
-    terms, candidates = priced(space.film, ways, here, rules)
-    search, n = begin(space, candidates, here, along, rules.beam)
-    while n:
-        n = _legs(footage, search, n, here, along, (route, rules, by[1]))
-        search = go_on(space, search, n)
-    return terms, search.found
-
-
-@leaf_kernel
-def _legs(footage, search, n, here, begun, by):  # type: ignore[no-untyped-def]
-    """Follow n ways for a leg: how many branches there are after it.
-
-    begun: px along the path where all ways began; by: route, rules, steering.
-    """
-    route, rules, steering = by
-    m = np.int64(0)  # not 0: for a literal `_branch` is compiled again
-    end = np.inf if route.closed else route.step * (route.x.size - 1)
-    for s in range(n):
-        way = search.ways[s]
-        most = max(rules.horizon - way.ticks, 1)
-        ticks = _leg(footage, route, way, most, here, (rules, steering))
-        if not leads_on(footage.space.film, search.found, way, ticks):
-            continue
-        behind = 0.0
-        if not route.when.size:
-            behind = steering.pace * (way.ticks - (way.along - begun) / rules.pace)
-        if way.along >= end or way.ticks >= rules.horizon:
-            ends(search.found, way, way.cost + behind)
-        else:
-            m = _branch(footage, way, s, (search.beam, m), here, (behind, route, rules, steering))
-    return m
+    rules, steering = by
+    terms, candidates = priced(footage.space.film, ways, here, rules)
+    count = candidates.rows.size
+    found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
+    asked = _asked(route, here.tick, rules.horizon + steering.reach)
+    most = rules.horizon
+    if route.when.size:  # not beyond its times
+        most = max(min(most, route.begins + route.when.size - 1 - here.tick), 1)
+    # A leg is shorter than a stride where the film ends, and after it comes a jump.
+    legs = most // rules.stride + most // rules.stay + 3
+    beam, n = begin_ways(footage, candidates, here, along, (legs, rules.beam))
+    best, leg = Best(np.inf, 0, 0), np.int64(0)
+    while n and leg < legs:
+        search, at = (beam, n, found, best), (along, leg, most)
+        m, best = _legs(footage, search, here, at, route, (by, asked))
+        leg += 1
+        if m == 0 and best.legs == 0:  # nobody leads on: the cheapest of those that came so far
+            way = np.argmin(beam.ways["cost"][:n])
+            best = Best(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
+        beam, n = go_on(footage.space, beam, m, leg, here.tick), m
+    for c in range(count):
+        found.over[c] = found.over[c] and found.value[c] == np.inf
+    return terms, found, rows_of(beam, best)
 
 
 @kernel_part
-def _branch(footage, way, s, kept, here, by):  # type: ignore[no-untyped-def]
-    """Way s at a loop end: playing on, and every jump, where they are among the best.
+def _asked(route, tick, ticks):  # type: ignore[no-untyped-def]
+    """Where a path with times asks the fish to be (n, 2) from a tick on; of others, nothing."""
+    count = ticks + 1 if route.when.size else 0
+    asked = np.empty((count, 2))
+    for t in range(count):
+        asked[t, 0], asked[t, 1] = place(route, asked_at(route, tick + t))
+    return asked
 
-    kept: the beam, and how many there were; by: what the way costs beside its `cost`, route, rules,
-    steering. Returns how many there are.
+
+@finite_leaf
+def _stride(footage, route, way, ticks, here, by):  # type: ignore[no-untyped-def]
+    """Swim so many ticks in one step: whether they can be swum. by: rules, steering.
+
+    `way` is moved on.
     """
-    (beam, n), (behind, route, rules, steering) = kept, by
-    film, most = footage.space.film, beam.branches.size
-    at = film.rows[way.row]
-    tick, total = here.tick + way.ticks, way.cost + behind
-    if n == most and total >= beam.branches[n - 1].total:
-        beam.over[way.first] = True
-        return n
-    heading = at.heading + way.rot
-    angle = np.radians(heading)
+    rows, row, steering = footage.space.film.rows, way.row, by[1]
+    at, after, lead = rows[row], rows[row + ticks], footage.leads[row]
+    angle = np.radians(way.rot)
     cos, sin = np.cos(angle), np.sin(angle)
-    if at.more and film.rows[way.row + 1].endless:
-        off = _soon(footage.leads[way.row], way, cos, sin, tick, (route, steering))
-        n = keep_best(beam, n, Branch(total + off, way.first, s, -1, 0.0))
+    leads = lead.dx * cos + lead.dy * sin, lead.dy * cos - lead.dx * sin
+    turn = turn_to(route, (way.x, way.y, way.along), leads, lead.ticks, steering)
+    dx, dy = moved(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
+    speed, tick = (at.speed + after.speed) / 2, here.tick + way.ticks + ticks
+    begun = way.x + dx, way.y + dy, way.along
+    x, y, along, fx, fy, shift = shifted(route, begun, speed, (tick, ticks), steering)
+    rot = way.rot + turn * ticks
+    heading = after.heading + rot
+    if not fits(footage.space.bounds, row + ticks, x, y, heading):
+        return False
+    if not clear_ahead(here.company, row + ticks, x, y, heading, tick):
+        return False
+    used = turn / steering.turn, shift / max(steering.shift * speed * ticks, 1e-9)
+    cost = tick_cost(route, (x, y, heading), (along, fx, fy), used, tick, steering)
+    way.x, way.y, way.along, way.rot, way.cost = x, y, along, rot, way.cost + cost * ticks
+    way.row, way.since, way.ticks = row + ticks, way.since + ticks, way.ticks + ticks
+    return True
+
+
+@leaf_kernel
+def _leg(footage, route, way, most, here, by):  # type: ignore[no-untyped-def]
+    """Swim a leg, so many ticks at most: whether it leads on. by: rules, steering.
+
+    `way` is moved on.
+    """
+    rows, left = footage.space.film.rows, min(footage.leg[way.row], most)
+    if left == 0:
+        return False
+    while left > 0:
+        ticks = min(by[0].stride, left)
+        if not _stride(footage, route, way, ticks, here, by):
+            return False
+        left -= ticks
+    return rows[way.row].endless
+
+
+@leaf_kernel
+def _legs(footage, search, here, at, route, by):  # type: ignore[no-untyped-def]
+    """Follow all ways for a leg: how many branches there are after it, and the best that ended.
+
+    search: the beam, how many ways, `Found`, `Best`; at: px along the path where all began, number
+    of the leg, ticks that are looked at; by: rules and steering, where the fish is asked to be.
+    """
+    (beam, n, found, best), (begun, leg, most), ((rules, steering), asked) = search, at, by
+    end = np.inf if route.closed or route.when.size else route.step * (route.x.size - 1)
+    m, rows, soon = np.int64(0), footage.space.film.rows, (asked, steering)
+    for s in range(n):
+        way = beam.ways[s]
+        way.leads = _leg(footage, route, way, most - way.ticks, here, by[0])
+        if not way.leads:
+            continue
+        found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
+        way.total = way.cost
+        if not route.when.size:
+            way.total += steering.pace * (way.ticks - (way.along - begun) / rules.pace)
+        at, done = rows[way.row], way.along >= end
+        total = way.total
+        if not done:
+            total += _soon(footage.leads[way.row], way, _turned(at, way), route, soon)
+        if done or way.ticks >= most:
+            way.leads = False
+            found.value[way.first] = min(found.value[way.first], total)
+            if total < best.value:
+                best = Best(total, leg + 1, s)
+        elif at.more and rows[way.row + 1].endless:
+            m = keep(beam.branches, m, Branch(total, way.first, s, -1, 0.0), found.over)
+    for s in range(n):  # by now all but few jumps are dearer than the best
+        if beam.ways[s].leads:
+            m = _jumps(footage, s, (beam, m, found), here, route, (rules, soon))
+    return m, best
+
+
+@kernel_part
+def _jumps(footage, s, kept, here, route, by):  # type: ignore[no-untyped-def]
+    """The jumps of way s after a leg that are among the best branches: how many there are then.
+
+    kept: the beam, how many branches there were, `Found`; by: rules; where the fish is asked to be,
+    steering.
+    """
+    (beam, n, found), (rules, soon), film = kept, by, footage.space.film
+    way, branches = beam.ways[s], beam.branches
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
+    tick, turned = here.tick + way.ticks, _turned(film.rows[way.row], way)
     for e in range(first, last):
         jump, worst = footage.space.jumps[e], np.inf
-        if n == most:
-            worst = beam.branches[n - 1].total
-        if total + jump.cost >= worst:
-            beam.over[way.first] = True
+        if n == branches.size:
+            worst = branches[0].total
+        total = way.total + jump.cost
+        if total >= worst:
+            found.over[way.first] = True
             break  # those that follow cost as much, or more
         if not film.body:
-            angle = np.radians(film.rows[jump.to].heading + way.rot)
-            cos, sin = np.cos(angle), np.sin(angle)
-        off = _soon(footage.leads[jump.to], way, cos, sin, tick, (route, steering))
-        if total + jump.cost + off >= worst:
-            beam.over[way.first] = True
+            turned = _turned(film.rows[jump.to], way)
+        total += _soon(footage.leads[jump.to], way, turned, route, soon)
+        if total >= worst:
+            found.over[way.first] = True
             continue
-        ago = float(tick - last_on_screen(here.recent, jump.to, jump.to))
-        cost = jump.cost + again_cost(ago, rules.again, rules.memory)
-        n = keep_best(beam, n, Branch(total + cost + off, way.first, s, e, cost))
+        shown = last_on_screen(here.recent, jump.to, jump.to)
+        shown = max(shown, shown_at(beam.runs, way.run, jump.to, tick))
+        again = again_cost(float(tick - shown), rules.again, rules.memory)
+        branch = Branch(total + again, way.first, s, e, jump.cost + again)
+        n = keep(branches, n, branch, found.over)
     return n
 
 
 @finite_leaf
-def _soon(lead, way, cos, sin, tick, by):  # type: ignore[no-untyped-def]
+def _turned(at, way):  # type: ignore[no-untyped-def]
+    """The cosine and sine of the heading of a way that shows a row."""
+    angle = np.radians(at.heading + way.rot)
+    return np.cos(angle), np.sin(angle)
+
+
+@finite_leaf
+def _soon(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
     """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
 
-    By the place that it leads to, less what can be corrected on the way there. cos, sin: of the
-    heading there.
+    By the places that it leads to, less what can be corrected on the way there: by Simpson's rule.
+    turned: of the heading there; by: where the fish is asked to be, steering.
     """
-    route, steering = by
-    x = way.x + lead.ahead * cos - lead.left * sin
-    y = way.y - lead.ahead * sin - lead.left * cos
-    far = np.sqrt(lead.ahead * lead.ahead + lead.left * lead.left)
-    to = asked_at(route, tick + lead.ticks) if route.when.size else way.along + far
-    to_x, to_y = place(route, to)
-    off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2)
-    off -= far * np.radians(steering.turn) * lead.ticks / 2
+    half, steering = lead.ticks // 2, by[1]
+    middle = _off(way, (lead.half_ahead, lead.half_left, lead.half_far, half), turned, route, by)
+    end = _off(way, (lead.ahead, lead.left, lead.far, lead.ticks), turned, route, by)
     price = steering.late if route.when.size else steering.across
-    return price * lead.ticks * near(max(off, 0.0) ** 2, steering.length_px**2)
+    return price * lead.ticks * (4.0 * middle + end) / 6.0
+
+
+@finite_leaf
+def _off(way, lead, turned, route, by):  # type: ignore[no-untyped-def]
+    """How far off the path a lead comes, less what can be corrected, as `near` counts it.
+
+    lead: px ahead, to the left, as the crow flies, and ticks.
+    """
+    (ahead, left, far, ticks), (cos, sin), (asked, steering) = lead, turned, by
+    x, y = way.x + ahead * cos - left * sin, way.y - ahead * sin - left * cos
+    if route.when.size:
+        to_x, to_y = asked[way.ticks + ticks, 0], asked[way.ticks + ticks, 1]
+    else:
+        to_x, to_y = place(route, way.along + far)
+    off = np.sqrt((x - to_x) ** 2 + (y - to_y) ** 2) - far * np.radians(steering.turn) * ticks / 2
+    return near(max(off, 0.0) ** 2, steering.length_px**2)
 
 
 @kernel
@@ -221,13 +290,3 @@ def onward(footage: Footage, begins: Floats, row: int, rot: float, ticks: int) -
         way[k + t - 1, 0], way[k + t - 1, 1] = begins[k - 1, 0] + dx, begins[k - 1, 1] + dy
         way[k + t - 1, 2] = rows[row + t].heading + rot
     return way
-
-
-@leaf_kernel
-def next_stop(footage: Footage, row: int, stride: int, most: int) -> int:
-    """Ticks from a row to the first loop end after a stride, or to where the film ends."""
-    last = min(footage.run[row], most)
-    for t in range(min(stride, last), last + 1):
-        if footage.space.film.rows[row + t].end >= 0:
-            return t
-    return last

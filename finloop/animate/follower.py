@@ -2,19 +2,18 @@
 
 At every decision the ways on are followed some seconds ahead along the path, through the film, its
 mirror images and their jumps, steered as the fish will be. Their costs are added up: beside the
-path and late, seams, changes of speed, what was on screen just now, corrections. The cheapest is
-swum for a stride. As is foretold the same is looked at over the forecast's own graph of similar
+path and late, seams, changes of speed, what was on screen just now, corrections. The first part of
+the cheapest is swum; beside other fish, which may come in its way, no more than a stride of it, and
+it is chosen of fewer. As is foretold the same is looked at over the forecast's own graph of similar
 rows, and the fish swims as the network foretells. A fish of sprites is sent to a place ahead on the
 path; so is one that no way leads on.
 """
 
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
 from finloop.animate import decide
-from finloop.animate.beam import Found
 from finloop.animate.company import Company
 from finloop.animate.decide import Ways
 from finloop.animate.edit_list import (
@@ -25,41 +24,23 @@ from finloop.animate.edit_list import (
     NETWORK,
     PLAY,
     SPOT,
-    VERDICTS,
 )
-from finloop.animate.film import Film, runs
-from finloop.animate.follow import Footage, look_along, next_stop, onward, reach_of
+from finloop.animate.follow import Footage, look_along, onward, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
 from finloop.animate.motion import FILM, FORECAST, TURN
+from finloop.animate.path_plan import Plan, seam_to, spread
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
 from finloop.animate.search import Here, Rules
-from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
+from finloop.animate.state import Decision, Fish, Options, Progress, Run, Stretch, Waters
 from finloop.animate.steering import Steering, steered
 from finloop.base.arrays import Floats, Ints
 from finloop.features.table import wrap_deg
 from finloop.forecast.sampling import follow, ways
 
-_TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
+_FEWER = 4  # a fish that has others near it follows so many times fewer ways
 _STARTS = 300  # rows that a path is begun from are drawn from so many
-
-
-class Spread(NamedTuple):
-    """How much the film's fish differ: turn_deg: of the turn over Δ; speed: body lengths/s."""
-
-    turn_deg: float
-    speed: float
-
-
-def spread(film: Film, delta: int) -> Spread:
-    """The standard deviation of the film's turns over Δ, and its median speed."""
-    rows = film.rows[: film.filmed]
-    first = np.flatnonzero(runs(rows["more"]) >= delta)
-    if not len(first):
-        return Spread(0.0, 0.0)
-    turned = wrap_deg(rows["heading"][first + delta] - rows["heading"][first])
-    return Spread(float(turned.std()), float(np.median(rows["speed"][first])))
 
 
 class Follower:
@@ -77,6 +58,12 @@ class Follower:
             heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
         )  # fmt: skip
         self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
+        self._swum = self.rules.stride * max(1, waters.ticks(p.path_plan) // self.rules.stride)
+        self._alone = self.rules._replace(horizon=self.rules.horizon + self._swum)
+        # Beside others it looks after every stride, and at fewer ways.
+        self.rules = self.rules._replace(
+            horizon=self.rules.horizon + self.rules.stride, beam=1 + p.path_beam // _FEWER
+        )
         self._film = self._foretold = None
         if policy.crossing is not None and policy.mode != NETWORK:
             self._film = policy.crossing.film.footage
@@ -104,36 +91,64 @@ class Follower:
             rots = np.zeros_like(rots)
         begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
         here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, np.zeros((0, 3), np.int64))
-        _, found = look_along(footage, begin, here, 0.0, route, (self.rules, self.steering))
-        best = best_of(found)
+        plan = self._best(footage, begin, here, 0.0, route)
+        best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
         state, of_film = (FILM, rot) if footage is self._film else (FORECAST, 0.0)
         heading = float(wrap_deg(rows["heading"][row] + rot))
         return Fish(x, y, heading, 0.0, state, -1, row=row, rot=of_film, since=self.rules.stay)
 
     def next(
-        self, fish: Fish, along: float, route: Route, rng: np.random.Generator
-    ) -> tuple[Stretch, float]:
-        """What is shown next, and how far along the path the fish is then."""
-        since = least_along(route, along, fish.tick)
-        along = float(foot(route, fish.x, fish.y, since)[0])
-        film, told = self._by_film(fish, along, route), None
-        if film is None or self.policy.mode == HYBRID:
-            told = self._as_foretold(fish, along, route)
+        self, fish: Fish, path: Progress, route: Route, rng: np.random.Generator
+    ) -> tuple[Stretch, Progress]:
+        """What is shown next, and how the fish gets on with the path then."""
+        since = least_along(route, path.along, fish.tick)
+        path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
+        if path.runs and path.route is route and not fish.company.near:
+            stretch, on = self._go_on(fish, path, Decision(PLAY), None)
+            if len(stretch.way):
+                return stretch, on
+        film, told = self._by_film(fish, path.along, route), None
+        if film is None or (self.policy.mode == HYBRID and self._leaves(film, route)):
+            told = self._as_foretold(fish, path.along, route)
         plans = [one for one in (film, told) if one is not None]
         # To leave the film is as dear as a seam of one natural step.
         if film and told and film.value > told.value + self.rules.seam:
             plans.reverse()
         for plan in plans:
-            if plan is film:
-                stretch, on = self._play(plan, fish, along, route)
-            else:
-                stretch, on = self._swim(plan, fish, along, route)
+            runs = plan.runs(self._swum)
+            planned = Progress(path.along, route, runs, plan is told)
+            rate = self.waters.motion.rate_hz
+            decision = Decision(PLAY, value_s=plan.value / rate, ways=len(plan.ways.rows))
+            stretch, on = self._go_on(fish, planned, decision, plan.options(rate))
             if len(stretch.way):
                 return stretch, on
-        return self._sent(fish, along, route, rng)
+        stretch, along = self._sent(fish, path.along, route, rng)
+        return stretch, Progress(along)
 
-    def _by_film(self, fish: Fish, along: float, route: Route) -> "Plan | None":
+    def _leaves(self, plan: Plan, route: Route) -> bool:
+        """Whether a plan is as dear as to have left the path for half of the time."""
+        price = self.steering.across + (self.steering.late if route.timed else 0.0)
+        return plan.value > 0.5 * price * self.waters.settings.path_left**2 * plan.ticks.sum()
+
+    def _go_on(
+        self, fish: Fish, path: Progress, decision: Decision, options: Options | None
+    ) -> tuple[Stretch, Progress]:
+        """The next run of a plan; beside others a stride of it at most."""
+        assert path.route is not None
+        run, *later = path.runs
+        if fish.company.places.shape[1] and run.ticks > self.rules.stride:
+            stride = self.rules.stride
+            later.insert(0, Run(run.row + stride, run.ticks - stride))
+            run = Run(run.row, stride)
+        swim = self._swim if path.foretold else self._play
+        stretch, along = swim(run, fish, path.along, path.route, decision)
+        if options is not None and not path.foretold:
+            stretch = replace(stretch, options=options, decision=counted(stretch.decision, options))
+        runs = tuple(later) if len(stretch.way) == run.ticks else ()
+        return stretch, Progress(along, path.route, runs, path.foretold)
+
+    def _by_film(self, fish: Fish, along: float, route: Route) -> Plan | None:
         """The best way on by the film; None where there is none."""
         if self._film is None or fish.row < 0 or not self._film.film.more[fish.row]:
             return None
@@ -145,7 +160,7 @@ class Follower:
         here = here._replace(company=_a_tick_later(fish.company), rest=rest)
         return self._best(self._film, every, here, along, route)
 
-    def _as_foretold(self, fish: Fish, along: float, route: Route) -> "Plan | None":
+    def _as_foretold(self, fish: Fish, along: float, route: Route) -> Plan | None:
         """The best row to follow; None where there is no forecast, or no row."""
         swimmer, footage = self.policy.forecast, self._foretold
         if swimmer is None or footage is None:
@@ -164,51 +179,52 @@ class Follower:
 
     def _best(
         self, footage: Footage, every: Ways, here: Here, along: float, route: Route
-    ) -> "Plan | None":
+    ) -> Plan | None:
         """The cheapest of some ways, or the longest where all come to an end."""
         if not len(every.rows):
             return None
-        by = self.rules, self.steering
-        terms, found = look_along(footage, every, here, along, route, by)
-        taken = best_of(found)
-        if np.isinf(found.value[taken]) and found.ticks[taken] <= self.rules.stride:
+        rules = self.rules if here.company.near else self._alone
+        by = rules, self.steering
+        terms, found, rows = look_along(footage, every, here, along, route, by)
+        if not len(rows):
             return None
-        return Plan(float(found.value[taken]), every, taken, terms, found)
+        taken = int(np.flatnonzero(every.rows == rows[0])[0])
+        legs = np.minimum(footage.leg[rows], rules.horizon)
+        return Plan(float(found.value[taken]), every, taken, terms, found, rows, legs)
 
-    def _play(self, plan: "Plan", fish: Fish, along: float, route: Route) -> tuple[Stretch, float]:
-        """Play the film to the next loop end after a stride."""
+    def _play(
+        self, run: Run, fish: Fish, along: float, route: Route, decision: Decision
+    ) -> tuple[Stretch, float]:
+        """Play a run of the film."""
         assert self._film is not None
-        film, (row, rot) = self._film.film, plan.choice
-        ticks = next_stop(self._film, row, self.rules.stride, self.rules.horizon)
+        film, row = self._film.film, run.row
+        seam, rot = seam_to(film, fish, row)
         arrives = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
         begins = np.array([
             [fish.x, fish.y, fish.heading], [*arrives, film.rows["heading"][row] + rot]
         ])  # fmt: skip
-        way = onward(self._film, begins, row, rot, ticks - 1 + self.steering.reach)
-        ticks = min(ticks, len(way) - 1)
+        way = onward(self._film, begins, row, rot, run.ticks - 1 + self.steering.reach)
+        ticks = min(run.ticks, len(way) - 1)
         numbers = np.arange(row, row + ticks)
         speed = np.append(film.speed[fish.row], film.speed[row : row + len(way) - 2])
         swum, used, on = self._steered(way, speed, numbers, (along, fish.tick), route)
-        numbers = numbers[: len(swum)]
-        plays = row == fish.row + 1
-        decision = Decision(
-            PLAY if plays else JUMP, seam=np.nan if plays else float(plan.ways.seams[plan.taken]),
-            value_s=plan.value / self.waters.motion.rate_hz,
-        )  # fmt: skip
-        options = plan.options(self.waters.motion.rate_hz)
+        numbers, plays = numbers[: len(swum)], row == fish.row + 1
+        if not plays:
+            decision = decision._replace(reason=JUMP, seam=seam)
         return Stretch(
-            FILM, swum, numbers, not plays, self._aim(route, on), False,
-            counted(decision, options), FRAME, wrap_deg(swum[:, 2] - film.heading[numbers]),
-            options=options, steer=used,
+            FILM, swum, numbers, not plays, self._aim(route, on), False, decision, FRAME,
+            wrap_deg(swum[:, 2] - film.heading[numbers]), steer=used,
         ), on  # fmt: skip
 
-    def _swim(self, plan: "Plan", fish: Fish, along: float, route: Route) -> tuple[Stretch, float]:
-        """Follow a row, as is foretold, for a stride."""
+    def _swim(
+        self, run: Run, fish: Fish, along: float, route: Route, decision: Decision
+    ) -> tuple[Stretch, float]:
+        """Follow a run of the film as is foretold."""
         swimmer, footage = self.policy.forecast, self._foretold
         assert swimmer is not None and footage is not None
-        sampler, (row, _) = swimmer.sampler, plan.choice
+        sampler, row = swimmer.sampler, run.row
         fish, past = swimmer.with_past(fish)
-        foretold = follow(sampler, past, row, self.rules.stride, sampler.control[row])
+        foretold = follow(sampler, past, row, run.ticks, sampler.control[row])
         states = np.ascontiguousarray(foretold[::-1])
         begins = swimmer.course(states, fish, row)
         last = row + len(states)
@@ -219,11 +235,9 @@ class Follower:
         swum, used, on = self._steered(way, speed, numbers, (along, fish.tick), route)
         ticks = len(swum)
         numbers = numbers[:ticks]
-        decision = Decision(
-            FORETOLD, value_s=plan.value / self.waters.motion.rate_hz, ways=len(plan.ways.rows)
-        )
         return Stretch(
-            FORECAST, swum, numbers, row != fish.row, self._aim(route, on), False, decision, FRAME,
+            FORECAST, swum, numbers, row != fish.row, self._aim(route, on), False,
+            decision._replace(reason=FORETOLD), FRAME,
             wrap_deg(swum[:, 2] - self.waters.film.heading[numbers]),
             past=np.concatenate([past[::-1], states[:ticks]]), steer=used,
         ), on  # fmt: skip
@@ -267,37 +281,3 @@ class Follower:
 def _a_tick_later(company: Company) -> Company:
     """The company of a fish, as paths count: the first tick that is swum is `fish.tick` + 1."""
     return company._replace(start=company.start + 1, until=company.until + 1)
-
-
-class Plan(NamedTuple):
-    """The way that is taken of some (k,) that could be.
-
-    value: what it costs, in ticks; terms (k, 3): what each costs at once, in ticks.
-    """
-
-    value: float
-    ways: Ways
-    taken: int
-    terms: Floats
-    found: Found
-
-    @property
-    def choice(self) -> tuple[int, float]:
-        """The row, and by how much it is turned."""
-        return int(self.ways.rows[self.taken]), float(self.ways.rots[self.taken])
-
-    def options(self, rate_hz: float) -> Options:
-        """What was weighed."""
-        lost = np.isinf(self.found.value)
-        verdict = np.where(self.found.over, _OVER, np.where(lost, _TANK, 0)).astype(np.int8)
-        return Options(
-            self.ways.rows, self.ways.rots, self.ways.seams, self.terms / rate_hz,
-            self.found.value / rate_hz, self.found.ticks, verdict, self.taken,
-        )  # fmt: skip
-
-
-def best_of(found: Found) -> int:
-    """The cheapest way, or the longest where all come to an end."""
-    if np.isfinite(found.value).any():
-        return int(np.argmin(found.value))
-    return int(np.argmax(found.ticks))

@@ -68,7 +68,7 @@ class ForecastSwimmer:
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
         rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
-        return footage_of(space_of(film, waters.bounds, rules), reach_of(waters))
+        return footage_of(space_of(film, waters.bounds, rules), reach_of(waters), rules.stride)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, in a state of the film."""

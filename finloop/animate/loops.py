@@ -43,7 +43,8 @@ class FilmSwimmer:
     @cached_property
     def footage(self) -> Footage:
         """The film as paths are followed through it."""
-        return footage_of(self.space, reach_of(self.waters))
+        stride = max(1, self.waters.ticks(self.waters.settings.path_stride))
+        return footage_of(self.space, reach_of(self.waters), stride)
 
     def begin(self, rng: np.random.Generator) -> Fish:
         """A fish somewhere in the tank, at a row from which the film goes on for ever."""

@@ -8,7 +8,7 @@ import pandas as pd
 
 from finloop.animate.edit_list import PATH
 from finloop.animate.film import Film
-from finloop.animate.follower import Spread
+from finloop.animate.path_plan import Spread
 from finloop.animate.paths import Path, film_turning
 from finloop.animate.route import Route, asked_at, foot, least_along, place
 from finloop.animate.state import Waters

@@ -228,7 +228,7 @@ def look(
     """
     count = candidates.rows.size
     ends_at = Ends(np.full(count, np.inf), np.full(count, 180.0))
-    search, n = begin(space, candidates, here, 0.0, rules.beam)
+    search, n = begin(space, candidates, here, rules.beam)
     while n:
         n = _legs(space, search, n, here, (aim, rules, ends_at))
         search = go_on(space, search, n)

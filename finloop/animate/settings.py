@@ -144,8 +144,9 @@ class Settings:
     # corrections: of the spread (SD) of the film's turns over Δ, and of the speed, at most
     path_share: Share
     path_reach: Positive  # Δ; steering looks so far ahead
-    path_ahead: Positive  # Δ; ways are followed along the path so far ahead
-    path_stride: Positive  # Δ; jumps nearer to the last decision are passed by
+    path_ahead: Positive  # Δ; ways are followed along the path so far beyond what is swum of them
+    path_plan: Positive  # Δ of a way that are swum before others are looked at, if no fish is near
+    path_stride: Positive  # Δ; jumps nearer to the last one that was looked at are passed by
     path_beam: Count  # ways that are followed at once
     path_again: NotNegative  # in place of `again`: along a path there is less to choose from
     # What a tick costs, in ticks, as a seam does:

@@ -134,7 +134,7 @@ class Swimmer:
 
     def _goal(self) -> Goal | Route | None:
         """Where to, now."""
-        if self._route is not None and self._route.done(self._state.along, self.tick):
+        if self._route is not None and self._route.done(self._state.path.along, self.tick):
             self._route = None
         if self._route is not None:
             return self._route

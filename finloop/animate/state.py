@@ -19,6 +19,7 @@ from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
 from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
+from finloop.animate.route import Route
 from finloop.animate.settings import Settings
 from finloop.animate.sprites import Sprites
 from finloop.animate.tempo import Tempo
@@ -143,20 +144,40 @@ class Effort(NamedTuple):
     until: int = 0
 
 
+class Run(NamedTuple):
+    """A run of film that is to be shown: its first row, and how many ticks of it."""
+
+    row: int
+    ticks: int
+
+
+class Progress(NamedTuple):
+    """How far a fish has come along a path, px, and what it has planned beyond the last stretch.
+
+    route: the path that `runs` are planned along; foretold: whether they are followed as is
+    foretold, not shown as filmed.
+    """
+
+    along: float = 0.0
+    route: Route | None = None
+    runs: tuple[Run, ...] = ()
+    foretold: bool = False
+
+
 class State(NamedTuple):
     """All that the next stretch depends on, beside the goal and the random draws.
 
-    place (2,): where the fish wanders to while it has no goal, for `left` ticks more; along: px of
-    the path that it has swum, where it swims one; wished: whether a rule has wished the place;
-    effort: how it gets on with its goal.
+    place (2,): where the fish wanders to while it has no goal, for `left` ticks more; wished:
+    whether a rule has wished the place; effort: how it gets on with its goal; path: how it gets on
+    with its path, where it swims one.
     """
 
     fish: Fish
     place: Floats
     left: int = 0
-    along: float = 0.0
     wished: bool = False
     effort: Effort = Effort()
+    path: Progress = Progress()
 
 
 class Decision(NamedTuple):

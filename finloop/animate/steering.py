@@ -58,20 +58,21 @@ def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  
 
 
 @finite_leaf
-def shifted(route: Route, at, speed: float, tick: int, steering: Steering):  # type: ignore[no-untyped-def]
+def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: ignore[no-untyped-def]
     """Shift a fish towards the path, and along it where it is too early or too late.
 
-    at: x, y, along; speed: body lengths/s that the film's fish swims; tick: the one of that place.
-    Returns its x, y, along, the x and y of its foot, and px of the shift.
+    at: x, y, along; speed: body lengths/s that the film's fish swims; when: the tick of that place,
+    ticks since the last shift. Returns its x, y, along, the x and y of its foot, and px of the
+    shift.
     """
-    x, y, along = at
+    (x, y, along), (tick, ticks) = at, when
     along, fx, fy = foot(route, x, y, least_along(route, along, tick))
-    tx, ty, most = fx, fy, steering.shift * speed
+    tx, ty, most = fx, fy, steering.shift * speed * ticks
+    share = min(ticks / steering.reach, 1.0)
     if route.when.size:
-        late = (asked_at(route, tick) - along) / steering.reach
-        late = min(max(late, -most), most)
-        tx, ty = place(route, along + late * steering.reach)
-    cx, cy = (tx - x) / steering.reach, (ty - y) / steering.reach
+        late = min(max((asked_at(route, tick) - along) * share, -most), most)
+        tx, ty = place(route, along + late / share)
+    cx, cy = (tx - x) * share, (ty - y) * share
     far = np.sqrt(cx * cx + cy * cy)
     if far > most:
         cx, cy, far = cx * most / far, cy * most / far, most
@@ -127,7 +128,7 @@ def steered(way: Floats, speed: Floats, numbers: Ints, begins, route: Route, by)
         turn = turn_to(route, (x, y, along), leads, reach, steering)
         dx, dy = moved(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
         new_x, new_y, on, _, _, shift = shifted(
-            route, (x + dx, y + dy, along), speed[t], tick + t + 1, steering
+            route, (x + dx, y + dy, along), speed[t], (tick + t + 1, 1), steering
         )
         heading = way[t + 1, 2] + rot + turn
         if not fits(bounds, numbers[t], new_x, new_y, heading):

@@ -31,7 +31,7 @@ from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
-from finloop.animate.state import Effort, Fish, State, Stretch, Waters, after
+from finloop.animate.state import Effort, Fish, Progress, State, Stretch, Waters, after
 from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
@@ -193,11 +193,11 @@ class Player:
         waters, place, left = self.waters, state.place, 0
         fish = self._looking_round(state.fish)
         if isinstance(goal, Route):
-            whole, along = self.follower.next(fish, state.along, goal, rng)
+            whole, path = self.follower.next(fish, state.path, goal, rng)
             stretch = self._avoidance.kept_clear(fish, whole, rng)
             # How far along a path a shorter one leads the next step finds from where it was.
-            along = along if stretch is whole else state.along
-            return stretch, State(after(fish, stretch, waters), place, 0, along)
+            path = path if stretch is whole else Progress(state.path.along)
+            return stretch, State(after(fish, stretch, waters), place, path=path)
         wished, free, tried = False, False, Effort()
         if isinstance(goal, Goal):
             tried = effort(state.effort, fish, goal, waters, rng)
@@ -218,9 +218,7 @@ class Player:
         keeps = not isinstance(goal, Goal) and not stretch.touched
         turns = stretch.state == TURN and not wished
         left = max(0, left - len(stretch.way) * (not turns)) if keeps else 0
-        return stretch, State(
-            after(fish, stretch, waters), place, left, wished=wished, effort=tried
-        )
+        return stretch, State(after(fish, stretch, waters), place, left, wished, tried)
 
     def _target(
         self, state: State, rule: Rule | None, rng: np.random.Generator
@@ -243,7 +241,8 @@ class Player:
         """A stretch that began in a state, stopped after some ticks, and the state then."""
         short = stretch.cut(ticks)
         # How far along a path it is then the next step finds from where it was.
-        return short, state._replace(fish=after(state.fish, short, self.waters))
+        path = Progress(state.path.along)
+        return short, state._replace(fish=after(state.fish, short, self.waters), path=path)
 
     def hull(self, kind: str, source: int) -> Floats:
         """The outline of a frame or sprite."""

@@ -227,7 +227,7 @@ class LiveFish:
         """The last stretch is swum: a goal may be reached, a path begun, or done."""
         errand, fish = self.errand, self._state.fish
         if errand is not None and errand.begun:
-            self.reached = errand.route.done(self._state.along, fish.tick)
+            self.reached = errand.route.done(self._state.path.along, fish.tick)
             self.errand = None if self.reached else errand
         elif last.stretch.touched and isinstance(last.goal, Goal) and last.goal == self.goal:
             if errand is None:
