@@ -158,7 +158,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
             yield from measure(film, name, line, plans)
             yield from measure(film, name, timed(line, speed_px), plans)
         for name, line in tracks(made, plans):
-            without = planner(made._replace(line=line), p)
+            without = planner(made._replace(lines=[line]), p)
             yield from measure(film, name, line._replace(time_s=None, heading_deg=None), without)
             yield from measure(film, name, line, without)
 

@@ -3,9 +3,8 @@
 `python -m benchmarks.shoal FOLDER …` takes working copies in which the pipeline was run, of a film
 each (none: the one that it is called in), and writes benchmarks/shoal.csv. Eight fish swim for ten
 minutes of film in the tank of the film, with a random goal every half minute each; 64 for two
-minutes in a tank three times as wide and high, in which they are a third as large, with a goal a
-minute. A fish that moves less than a twentieth of a body length in a second is still. Goals that
-were not reached for want of time count as not reached.
+minutes, drawn a third as large, with a goal a minute. A fish that moves less than a twentieth of a
+body length in a second is still. Goals that were not reached for want of time count as not reached.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -20,15 +19,15 @@ from benchmarks.company import summary
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
 from finloop.animate.listing import edit_lists
-from finloop.animate.planner import Material, Planner, planner
+from finloop.animate.planner import Planner, planner
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import shoal, tasks
 from finloop.animate.swim import random_goals
 from stages.animate import material
 from stages.settings import load
 
-SHOALS = ((8, 1, 600.0, 30.0), (64, 3, 120.0, 60.0))
-"""Fish, how many times as wide the tank is, s, s a goal."""
+SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
+"""Fish, their drawn size / filmed size, s, s a goal."""
 WARM_UP = 20  # ticks, after which everything is compiled
 
 
@@ -56,23 +55,17 @@ def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
     }  # fmt: skip
 
 
-def widened(made: Material, times: int) -> Material:
-    """The same in a tank so many times as wide and as high."""
-    return made._replace(arena=np.kron(made.arena, np.ones((times, times), bool)))
-
-
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All modes on the film in the present folder."""
     p: Settings = replace(load("animate"), path=None)
     with material(p) as made:
-        for fish, times, seconds, goal_s in SHOALS:
-            tank = p.tank if times == 1 else "arena"
-            own = replace(p, fish=fish, seconds=seconds, tank=tank, overlap=False)
-            plans = planner(widened(made, times), own)
+        for fish, size, seconds, goal_s in SHOALS:
+            own = replace(p, fish=fish, size=size, seconds=seconds, overlap=False)
+            plans = planner(made, own)
             for mode in plans.players:
                 row = swum(mode, plans, goal_s)
                 print(row, flush=True)
-                yield {"film": film, "tank_times": times, **row}
+                yield {"film": film, "size": size, **row}
 
 
 if __name__ == "__main__":

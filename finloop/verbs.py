@@ -56,7 +56,7 @@ from finloop.forecast.neighbours import similar_rows
 from finloop.forecast.partition import split as hold_out
 from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
-from finloop.given_path import given_line
+from finloop.given_path import given_lines
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
@@ -278,7 +278,7 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     material = Material(
         film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
         similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
-        given_line(p, reel.features), film.facts.mm_per_px, shoaling, tracks.background,
+        given_lines(p, reel.features), film.facts.mm_per_px, shoaling, tracks.background,
     )  # fmt: skip
     plans = planner(material, p)
     if mode not in plans.players:

@@ -25,7 +25,7 @@ from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
 from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS
-from finloop.given_path import given_line
+from finloop.given_path import given_lines
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import open_cutouts
 from finloop.io.mapped import open_array
@@ -78,7 +78,7 @@ def material(p: Settings) -> Iterator[Material]:
             load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
             poses,
             load_forecast(features, poses, facts.frame_rate_hz),
-            given_line(p, features),
+            given_lines(p, features),
             facts.mm_per_px,
             load_rule(),
             load_picture(DATA / "extract/background.png"),
@@ -106,7 +106,7 @@ def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, flo
 
         def measured(player: Player, seed: int) -> dict[str, float]:
             edit, goals = plans.trial(player, seed)
-            each = zip(by_fish(edit), plans.deal(goals), strict=True)
+            each = zip(by_fish(edit), goals, strict=True)
             rows = [measures.of_plan(*one, player, film_motion) for one in each]
             return measures.averaged(rows) | encounters.of_shoal(edit, player)
 
@@ -142,15 +142,18 @@ class Followed(NamedTuple):
     numbers: dict[str, float]
 
 
-def followed(mode: str, swum: Swim, plans: Planner) -> Followed:
-    """How the path was followed in a mode."""
-    path, waters = plans.path, plans.waters
-    assert path is not None
-    table = path_measures.swum_path(mode, swum, path, waters.duration, waters)
+def followed(mode: str, swims: Sequence[Swim], plans: Planner) -> list[Followed]:
+    """How the path of each fish that has one was followed in a mode."""
+    waters, every = plans.waters, []
     most = path_measures.limits(waters.film, waters)
-    left = path_measures.where_left(table, path, waters, most)
     spread = plans.players[mode].follower.spread
-    return Followed(table, left, path_measures.of_path(table, left, path, spread, waters))
+    for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
+        if path is not None:
+            table = path_measures.swum_path(mode, swim, path, waters.duration, waters)
+            left = path_measures.where_left(table, path, waters, most)
+            numbers = path_measures.of_path(table, left, path, spread, waters)
+            every.append(Followed(table.assign(fish=fish), left.assign(fish=fish), numbers))
+    return every
 
 
 def animation(
@@ -160,8 +163,8 @@ def animation(
     plans: Planner,
     steps: pd.DataFrame,
     film_motion: Swum,
-) -> tuple[dict[str, float], pd.DataFrame, Followed | None]:
-    """Make the edit list of a mode: its measures, itself, and how a path was followed.
+) -> tuple[dict[str, float], pd.DataFrame, list[Followed]]:
+    """Make the edit list of a mode: its measures, itself, and how paths were followed.
 
     steps: columns of `STEPS`.
     """
@@ -170,14 +173,15 @@ def animation(
     save_table(folder / f"{mode}.parquet", edit, EDIT)
     weighed = [one.considered(ticks, filmed, fish) for fish, one in enumerate(swum)]
     save_table(folder / f"{mode}_considered.parquet", pd.concat(weighed), CONSIDERED)
-    path = None if plans.path is None else followed(mode, swum[0], plans)
-    each = zip(by_fish(edit), plans.deal(goals), strict=True)
+    paths = followed(mode, swum, plans)
+    each = zip(by_fish(edit), [task.goals for task in plans.tasks(goals)], strict=True)
     rows = [
         measures.of_plan(one, own, player, film_motion) | of_pictures(one, plans, steps)
         for one, own in each
     ]
-    numbers = measures.averaged(rows) | encounters.of_shoal(edit, player)
-    return (path.numbers if path else {}) | numbers, edit, path
+    numbers = measures.averaged([one.numbers for one in paths]) if paths else {}
+    numbers |= measures.averaged(rows) | encounters.of_shoal(edit, player)
+    return numbers, edit, paths
 
 
 def of_pictures(edit: pd.DataFrame, plans: Planner, steps: pd.DataFrame) -> dict[str, float]:
@@ -241,8 +245,8 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
         save_json(folder / "drawn.json", {"size": size})
         swum = measures.motion_of_film(features, waters.motion)
         for mode, player in plans.players.items():
-            numbers[mode], edit, path = animation(folder, mode, goals, plans, steps, swum)
-            paths += [path] if path else []
+            numbers[mode], edit, followed_ = animation(folder, mode, goals, plans, steps, swum)
+            paths += followed_
             each = [measures.motion_of_edit(one, player) for one in by_fish(edit)]
             speed, turn_rate = np.concatenate(each, axis=1)
             moved[mode] = speed, turn_rate

@@ -44,8 +44,11 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
 
 
 def path_stamp(animate: Mapping[str, Any]) -> str | None:
-    """The stamp of the file with the path, by `animate`; None where it is missing."""
-    return _stamp_at(animate.get("path"))
+    """The stamp of the files with the paths, by `animate`; None where there are none."""
+    paths = animate.get("path")
+    several = [paths] if isinstance(paths, str) else paths or []
+    files = [Path(path).expanduser() for path in several if path]
+    return _stamp([file for file in files if file.exists()])
 
 
 def retarget_stamp(retarget: Mapping[str, Any]) -> str | None:

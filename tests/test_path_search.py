@@ -1,7 +1,5 @@
 """The search along a path: what is kept of its branches, what it finds, and how a plan is swum."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from toy_film import (
@@ -150,7 +148,7 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stri
     assert len(searches) <= 1 + 300 / (waters.ticks(waters.settings.path_plan) / 2)
     searches.clear()
     other = np.array([[state.fish.x + 3 * LENGTH, state.fish.y, 0.0, 0.0]])
-    beside = state._replace(fish=replace(state.fish, company=player.company([other], 300)))
+    beside = player.among(state, other[:, None])
     stretch, after = player.step(beside, route, rng)
     assert len(searches) == 1 and after.path.route is route
     assert len(stretch.way) <= 2 * player.follower.rules.stride

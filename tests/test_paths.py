@@ -174,10 +174,10 @@ def ahead(n, heading=0.0, step=3.0):
     return np.column_stack([np.array([200.0, 300.0]) + far, np.full(n, heading)])
 
 
-def steer(way, y=300.0, **changes):
+def steer(way, y=300.0, swims=2.0, **changes):
     route = laid(Line("a", np.array([100.0, 700.0]), np.array([y, y]), PX)).route
-    usual = Steering(0.5, 0.2, 10, LENGTH, 30.0, 10.0, 3.0, 0.1, 0.5)
-    speed = np.full(len(way) - 1, 2.0)
+    usual = Steering(0.5, 0.2, 1.0, 10, LENGTH, 30.0, 10.0, 3.0, 0.1)
+    speed = np.full(len(way) - 1, swims)
     begins = (100.0, 0)
     by = bounds_of(open_tank()), usual._replace(**changes)
     return steered(way, speed, np.zeros(len(way) - 11, np.int64), begins, route, by)
@@ -195,6 +195,13 @@ def test_a_way_beside_the_path_is_brought_onto_it_within_its_limits():
         out, used, _ = steer(ahead(110, heading), y)
         assert abs(out[-1, 1] - y) < 0.5 < max(abs(ahead(110, heading)[99, 1] - y), 1)
         assert np.abs(used[:, 0]).max() <= 0.5 + 1e-9 and used[:, 1].max() <= 0.4 + 1e-9
+
+
+def test_who_swims_slowly_is_corrected_less_and_who_rests_not_at_all():
+    most = [
+        np.abs(steer(ahead(60, 20.0), swims=speed)[1]).max(0).tolist() for speed in (0, 0.5, 1, 3)
+    ]
+    assert most == [[0, 0], [0.25, 0.1], [0.5, 0.2], [0.5, pytest.approx(0.6)]]
 
 
 def test_nothing_is_corrected_where_nothing_may_be():

@@ -50,7 +50,7 @@ def stepless():
 def swum(player, ticks=TICKS, seed=0, goals=()):
     p = player.waters.settings
     plans = Planner(player.waters, {"": player}, None, 1.0, 1.0)
-    todo = plans._tasks(goals, np.random.default_rng(seed))
+    todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
     return edit_lists(shoal(player, todo, ticks), ticks, player)
 
@@ -166,7 +166,7 @@ def test_who_follows_nobody_has_the_goals():
     waters = water("none", 4, ((2, 1), (4, 3)))
     plans = Planner(waters, {}, None, 1.0, 1.0)
     goals = [Goal(name, 100.0, 100.0) for name in "ABC"]
-    names = [[goal.name for goal in lot] for lot in plans.deal(goals)]
+    names = [[goal.name for goal in lot] for lot in (task.goals for task in plans.tasks(goals))]
     assert names == [["A", "C"], [], ["B"], []]
     assert plans.seekers == [0, 2]
     assert Planner(water("zones"), {}, None, 1.0, 1.0).goals() == []

@@ -22,12 +22,13 @@ import stages.plots.render
 import stages.render
 from finloop.animate import avoidance, encounters
 from finloop.animate.arena import tank
-from finloop.animate.company import can_stay
+from finloop.animate.company import Plans, can_stay
 from finloop.animate.edit_list import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
 from finloop.animate.kinematics import Spot
 from finloop.animate.listing import edit_lists
 from finloop.animate.measures import averaged
+from finloop.animate.path_measures import SWUM
 from finloop.animate.paths import lay
 from finloop.animate.planner import Planner
 from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, tasks
@@ -35,11 +36,13 @@ from finloop.animate.swim import NoRoom, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
+from finloop.given_path import given_lines
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
 from finloop.realism import lists
 from finloop.realism.lists import animations
+from stages.settings import load
 
 
 @cache
@@ -144,7 +147,10 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(mode, monkeypatch):
 
     def between(fish, gap):
         sides = [np.array([[x + side, y, 90.0, first.picture]]) for side in (-gap, gap)]
-        return replace(fish, company=player.company(sides, fish.tick))
+        return replace(
+            fish,
+            company=player.company(Plans.of(sides, fish.tick).others(-1, fish.tick), fish.tick),
+        )
 
     def free(gap):
         return can_stay(between(first, gap).company, first.picture, np.array([x, y, 90.0]), 0)
@@ -172,6 +178,53 @@ def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     x, y = encounters.places(table)[0].T
     assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
     assert not overlaps(table, player).any()
+
+
+def ring(x, y, radius=60.0):
+    angle = np.linspace(0, 2 * np.pi, 40, endpoint=False)
+    return Line("ring", x + radius * np.cos(angle), y + radius * np.sin(angle), PX, closed=True)
+
+
+def plans_of(lines, **changes):
+    """A planner of the crowded tank whose first fish have these lines, None for one with none."""
+    waters = crowded()[LOOPS].waters
+    waters = replace(waters, settings=replace(waters.settings, **changes))
+    player = replace(crowded()[LOOPS], waters=waters)
+    paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
+    return Planner(waters, {LOOPS: player}, None, 1.0, 0.6 * LENGTH, paths)
+
+
+def test_each_fish_has_a_path_or_goals_of_its_own():
+    plans = plans_of([ring(290, 200), None, ring(480, 400)], fish=4)
+    assert plans.seekers == [1, 3] and plans.unruled == [0, 1, 2, 3]
+    goals = [Goal(name, x, 300.0, TOUCH) for name, x in (("A", 250), ("B", 350), ("C", 450))]
+    todo = plans.tasks(goals)
+    assert [[goal.name for goal in task.goals] for task in todo] == [[], ["A", "C"], [], ["B"]]
+    player = plans.players[LOOPS]
+    swims = shoal(player, todo, 500)
+    assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
+    assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
+    table = edit_lists(swims, 500, player)
+    assert not overlaps(table, player).any()
+    for fish, (cx, cy) in ((0, (290, 200)), (2, (480, 400))):
+        x, y = encounters.places(table)[fish].T
+        assert np.median(np.abs(np.hypot(x - cx, y - cy) - 60)) < LENGTH / 2
+
+
+def test_two_paths_that_begin_at_one_place_are_refused_unless_fish_overlap():
+    lines = [ring(290, 200), None, ring(290, 200 + 0.5 * LENGTH)]
+    with pytest.raises(FinloopError, match="begins fish 1 and fish 3 at one place, "):
+        plans_of(lines, fish=3).goals()
+    plans_of(lines, fish=3, overlap=True).goals()
+
+
+def test_there_is_a_path_a_fish_at_most(tmp_path):
+    (tmp_path / "a.csv").write_text("x,y\n0.2,0.2\n0.8,0.8\n")
+    p = settings("animate", path=[str(tmp_path / "a.csv"), None], fish=2)
+    lines = given_lines(p, pd.DataFrame())
+    assert lines[0].name.endswith("a.csv") and lines[1] is None
+    with pytest.raises(FinloopError, match="2 paths for 1 fish"):
+        given_lines(replace(p, fish=1), pd.DataFrame())
 
 
 # --- the edit list
@@ -251,7 +304,7 @@ def test_more_fish_than_fit_are_refused():
     assert "at most" in refused.value.wanted and "animate.overlap=true" in refused.value.do
     through = replace(waters, settings=replace(waters.settings, overlap=True))
     todo = tasks([], 40, np.random.default_rng(0))
-    assert len(settle(players_of(through)[LOOPS], todo)) == 40
+    assert len(settle(players_of(through)[LOOPS], todo, Plans(40))) == 40
 
 
 def test_where_few_places_leave_room_realism_draws_other_ones(monkeypatch):
@@ -263,7 +316,9 @@ def test_where_few_places_leave_room_realism_draws_other_ones(monkeypatch):
     def room(seed):
         try:
             one = replace(waters, settings=replace(waters.settings, seed=seed))
-            return bool(settle(plans.players[LOOPS], replace(plans, waters=one).tasks([])))
+            return bool(
+                settle(plans.players[LOOPS], replace(plans, waters=one).tasks([]), Plans(99))
+            )
         except NoRoom:
             return False
 
@@ -363,6 +418,34 @@ def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
     listed = pd.read_csv(folder / "data/export/hybrid.csv")
     assert sorted(listed["fish"].unique()) == [0, 1, 2]
+
+
+def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_path, monkeypatch):
+    monkeypatch.chdir(folder)
+    for name, y in (("a", 0.3), ("b", 0.7)):
+        (tmp_path / f"{name}.csv").write_text(f"x,y\n0.3,{y}\n0.7,{y}\n")
+    p = replace(
+        load("animate"), fish=3, path=[str(tmp_path / "a.csv"), None, str(tmp_path / "b.csv")]
+    )
+    monkeypatch.setattr(stages.animate, "OUT", tmp_path / "animate")
+    monkeypatch.setattr(stages.animate, "REPORT", tmp_path / "report")
+    numbers, _ = stages.animate.animations(p)
+    swum_ = load_table(tmp_path / "animate/path.parquet", SWUM)
+    assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == set(numbers)
+    left = pd.read_csv(tmp_path / "report/left.csv")
+    assert set(left["fish"]) <= {0, 2}
+    each = swum_[swum_["mode"] == HYBRID].groupby("fish")["across"]
+    assert numbers[HYBRID]["path_across_rms_body_lengths"] == pytest.approx(
+        each.agg(lambda far: np.sqrt((far**2).mean())).mean()
+    )
+    monkeypatch.setattr(stages.plots.animate, "DATA", tmp_path / "animate")
+    (tmp_path / "report/metrics.json").write_text(
+        (folder / "reports/animate/metrics.json").read_text()
+    )
+    monkeypatch.setattr(stages.plots.animate, "REPORT", tmp_path / "report")
+    stages.plots.animate.main()
+    drawn = {file.name for file in (tmp_path / "report/path").iterdir()}
+    assert drawn == {"path.png", "path-2.png"}
 
 
 def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeypatch):

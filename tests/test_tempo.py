@@ -60,3 +60,9 @@ def test_the_usual_lag_grows_with_the_rests_of_the_film():
     rests, flicks = (Tempo.of(film_of(steps), 50.0, 0.1).usual for steps in (long, short))
     assert rests > 3 * flicks
     assert Tempo.of(film_of(np.full(N, 2.0)), 50.0, 4.0).usual == 4.0  # even: the least
+
+
+def test_along_a_path_to_be_slow_costs_more_the_farther_a_fish_lags_and_never_pays():
+    tempo = Tempo(2.0, 0.9, 8.0)
+    prices = [tempo.price_along(lag, 2.0) for lag in (-100, -2, 0, 8, 24, 1000)]
+    assert prices == pytest.approx([0.0, 0.0, 0.5, 2.5, 6.5, 6.5])

@@ -16,6 +16,7 @@ from finloop.base.arrays import Floats, Ints, Reals
 from finloop.base.kernel import kernel, leaf_kernel
 
 _DISCS = 6
+_TICKS = 64  # room for the ways of plans, which grows
 _LOT = 10_000  # outlines at a time
 _SEES = 3.0  # body lengths; sprites are led round a fish in the way that is nearer
 _EDGE_PX = 1.5  # of a pixel's corner beyond its middle, of both bodies
@@ -60,26 +61,83 @@ NO_DISCS = Discs(np.zeros((0, _DISCS, 3)), 0, 0.0)
 ALONE = Company(0, np.zeros((1, 0, 4)), NO_DISCS)
 
 
-def company_of(ways: Sequence[Floats], start: int, discs: Discs, stays: int) -> Company:
-    """The company of fish whose ways (n, 4), as in `Company`, from a tick on are known; n ≥ 1.
+class Plans:
+    """What the fish of a tank have planned: of each the last way, from a tick on.
+
+    Fish are numbered from 0; a fish that has not planned yet is not there.
+    """
+
+    def __init__(self, fish: int) -> None:
+        self._ways = np.zeros((fish, _TICKS, 4))
+        self._begins, self._ticks = np.zeros(fish, np.int64), np.zeros(fish, np.int64)
+
+    @classmethod
+    def of(cls, ways: Sequence[Floats], start: int) -> "Plans":
+        """Of ways (n, 4), as in `Company`, that all begin at a tick."""
+        plans = cls(len(ways))
+        for number, way in enumerate(ways):
+            plans.put(number, start, way)
+        return plans
+
+    def put(self, number: int, begins: int, way: Floats) -> None:
+        """A fish has planned a way (n, 4), as in `Company`, that begins at a tick; n ≥ 1."""
+        more = len(way) - self._ways.shape[1]
+        if more > 0:
+            self._ways = np.pad(self._ways, [(0, 0), (0, more), (0, 0)])
+        self._ways[number, : len(way)] = way
+        self._begins[number], self._ticks[number] = begins, len(way)
+
+    def others(self, number: int, tick: int) -> Floats:
+        """Where all but a fish are (n, m, 4), as in `Company`, from a tick on."""
+        return np.asarray(_places(self._ways, self._begins, self._ticks, number, tick))
+
+    def has(self, number: int) -> bool:
+        """Whether a fish has planned yet."""
+        return bool(self._ticks[number])
+
+    def at(self, number: int, tick: int) -> Floats:
+        """Where a fish is (4,) at a tick."""
+        row = min(max(tick - self._begins[number], 0), self._ticks[number] - 1)
+        return np.asarray(self._ways[number, row])
+
+
+def company_of(others: Floats, start: int, discs: Discs, stays: int) -> Company:
+    """The company of fish that are known (n, m, 4), of `Plans.others`, from a tick on.
 
     stays: ticks after these for which a search takes them into account.
     """
-    if not ways:
-        return ALONE
-    ticks = np.array([len(way) for way in ways])
-    most, count = int(ticks.max()), len(ways)
-    rows = np.cumsum(ticks) - ticks + np.minimum(np.arange(most)[:, None], ticks - 1)
-    places = np.concatenate(ways, dtype=float)[rows]
-    return Company(start, places, discs, start + most - 1 + stays, count)
+    ticks, count = others.shape[:2]
+    return Company(start, others, discs, start + ticks - 1 + stays, count)
 
 
 @kernel
-def near_first(company: Company, x: float, y: float, pace: float) -> Company:
+def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
+    """See `Plans.others`."""
+    count, most = 0, 1
+    for k in range(len(ticks)):
+        if k != own and ticks[k] > 0:
+            count += 1
+            most = max(most, begins[k] + ticks[k] - tick)
+    places, m = np.empty((most, count, 4)), 0
+    for k in range(len(ticks)):
+        if k != own and ticks[k] > 0:
+            for t in range(most):
+                row = min(max(tick + t - begins[k], 0), ticks[k] - 1)
+                for c in range(4):
+                    places[t, m, c] = ways[k, row, c]
+            m += 1
+    return places
+
+
+@kernel
+def near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
     """The company of a fish at a place, first those that it can come near while a search looks.
 
-    pace: px that a fish swims in a tick at most.
+    farthest (t,): px that a fish comes from its place in 0, 1, 2 … ticks at most; later ones are
+    as far from each other as the last two.
     """
+    known = len(farthest) - 1
+    pace = farthest[known] - farthest[known - 1]
     ticks, count = company.places.shape[:2]
     first, last, order = 0, count, np.empty(count, np.int64)
     for k in range(count):
@@ -87,7 +145,9 @@ def near_first(company: Company, x: float, y: float, pace: float) -> Company:
         for t in range(ticks):
             later = t if t < ticks - 1 else company.until - company.start
             far = np.hypot(company.places[t, k, 0] - x, company.places[t, k, 1] - y)
-            near = near or far < 2 * company.discs.reach + pace * (later + 1)
+            more = max(later + 1 - known, 0)
+            comes = farthest[later + 1 - more] + more * pace
+            near = near or far < 2 * company.discs.reach + comes
         if near:
             order[first] = k
             first += 1

@@ -169,6 +169,21 @@ def mean_step_px(rows: NDArray[np.void]) -> float:
     return max(float(steps.mean()), 1e-9) if len(steps) else 1.0
 
 
+def farthest(film: Film, most: int) -> Floats:
+    """How far (t,) the film's fish come from where they are in 0, 1 … `most` ticks, at most, px.
+
+    What is between powers of two is as far as the next of these.
+    """
+    rows, far = film.rows[: film.filmed], np.zeros(most + 1)
+    run, ticks = runs(rows["more"]), 1
+    while ticks < 2 * most:
+        first = np.flatnonzero(run >= ticks)
+        off = (rows[axis][first + ticks] - rows[axis][first] for axis in "xy")
+        far[ticks // 2 + 1 : ticks + 1] = np.hypot(*off).max(initial=0.0)
+        ticks *= 2
+    return np.maximum.accumulate(far)
+
+
 def lags(rows: NDArray[np.void]) -> Floats:
     """Ticks (n,) by which a fish that plays on from each row falls behind the film's mean speed."""
     slower = 1 - np.hypot(rows["dx"], rows["dy"]) / mean_step_px(rows)

@@ -21,7 +21,7 @@ from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.route import Route, asked_at, place
 from finloop.animate.search import Here, Space, moved
 from finloop.animate.state import Waters
-from finloop.animate.steering import near, shifted, tick_cost, turn_to
+from finloop.animate.steering import most_turn, near, shifted, tick_cost, turn_to
 from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import ahead_left
 from finloop.base.kernel import finite_leaf, kernel, kernel_part, leaf_kernel
@@ -82,7 +82,7 @@ def footage_of(space: Space, reach: int, stride: int) -> Footage:
 def look_along(footage: Footage, ways: Ways, here: Here, along: float, route: Route, by):  # type: ignore[no-untyped-def]
     """Follow every way (k,) along the path through the film and its jumps: a beam search.
 
-    by: `Rules`, `Steering`. Without times, what a way falls behind a brisk fish costs its `pace`.
+    by: `Rules`, `Steering`. Without times, what a way falls behind a brisk fish costs `here.slow`.
 
     Returns
     -------
@@ -135,9 +135,10 @@ def _stride(footage, route, way, ticks, here, by):  # type: ignore[no-untyped-de
     angle = np.radians(way.rot)
     cos, sin = np.cos(angle), np.sin(angle)
     leads = lead.dx * cos + lead.dy * sin, lead.dy * cos - lead.dx * sin
-    turn = turn_to(route, (way.x, way.y, way.along), leads, lead.ticks, steering)
-    dx, dy = moved(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
     speed, tick = (at.speed + after.speed) / 2, here.tick + way.ticks + ticks
+    most = most_turn(speed, steering)
+    turn = turn_to(route, (way.x, way.y, way.along), leads, lead.ticks, most, steering)
+    dx, dy = moved(after.x - at.x, after.y - at.y, way.rot + turn * ticks / 2)
     begun = way.x + dx, way.y + dy, way.along
     x, y, along, fx, fy, shift = shifted(route, begun, speed, (tick, ticks), steering)
     rot = way.rot + turn * ticks
@@ -188,7 +189,7 @@ def _legs(footage, search, here, at, route, by):  # type: ignore[no-untyped-def]
         found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
         way.total = way.cost
         if not route.when.size:
-            way.total += steering.pace * (way.ticks - (way.along - begun) / rules.pace)
+            way.total += here.slow * (way.ticks - (way.along - begun) / rules.pace)
         at, done = rows[way.row], way.along >= end
         total = way.total
         if not done:

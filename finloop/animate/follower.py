@@ -28,7 +28,7 @@ from finloop.animate.edit_list import (
 from finloop.animate.follow import Footage, look_along, onward, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
-from finloop.animate.motion import FILM, FORECAST, TURN
+from finloop.animate.motion import FILM, FORECAST, TURN, brisk_of
 from finloop.animate.path_plan import Plan, seam_to, spread
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
@@ -53,9 +53,10 @@ class Follower:
         self.steering = Steering(
             turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
             shift=p.path_share * motion.body_length_px / motion.rate_hz,
+            brisk=brisk_of(waters.film.speed[waters.film.more], p),
             reach=reach_of(waters), length_px=motion.body_length_px,
             across=p.path_across, late=p.path_late,
-            heading=p.path_heading, effort=p.path_effort, pace=p.path_pace,
+            heading=p.path_heading, effort=p.path_effort,
         )  # fmt: skip
         self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         self._swum = self.rules.stride * max(1, waters.ticks(p.path_plan) // self.rules.stride)
@@ -91,6 +92,7 @@ class Follower:
             rots = np.zeros_like(rots)
         begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
         here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, np.zeros((0, 3), np.int64))
+        here = here._replace(slow=self.waters.settings.path_pace)
         plan = self._best(footage, begin, here, 0.0, route)
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
@@ -109,7 +111,7 @@ class Follower:
             if len(stretch.way):
                 return stretch, on
         film, told = self._by_film(fish, path.along, route), None
-        if film is None or (self.policy.mode == HYBRID and self._leaves(film, route)):
+        if film is None or (self.policy.mode == HYBRID and self._leaves(film, fish, route)):
             told = self._as_foretold(fish, path.along, route)
         plans = [one for one in (film, told) if one is not None]
         # To leave the film is as dear as a seam of one natural step.
@@ -126,10 +128,12 @@ class Follower:
         stretch, along = self._sent(fish, path.along, route, rng)
         return stretch, Progress(along)
 
-    def _leaves(self, plan: Plan, route: Route) -> bool:
-        """Whether a plan is as dear as to have left the path for half of the time."""
-        price = self.steering.across + (self.steering.late if route.timed else 0.0)
-        return plan.value > 0.5 * price * self.waters.settings.path_left**2 * plan.ticks.sum()
+    def _leaves(self, plan: Plan, fish: Fish, route: Route) -> bool:
+        """Whether a plan is as dear as to leave the path and stand still all the time."""
+        beside = self.waters.settings.path_left**2
+        price = self.steering.across * beside
+        price += self.steering.late * beside if route.timed else self._slow(fish)
+        return plan.value > price * plan.ticks.sum()
 
     def _go_on(
         self, fish: Fish, path: Progress, decision: Decision, options: Options | None
@@ -155,9 +159,9 @@ class Follower:
         film, jumps = self._film.film, fish.since + 1 >= self.rules.stay
         every = decide.ways_on(film, fish.row + 1, fish.rot, jumps)
         x, y = decide.arrival(film, fish.x, fish.y, fish.row, fish.rot)
-        here = Here(x, y, fish.tick + 1, fish.speed, fish.since, fish.recent, fish.repeat)
-        rest = int(film.rest[fish.row + 1])
-        here = here._replace(company=_a_tick_later(fish.company), rest=rest)
+        here = self._here(fish, x, y)._replace(
+            tick=fish.tick + 1, rest=int(film.rest[fish.row + 1])
+        )
         return self._best(self._film, every, here, along, route)
 
     def _as_foretold(self, fish: Fish, along: float, route: Route) -> Plan | None:
@@ -172,10 +176,20 @@ class Follower:
         rows = np.ascontiguousarray(rows[footage.film.endless[rows]], np.int64)
         rots = np.asarray(wrap_deg(fish.heading - footage.film.heading[rows]), float)
         every = Ways(rows, rots, np.zeros(len(rows)), rows != fish.row)
-        here = Here(fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat)
         rest = int(footage.film.rest[fish.row])
-        here = here._replace(company=_a_tick_later(fish.company), rest=rest)
+        here = self._here(fish, fish.x, fish.y)._replace(rest=rest)
         return self._best(footage, every, here, along, route)
+
+    def _here(self, fish: Fish, x: float, y: float) -> Here:
+        """What matters of a fish that is at x, y when it decides."""
+        return Here(
+            x, y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
+            _a_tick_later(fish.company), slow=self._slow(fish),
+        )  # fmt: skip
+
+    def _slow(self, fish: Fish) -> float:
+        """Ticks that a tick on the spot costs a fish on a path without times."""
+        return self.waters.tempo.price_along(fish.lag, self.waters.settings.path_pace)
 
     def _best(
         self, footage: Footage, every: Ways, here: Here, along: float, route: Route

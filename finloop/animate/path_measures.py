@@ -18,6 +18,7 @@ from finloop.base.schema import Column, Schema, columns
 from finloop.features.table import wrap_deg
 
 SWUM = Schema(
+    Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
     Column("tick", "int32", "1"),
     Column("time_s", "float64", "s"),
@@ -34,6 +35,7 @@ far it is beside the path and, of a path with times, from the place asked for at
 with headings, how far off the heading; and by how much the film's motion was corrected."""
 
 LEFT = Schema(
+    Column("fish", "int16", "1"),
     Column("mode", "string", "1"),
     *columns("float64", "s", "from_s", "to_s"),
     *columns("float64", "px", "along_px", "asked_x_px", "asked_y_px"),
@@ -68,7 +70,7 @@ def swum_path(mode: str, swim: Swim, path: Path, ticks: int, waters: Waters) -> 
         cell = np.minimum((feet[:, 0] / route.step).astype(int), len(route.heading) - 1)
         off = np.asarray(wrap_deg(way[:, 2] - route.heading[cell]), float)
     return pd.DataFrame({
-        "mode": mode, "tick": np.arange(len(way)),
+        "fish": 0, "mode": mode, "tick": np.arange(len(way)),
         "time_s": np.arange(len(way)) / waters.motion.rate_hz, "along_px": feet[:, 0],
         "asked_x_px": feet[:, 1], "asked_y_px": feet[:, 2], "x_px": way[:, 0], "y_px": way[:, 1],
         "across": np.hypot(*(feet[:, 1:] - way[:, :2]).T) / length,
@@ -148,7 +150,7 @@ def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> 
         worst = swum.iloc[first + int(np.argmax(far[first:stop]))]
         along = np.array([swum["along_px"].iloc[first], swum["along_px"].iloc[stop - 1]])
         rows.append((
-            worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
+            worst["fish"], worst["mode"], first / rate, (stop - 1) / rate, worst["along_px"],
             worst["asked_x_px"], worst["asked_y_px"], far[first:stop].max(),
             _why(along, (int(first), int(stop)), path, waters, most),
         ))  # fmt: skip

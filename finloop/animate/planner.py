@@ -9,7 +9,7 @@ import pandas as pd
 
 from finloop.animate.arena import place_goals, size_for, tank, where
 from finloop.animate.bodies import Bodies
-from finloop.animate.company import NO_DISCS
+from finloop.animate.company import NO_DISCS, Plans
 from finloop.animate.crossing import Crossing
 from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.endless import endless
@@ -24,9 +24,17 @@ from finloop.animate.paths import Path, lay
 from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
-from finloop.animate.route import Route
 from finloop.animate.settings import Settings
-from finloop.animate.shoal import Task, by_rule, deal, refuse_meetings, settle, shoal, tasks
+from finloop.animate.shoal import (
+    Task,
+    by_rule,
+    deal,
+    refuse_meetings,
+    refuse_one_beginning,
+    settle,
+    shoal,
+    tasks,
+)
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, FrameHulls, Player, Swim, random_goals
@@ -50,7 +58,8 @@ class Material(NamedTuple):
     arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
     as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
     `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
-    little for one; line: to be swum in place of the goals; mm_per_px: None: not known; shoaling:
+    little for one; lines: to be swum in place of goals, by the first fish, None for one that has
+    none; mm_per_px: None: not known; shoaling:
     how fish swim by zones, None: not known; floor: the empty tank as filmed, None: not known.
     """
 
@@ -66,7 +75,7 @@ class Material(NamedTuple):
     gateways: pd.DataFrame
     poses: FilmPoses
     forecast: Sampler | None = None
-    line: Line | None = None
+    lines: Sequence[Line | None] = ()
     mm_per_px: float | None = None
     shoaling: Shoaling | None = None
     floor: Picture | None = None
@@ -76,7 +85,8 @@ class Material(NamedTuple):
 class Planner:
     """A player a mode. step: the film's median natural step, the unit of every seam.
 
-    reach_px: how far the fish reaches from its centre; path: None where it swims to goals.
+    reach_px: how far the fish reaches from its centre; paths: of the first fish, None for one that
+    has none.
     """
 
     waters: Waters
@@ -84,20 +94,23 @@ class Planner:
     pictures: Pictures
     step: float
     reach_px: float
-    path: Path | None = None
+    paths: tuple[Path | None, ...] = ()
 
     def goals(self) -> list[Goal]:
-        """The goals of the parameters, none where a path is swum, or all fish swim by zones.
+        """The goals of the parameters, none where all fish swim paths, or by a rule.
 
         FinloopError if one is out of reach, two fish are sent to one place, or fish are to swim by
         zones and there is no rule for it.
         """
-        if self.waters.settings.rule == "zones" and self.waters.settings.fish > 1:
+        p = self.waters.settings
+        if p.rule == "zones" and p.fish > 1:
             for player in self.players.values():
                 rule_of(player.shoaling)
-        if self.path is not None or not self.seekers:
+        if not p.overlap:
+            refuse_one_beginning(self.paths, self.waters.motion.body_length_px)
+        if not self.seekers:
             return []
-        p, waters = self.waters.settings, self.waters
+        waters = self.waters
         touch_px = waters.touch_px + waters.head_px
         placed = place_goals(p.goals, p.goals_in, waters.tank, touch_px)
         goals = [goal._replace(radius_px=waters.touch_px) for goal in placed]
@@ -106,53 +119,58 @@ class Planner:
         return goals
 
     @property
-    def seekers(self) -> list[int]:
-        """The fish that swim to goals, not by a rule. FinloopError if the rule is contradictory."""
+    def unruled(self) -> list[int]:
+        """The fish that swim by no rule. FinloopError if the rules are contradictory."""
         p = self.waters.settings
         every = by_rule(tasks([], p.fish, np.random.default_rng()), p)
         return [fish for fish, task in enumerate(every) if not task.zones and task.follows is None]
 
-    def deal(self, goals: Sequence[Goal]) -> list[list[Goal]]:
-        """The goals of each fish."""
-        lots: list[list[Goal]] = [[] for _ in range(self.waters.settings.fish)]
-        if goals:
-            for fish, lot in zip(self.seekers, deal(goals, len(self.seekers)), strict=True):
-                lots[fish] = lot
-        return lots
+    @property
+    def seekers(self) -> list[int]:
+        """The fish that swim to goals, neither by a rule nor along a path."""
+        swum = [fish for fish, path in enumerate(self.paths) if path is not None]
+        return [fish for fish in self.unruled if fish not in swum]
 
     def tasks(self, goals: Sequence[Goal]) -> list[Task]:
-        """What each fish does: the first one swims the path, if there is one."""
-        p, route = self.waters.settings, None if self.path is None else self.path.route
-        return self._tasks(goals, np.random.default_rng(p.seed), route)
+        """What each fish does: swim its path, or to goals, or by a rule."""
+        rng = np.random.default_rng(self.waters.settings.seed)
+        todo = self._tasks(goals, self.seekers, rng)
+        for fish, path in enumerate(self.paths):
+            if path is not None:
+                todo[fish] = todo[fish]._replace(route=path.route)
+        return todo
 
     def _tasks(
-        self, goals: Sequence[Goal], rng: np.random.Generator, route: Route | None = None
+        self, goals: Sequence[Goal], seekers: Sequence[int], rng: np.random.Generator
     ) -> list[Task]:
+        """The tasks of all fish by the rules, of those that seek to goals, which are dealt."""
         p = self.waters.settings
-        every = by_rule(tasks([], p.fish, rng, route), p)
-        dealt = zip(every, self.deal(goals), strict=True)
-        return [task._replace(goals=lot) for task, lot in dealt]
+        todo = by_rule(tasks([], p.fish, rng), p)
+        if seekers:
+            for fish, lot in zip(seekers, deal(goals, len(seekers)), strict=True):
+                todo[fish] = todo[fish]._replace(goals=lot)
+        return todo
 
-    def trial(self, player: Player, number: int) -> tuple[pd.DataFrame, list[Goal]]:
-        """A further animation, to random goals of each fish: its edit list, and the goals."""
-        todo, goals = self._trial(number)
-        ticks = self.waters.duration
+    def trial(self, player: Player, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
+        """A further animation, to random goals of each fish: its edit list, and their goals."""
+        todo, ticks = self._trial(number), self.waters.duration
+        goals = [task.goals for task in todo]
         return edit_lists(shoal(player, todo, ticks), ticks, player), goals
 
-    def _trial(self, number: int) -> tuple[list[Task], list[Goal]]:
+    def _trial(self, number: int) -> list[Task]:
         p = self.waters.settings
         rng = np.random.default_rng([p.seed, number])
-        goals = random_goals(self.waters, p.trial_goals * len(self.seekers), rng)
-        return self._tasks(goals, rng), goals
+        goals = random_goals(self.waters, p.trial_goals * len(self.unruled), rng)
+        return self._tasks(goals, self.unruled, rng)
 
     def check_room(self, goals: Sequence[Goal]) -> None:
         """NoRoom, before anything is planned, if there is none for all fish."""
         p = self.waters.settings
         if p.fish > 1:
             for player in self.players.values():
-                settle(player, self.tasks(goals))
+                settle(player, self.tasks(goals), Plans(p.fish))
                 for number in range(p.trials):
-                    settle(player, self._trial(number)[0])
+                    settle(player, self._trial(number), Plans(p.fish))
 
     def plan(self, mode: str, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
         """An animation in a mode, fish by fish, and its edit list (columns of `EDIT`)."""
@@ -175,8 +193,9 @@ def planner(made: Material, p: Settings) -> Planner:
     bodies = Bodies(made.poses, reel.goes_on, sprites)
     pictures = Pictures(reel, facts.size, bodies)
     cast = Cast(sprites, outlines(reel), hulls)
-    if made.line is not None and made.line.rows is not None and not p.path_film:
-        barred[made.line.rows] = True
+    for line in made.lines:
+        if line is not None and line.rows is not None and not p.path_film:
+            barred[line.rows] = True
     pose = facts.pose if p.jumps == "loops" else BODY
     how = joins(p, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
@@ -208,8 +227,10 @@ def planner(made: Material, p: Settings) -> Planner:
             policy = replace(by_mode[mode].policy, forecast=swimmer)
             by_mode[mode] = replace(by_mode[mode], policy=policy)
     by_mode = {mode: replace(one, shoaling=made.shoaling) for mode, one in by_mode.items()}
-    path = None if made.line is None else lay(made.line, water, motion, made.mm_per_px)
-    return Planner(waters, by_mode, pictures, facts.step_median, reach_px, path)
+    paths = tuple(
+        None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
+    )
+    return Planner(waters, by_mode, pictures, facts.step_median, reach_px, paths)
 
 
 class Sized(NamedTuple):

@@ -133,9 +133,9 @@ class Settings:
     gain: NotNegative  # a way of the film leads to the goal at such a share of a brisk pace
 
     # Along a path (`finloop.animate.route`).
-    # where the fish swims in place of the goals: a CSV, Parquet or SVG file, or a track of the
-    # film, `track:8`; null = to the goals
-    path: str | None
+    # where a fish swims in place of goals: a CSV, Parquet or SVG file, or a track of the film,
+    # `track:8`; null = to goals; a list: the path of each fish, the first ones, or null
+    path: str | list[str | None] | None
     # the unit of x and y in a file whose columns do not say it: shares of the tank's width and
     # height (of an SVG its own), from the upper left; px of the clip; or mm, by clip.mm_per_px
     path_in: Literal["tank", "px", "mm"]

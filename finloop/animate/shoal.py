@@ -6,15 +6,16 @@ from a generator of its own, so that fish which never meet swim as each would al
 """
 
 import heapq
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Sequence
 from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
 
+from finloop.animate.company import Plans
 from finloop.animate.edit_list import PATH, Goal
-from finloop.animate.route import Route
+from finloop.animate.paths import Path
+from finloop.animate.route import Route, place
 from finloop.animate.rule import Rule
 from finloop.animate.settings import Settings
 from finloop.animate.swim import NoRoom, Player, Swim
@@ -22,9 +23,6 @@ from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.social.leader import leaders
 from finloop.social.rule import rule_of
-
-Ways = Mapping[int, Floats]
-"""The ways (n, 4) of fish by their numbers, from a tick on, as `Company` has them."""
 
 
 class Task(NamedTuple):
@@ -70,6 +68,19 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
         )
 
 
+def refuse_one_beginning(paths: Sequence[Path | None], length_px: float) -> None:
+    """FinloopError if two of the paths, of the first fish, begin less than a body length apart."""
+    begins = [(k, place(path.route, 0.0)) for k, path in enumerate(paths, 1) if path is not None]
+    for (a, one), (b, other) in combinations(begins, 2):
+        if np.hypot(one[0] - other[0], one[1] - other[1]) < length_px:
+            raise FinloopError(
+                f"animate.path begins fish {a} and fish {b} at one place, "
+                f"({one[0]:.0f}, {one[1]:.0f}) px",
+                f"beginnings at least a body length, {length_px:.0f} px, apart",
+                "begin a path elsewhere, or let fish overlap (animate.overlap=true)",
+            )
+
+
 def tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[Task]:
@@ -78,8 +89,8 @@ def tasks(
     rng: of the first fish, from which those of the others are spawned.
     """
     draws = [rng, *rng.spawn(fish - 1)]
-    paths = [route, *[None] * (fish - 1)]
-    return [Task(*one) for one in zip(deal(goals, fish), draws, paths, strict=True)]
+    routes = [route, *[None] * (fish - 1)]
+    return [Task(*one) for one in zip(deal(goals, fish), draws, routes, strict=True)]
 
 
 def by_rule(todo: Sequence[Task], p: Settings) -> list[Task]:
@@ -99,32 +110,28 @@ def by_rule(todo: Sequence[Task], p: Settings) -> list[Task]:
 class Swimmer:
     """A fish of a shoal: what it has planned so far."""
 
-    def __init__(self, player: Player, task: Task, others: Ways) -> None:
+    def __init__(self, player: Player, task: Task, number: int, plans: Plans) -> None:
         """A fish that begins in company, with a first plan. NoRoom where there is none for it."""
-        company = player.company(list(others.values()), 0)
         self._player, self._task, self._route = player, task, task.route
+        self._number = number
+        company = player.company(plans.others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._done = 0  # goals
-        self.decide(others)
+        self.decide(plans)
 
     @property
     def tick(self) -> int:
         """The first tick for which nothing is planned."""
         return self._state.fish.tick
 
-    @property
-    def plan(self) -> tuple[int, Floats]:
-        """The tick at which its last stretch begins, and its way (n, 4) as `Company` has it."""
-        last = self.swim.stretches[-1]
-        return self.tick - len(last.way), last.shown
-
-    def decide(self, others: Ways) -> None:
-        """Plan the next stretch. others: of every other fish, from the tick on."""
-        state, goal = self._state, self._goal() or self._rule(others)
-        company = self._player.company(list(others.values()), self.tick)
-        state = state._replace(fish=replace(state.fish, company=company))
+    def decide(self, plans: Plans) -> None:
+        """Plan the next stretch, among what all fish have planned, and add it to these."""
+        begins, others = self.tick, plans.others(self._number, self.tick)
+        goal = self._goal() or self._rule(plans, others)
+        state = self._player.among(self._state, others)
         stretch, self._state = self._player.step(state, goal, self._task.rng)
+        plans.put(self._number, begins, stretch.shown)
         name = PATH if isinstance(goal, Route) else goal.name if goal else ""
         self.swim.stretches.append(stretch)
         self.swim.names.append(name)
@@ -141,26 +148,25 @@ class Swimmer:
         goals = self._task.goals
         return goals[self._done] if self._done < len(goals) else None
 
-    def _rule(self, others: Ways) -> Rule | None:
-        """What it swims by when it has no goal."""
+    def _rule(self, plans: Plans, others: Floats) -> Rule | None:
+        """What it swims by when it has no goal. others (n, m, 4): of `Plans.others`, now."""
         task, shoaling = self._task, self._player.shoaling
-        if task.follows is not None and task.follows in others:
-            return Rule.after(others[task.follows][0])
-        if not (task.zones and others):
+        if task.follows is not None and plans.has(task.follows):
+            return Rule.after(plans.at(task.follows, self.tick))
+        if not (task.zones and others.shape[1]):
             return None
-        ways = np.stack([way[0, :3] for way in others.values()])
-        return Rule.by_zones(ways, rule_of(shoaling))
+        return Rule.by_zones(others[0, :, :3], rule_of(shoaling))
 
 
-def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
-    """Put fish into the tank, one after the other, each with a first plan.
+def settle(player: Player, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
+    """Put fish into the tank, one after the other, each with a first plan: first those with paths.
 
-    NoRoom if there is none for all of them.
+    plans: of as many fish, to which theirs are added. NoRoom if there is none for all of them.
     """
-    fish: list[Swimmer] = []
-    for task in todo:
+    fish: dict[int, Swimmer] = {}
+    for number in sorted(range(len(todo)), key=lambda k: (todo[k].route is None, k)):
         try:
-            fish.append(Swimmer(player, task, {k: one.plan[1] for k, one in enumerate(fish)}))
+            fish[number] = Swimmer(player, todo[number], number, plans)
         except NoRoom as error:
             raise NoRoom(
                 f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
@@ -168,7 +174,7 @@ def settle(player: Player, todo: Sequence[Task]) -> list[Swimmer]:
                 "take fewer fish (animate.fish), let them overlap (animate.overlap=true), or film "
                 "them from farther away",
             ) from error
-    return fish
+    return [fish[number] for number in range(len(todo))]
 
 
 def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
@@ -176,17 +182,13 @@ def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
 
     NoRoom if there is none for all of them.
     """
-    fish = settle(player, todo)
-    plans = [one.plan for one in fish]
+    plans = Plans(len(todo))
+    fish = settle(player, todo, plans)
     queue = [(one.tick, number) for number, one in enumerate(fish)]
     heapq.heapify(queue)
     while queue[0][0] < ticks:
-        tick, number = queue[0]
-        fish[number].decide({
-            k: way[min(tick - begins, len(way) - 1) :]
-            for k, (begins, way) in enumerate(plans) if k != number
-        })  # fmt: skip
-        plans[number] = fish[number].plan
+        number = queue[0][1]
+        fish[number].decide(plans)
         heapq.heapreplace(queue, (fish[number].tick, number))
     for one in fish:
         one.swim.reached[one.swim.reached >= ticks] = -1

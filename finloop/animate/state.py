@@ -15,7 +15,7 @@ from finloop.animate.arena import Tank
 from finloop.animate.bounds import Bounds, bounds_of
 from finloop.animate.company import ALONE, NO_DISCS, Company, Discs
 from finloop.animate.edit_list import FRAME, SPOT, SPRITE, WAITING
-from finloop.animate.film import Film
+from finloop.animate.film import Film, farthest
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import TURN, Motion
 from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
@@ -57,6 +57,11 @@ class Waters:
     def bounds(self) -> Bounds:
         """What keeps a fish inside the tank."""
         return bounds_of(self.tank, self.discs)
+
+    @cached_property
+    def farthest(self) -> Floats:
+        """How far (t,) the film's fish come from where they are in 0, 1, 2 … ticks, at most, px."""
+        return farthest(self.film, self.ticks(2 * self.settings.give_way) + 2)
 
     @cached_property
     def tempo(self) -> Tempo:

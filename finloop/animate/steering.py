@@ -21,26 +21,33 @@ _ONWARD = 0.1  # body lengths; a place ahead that is nearer is steered to as if 
 class Steering(NamedTuple):
     """How a fish is steered, and what leaving the path costs.
 
-    turn [°/tick], shift [px/tick at a body length/s]: the most that is corrected; reach: ticks of
-    film that are looked ahead of; length_px: a body length. In ticks that a tick costs: across,
-    late: a body length beside the path, and from the place that is asked for now; heading: at right
-    angles to the heading that is asked for; effort: the most correction; pace: a tick on the spot.
+    turn [°/tick, of a brisk fish], shift [px/tick at a body length/s]: the most that is corrected,
+    less of a slower fish, of one that rests nothing; brisk: speed of a brisk fish, body lengths/s;
+    reach: ticks of film that are looked ahead of; length_px: a body length. In ticks that a tick
+    costs: across, late: a body length beside the path, and from the place that is asked for now;
+    heading: at right angles to the heading that is asked for; effort: the most correction.
     """
 
     turn: float
     shift: float
+    brisk: float
     reach: int
     length_px: float
     across: float
     late: float
     heading: float
     effort: float
-    pace: float
 
 
 @finite_leaf
-def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
-    """By how much to turn now, degrees, + = left.
+def most_turn(speed: float, steering: Steering) -> float:
+    """By how much a fish of some speed, body lengths/s, is turned in a tick at most, degrees."""
+    return steering.turn * min(speed / steering.brisk, 1.0)
+
+
+@finite_leaf
+def turn_to(route: Route, at, leads, ticks: int, most: float, steering: Steering) -> float:  # type: ignore[no-untyped-def]
+    """By how much to turn now, degrees, + = left; at most by `most`.
 
     at: x, y, along; leads: px on the screen (dx, dy) to where the fish will be in so many ticks.
     """
@@ -54,7 +61,7 @@ def turn_to(route: Route, at, leads, ticks: int, steering: Steering) -> float:  
     onward = max((dx * vx + dy * vy) / far, _ONWARD * steering.length_px)
     # Turning evenly, the place ahead moves as if half of the turn had been made at once.
     want = 2.0 * np.degrees(aside / onward) / ticks
-    return min(max(want, -steering.turn), steering.turn)
+    return min(max(want, -most), most)
 
 
 @finite_leaf
@@ -125,7 +132,8 @@ def steered(way: Floats, speed: Floats, numbers: Ints, begins, route: Route, by)
     for t in range(ticks):
         reach = min(steering.reach, len(way) - 1 - t)
         leads = moved(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
-        turn = turn_to(route, (x, y, along), leads, reach, steering)
+        most = most_turn(speed[t], steering)
+        turn = turn_to(route, (x, y, along), leads, reach, most, steering)
         dx, dy = moved(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
         new_x, new_y, on, _, _, shift = shifted(
             route, (x + dx, y + dy, along), speed[t], (tick + t + 1, 1), steering

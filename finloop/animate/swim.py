@@ -155,24 +155,23 @@ class Player:
             "take fewer fish, or let them overlap (animate.overlap=true)",
         )
 
-    def company(self, ways: Sequence[Floats], start: int) -> Company:
-        """What a fish that decides at a tick knows of the others, whose ways (n, 4) are given."""
+    def company(self, others: Floats, start: int) -> Company:
+        """What a fish that decides at a tick knows of the others (n, m, 4), of `Plans.others`."""
         p = self.waters.settings
-        if p.overlap or not ways:
+        if p.overlap or not others.shape[1]:
             return ALONE
-        return company_of(ways, start, self.cast.discs, self.waters.ticks(p.give_way))
+        return company_of(others, start, self.cast.discs, self.waters.ticks(p.give_way))
 
-    @cached_property
-    def _pace(self) -> float:
-        """The longest step of the film, px."""
-        return float(np.hypot(self.waters.film.dx, self.waters.film.dy).max())
+    def among(self, state: State, others: Floats) -> State:
+        """A state that decides among others (n, m, 4), of `Plans.others`.
 
-    def _looking_round(self, fish: Fish) -> Fish:
-        """A fish that looks for those alone that it can come near."""
-        company = fish.company
-        if company.near == 0:
-            return fish
-        return replace(fish, company=near_first(company, fish.x, fish.y, self._pace))
+        It looks for those alone that it can come near.
+        """
+        fish = state.fish
+        company = self.company(others, fish.tick)
+        if company.near:
+            company = near_first(company, fish.x, fish.y, self.waters.farthest)
+        return state._replace(fish=replace(fish, company=company))
 
     @cached_property
     def _avoidance(self) -> Avoidance:
@@ -191,7 +190,7 @@ class Player:
         The same state, goal and generator state give the same stretch. Nothing else is changed.
         """
         waters, place, left = self.waters, state.place, 0
-        fish = self._looking_round(state.fish)
+        fish = state.fish
         if isinstance(goal, Route):
             whole, path = self.follower.next(fish, state.path, goal, rng)
             stretch = self._avoidance.kept_clear(fish, whole, rng)

@@ -15,6 +15,7 @@ from finloop.animate.film import Film, lags, mean_step_px
 from finloop.base.arrays import Floats
 
 _MOST = 3.0  # times the usual lag; beyond it nothing gets dearer
+_BASE = 0.25  # of the price at the usual lag, along a path for who does not lag
 
 
 class Tempo(NamedTuple):
@@ -47,6 +48,10 @@ class Tempo(NamedTuple):
         return float(
             self.keeps**n * lag + self.keeps ** np.arange(n)[::-1] @ (1 - path / self.step_px)
         )
+
+    def price_along(self, lag: float, share: float) -> float:
+        """The same on a path, on which who is slow keeps nearer to it; never < 0."""
+        return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
 
     def price(self, lag: float, share: float) -> float:
         """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.

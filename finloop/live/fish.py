@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.company import Company
+from finloop.animate.company import Company, Plans
 from finloop.animate.edit_list import Goal
 from finloop.animate.listing import edit_columns
 from finloop.animate.route import Route, place
@@ -99,7 +99,8 @@ class LiveFish:
         self.reached = False
         self._players, self._rng, self._ghost = players, rng, ghost
         self._others = others
-        self._state = self._player.begin(rng, None, self._company(0))
+        company = self._player.company(self._around(0), 0)
+        self._state = self._player.begin(rng, None, company)
         self._drag = max(1, int(_DRAG_S * self._player.waters.motion.rate_hz))
         self._ring = np.zeros(HISTORY, ROW)
         self._poses = np.full(HISTORY, None, object)
@@ -131,10 +132,10 @@ class LiveFish:
         last = self._choices[-1].stretch
         return last.rest(max(0, tick - self.born - self._state.fish.tick + len(last.way)))
 
-    def _company(self, tick: int) -> Company:
-        """The other fish, from one of its own ticks on."""
+    def _around(self, tick: int) -> Floats:
+        """The other fish (n, m, 4), of `Plans.others`, from one of its own ticks on."""
         ways = list(self._others(self, self.born + tick).values())
-        return self._player.company(ways, tick)
+        return Plans.of(ways, tick).others(-1, tick)
 
     def wish_at(self, tick: int) -> Wish:
         """What it was asked for at a tick that is known."""
@@ -278,9 +279,10 @@ class LiveFish:
 
     def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
         """Plan the next stretch. known: of the other fish, when it was planned before."""
-        fish = self._state.fish
-        company = self._company(fish.tick) if known is None else known
-        state = self._state._replace(fish=replace(fish, company=company))
+        if known is None:
+            state = self._player.among(self._state, self._around(self._state.fish.tick))
+        else:
+            state = self._state._replace(fish=replace(self._state.fish, company=known))
         draws = self._rng.bit_generator.state
         stretch, self._state = self._player.step(state, goal, self._rng)
         begins = self.born + state.fish.tick

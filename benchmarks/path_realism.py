@@ -1,0 +1,104 @@
+"""Whether a fish on a path can be told from its film more easily than one that wanders.
+
+`python -m benchmarks.path_realism FOLDER …` takes working copies in which the pipeline was run, of
+a film each (none: the one that it is called in), and writes benchmarks/path_realism.csv: the area
+under the ROC curve of the stage `realism` for each mode, of fish that wander, and of fish on the
+fourteen shapes of `benchmarks.paths`, at their own pace and with times, as many seconds of each as
+`realism.seconds` says. The film's halves and the film drawn again stand beside them.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.paths import shapes, timed
+from benchmarks.pipeline import write_table
+from finloop.animate.listing import edit_lists
+from finloop.animate.paths import lay
+from finloop.animate.planner import Planner
+from finloop.animate.route import Route
+from finloop.animate.settings import Settings
+from finloop.animate.shoal import swim
+from finloop.animate.swim import Player
+from finloop.features.table import FEATURES, delta_of
+from finloop.io.picture import load_picture
+from finloop.io.table import load_table
+from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.realism import compare
+from finloop.realism.examples import FILM
+from finloop.realism.instrument import Instrument
+from finloop.realism.lists import Work, filmed
+from stages.animate import DATA, bring
+from stages.cluster import workers
+from stages.gallery import pictures_of
+from stages.realism import WORKERS_NEED, swimming_of, verdicts_of
+from stages.settings import load
+
+PIECE_S = 20.0
+"""An animation is so long at most."""
+
+
+def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> Work:
+    """An animation: along a path while it lasts, or wandering."""
+    made = swim(player, [], ticks, np.random.default_rng(seed), route)
+    if route is not None:
+        way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
+        ticks = min(ticks, sum(way))
+    return edit_lists([made], ticks, player), ()
+
+
+def animations(plans: Planner, seconds: float) -> dict[str, list[Work]]:
+    """The animations that are compared, by mode and by what the fish do."""
+    waters, rate = plans.waters, plans.waters.motion.rate_hz
+    speed_px = float(np.median(waters.film.speed[waters.film.more])) * waters.motion.body_length_px
+    routes: dict[str, list[Route | None]] = {"wandering": [None]}
+    lines = [line for _, line in shapes(plans, np.random.default_rng(0))]
+    both = {"own pace": lines, "with times": [timed(line, speed_px) for line in lines]}
+    for name, some in both.items():
+        routes[name] = [lay(line, waters.tank, waters.motion, None).route for line in some]
+    works: dict[str, list[Work]] = {}
+    for mode, player in plans.players.items():
+        for name, ways in routes.items():
+            made, left, seed = works.setdefault(f"{mode}, {name}", []), seconds * rate, 0
+            while left > rate:
+                work = swum(player, round(min(left, PIECE_S * rate)), seed, ways[seed % len(ways)])
+                made.append(work)
+                left, seed = left - len(work[0]), seed + 1
+    return works
+
+
+def film_rows(film: str) -> Iterator[dict[str, object]]:
+    """All comparisons of the film in the present folder."""
+    p, q = load("realism"), replace(load("animate"), path=None)
+    assert isinstance(q, Settings)
+    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    rate = facts.frame_rate_hz
+    mask = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
+    features = load_table(DATA / "features/features.parquet", FEATURES)
+    works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
+    amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
+    with bring(q) as plans, workers(WORKERS_NEED) as crew:
+        size = plans.pictures.reel.size
+        works |= animations(plans, amount)
+        pictures = pictures_of("hybrid", "realism")
+        current = float(features["current"].iloc[0])
+        instrument = Instrument(
+            load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
+            pictures.drawn.scene, load("extract"),
+            replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
+        )  # fmt: skip
+        drawn = instrument.of_animations(size)
+        instruments = {name: instrument if name == FILM else drawn for name in works}
+        measured = swimming_of(works, pictures, instruments, crew)
+        sample = compare.sample(measured[FILM], features, rate, p)
+        sides = sample.sides({k: v for k, v in measured.items() if k != FILM}, features)
+        table = compare.table(verdicts_of(sides, p, crew))
+    for row in table.to_dict("records"):
+        yield {"film": film, **{str(key): value for key, value in row.items()}}
+
+
+if __name__ == "__main__":
+    write_table(__file__, film_rows)
