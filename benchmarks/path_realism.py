@@ -2,23 +2,25 @@
 
 `python -m benchmarks.path_realism FOLDER …` takes working copies in which the pipeline was run, of
 a film each (none: the one that it is called in), and writes benchmarks/path_realism.csv: the area
-under the ROC curve of the stage `realism` for each mode, of fish that wander, and of fish on the
-fourteen shapes of `benchmarks.paths`, at their own pace and with times, as many seconds of each as
-`realism.seconds` says. The film's halves and the film drawn again stand beside them.
+under the ROC curve of the stage `realism` for each mode, as many seconds of each as
+`realism.seconds` says. Fish wander; swim the fourteen shapes of `benchmarks.paths` at their own
+pace; and swim eighteen tracks of the film, each left out of the film while it is swum, at their own
+pace and at its times. The film's halves and the film drawn again stand beside them.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
-from benchmarks.paths import shapes, timed
+from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
 from finloop.animate.listing import edit_lists
 from finloop.animate.paths import lay
-from finloop.animate.planner import Planner
+from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.route import Route
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
@@ -31,7 +33,7 @@ from finloop.realism import compare
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import Instrument
 from finloop.realism.lists import Work, filmed
-from stages.animate import DATA, bring
+from stages.animate import DATA, material
 from stages.cluster import workers
 from stages.gallery import pictures_of
 from stages.realism import WORKERS_NEED, swimming_of, verdicts_of
@@ -39,6 +41,14 @@ from stages.settings import load
 
 PIECE_S = 20.0
 """An animation is so long at most."""
+TRACKS = 18
+
+
+class Swimming(NamedTuple):
+    """Who swims, and along which path."""
+
+    plans: Planner
+    route: Route | None
 
 
 def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> Work:
@@ -50,21 +60,40 @@ def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> W
     return edit_lists([made], ticks, player), ()
 
 
-def animations(plans: Planner, seconds: float) -> dict[str, list[Work]]:
+def routes_of(made: Material, plans: Planner, p: Settings) -> dict[str, list[Swimming]]:
+    """Along what fish swim, and by which players: those of a track know nothing of its film."""
+    waters = plans.waters
+    found: dict[str, list[Swimming]] = {
+        "wandering": [Swimming(plans, None)],
+        "shapes, own pace": [
+            Swimming(plans, lay(line, waters.tank, waters.motion, None).route)
+            for _, line in shapes(plans, np.random.default_rng(0))
+        ],
+        "tracks, own pace": [],
+        "tracks, with times": [],
+    }
+    for _, line in tracks(made, plans, TRACKS):
+        without = planner(made._replace(lines=[line]), p)
+        for name, one in (
+            ("tracks, own pace", line._replace(time_s=None, heading_deg=None)),
+            ("tracks, with times", line),
+        ):
+            route = lay(one, waters.tank, waters.motion, None).route
+            found[name].append(Swimming(without, route))
+    return found
+
+
+def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, list[Work]]:
     """The animations that are compared, by mode and by what the fish do."""
-    waters, rate = plans.waters, plans.waters.motion.rate_hz
-    speed_px = float(np.median(waters.film.speed[waters.film.more])) * waters.motion.body_length_px
-    routes: dict[str, list[Route | None]] = {"wandering": [None]}
-    lines = [line for _, line in shapes(plans, np.random.default_rng(0))]
-    both = {"own pace": lines, "with times": [timed(line, speed_px) for line in lines]}
-    for name, some in both.items():
-        routes[name] = [lay(line, waters.tank, waters.motion, None).route for line in some]
+    plans = routes["wandering"][0].plans
+    rate = plans.waters.motion.rate_hz
     works: dict[str, list[Work]] = {}
-    for mode, player in plans.players.items():
+    for mode in plans.players:
         for name, ways in routes.items():
             made, left, seed = works.setdefault(f"{mode}, {name}", []), seconds * rate, 0
             while left > rate:
-                work = swum(player, round(min(left, PIECE_S * rate)), seed, ways[seed % len(ways)])
+                by, route = ways[seed % len(ways)]
+                work = swum(by.players[mode], round(min(left, PIECE_S * rate)), seed, route)
                 made.append(work)
                 left, seed = left - len(work[0]), seed + 1
     return works
@@ -72,7 +101,7 @@ def animations(plans: Planner, seconds: float) -> dict[str, list[Work]]:
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
-    p, q = load("realism"), replace(load("animate"), path=None)
+    p, q = load("realism"), replace(load("animate"), path=None, path_film=False)
     assert isinstance(q, Settings)
     facts = load_facts(DATA / "clip" / FACTS_NAME)
     rate = facts.frame_rate_hz
@@ -80,9 +109,10 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     features = load_table(DATA / "features/features.parquet", FEATURES)
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    with bring(q) as plans, workers(WORKERS_NEED) as crew:
+    with material(q) as made, workers(WORKERS_NEED) as crew:
+        plans = planner(made, q)
         size = plans.pictures.reel.size
-        works |= animations(plans, amount)
+        works |= animations(routes_of(made, plans, q), amount)
         pictures = pictures_of("hybrid", "realism")
         current = float(features["current"].iloc[0])
         instrument = Instrument(

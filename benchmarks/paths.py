@@ -80,7 +80,7 @@ def spline(name: str, free: np.ndarray, bend: float, rng: np.random.Generator) -
     raise RuntimeError(f"no spline bends less than {bend} per px")
 
 
-def tracks(made: Material, plans: Planner) -> Iterator[tuple[str, Line]]:
+def tracks(made: Material, plans: Planner, count: int = TRACKS) -> Iterator[tuple[str, Line]]:
     """The longest stretches of tracks where a drawn fish may be; of these the liveliest."""
     features, legal = made.reel.features, plans.waters.tank.legal
     most = round(TRACK_S * made.rate_hz)
@@ -93,7 +93,7 @@ def tracks(made: Material, plans: Planner) -> Iterator[tuple[str, Line]]:
                 part = slice(begin, min(begin + most, stop))
                 far = float(np.hypot(np.diff(line.x[part]), np.diff(line.y[part])).sum())
                 found.append((part.stop - part.start, far, int(number), int(begin), part))
-    for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:TRACKS]:
+    for *_, number, begin, part in sorted(found, reverse=True, key=lambda one: one[:4])[:count]:
         line, name = track_line(features, f"{TRACK}{number}"), f"track {number}, {begin}"
         yield name, cut(line, part)._replace(name=name)
 

@@ -1,6 +1,6 @@
 """The paths that are asked for, from files or from the film itself, as lines.
 
-The door from `animate.paths` to files.
+The door from `animate.path` to files.
 """
 
 from pathlib import Path

@@ -144,7 +144,9 @@ class Followed(NamedTuple):
 
 def followed(mode: str, swims: Sequence[Swim], plans: Planner) -> list[Followed]:
     """How the path of each fish that has one was followed in a mode."""
-    waters, every = plans.waters, []
+    waters, every = plans.waters, list[Followed]()
+    if not any(plans.paths):
+        return every
     most = path_measures.limits(waters.film, waters)
     spread = plans.players[mode].follower.spread
     for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):

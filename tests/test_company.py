@@ -167,8 +167,9 @@ def test_the_ticks_of_a_way_that_last_are_those_of_a_plain_search():
     assert min(ends)[0] < 3 and max(ends)[0] == 40
 
 
+@pytest.mark.parametrize("known_ticks", [1, 8, 40])
 @pytest.mark.parametrize("seed", range(10))
-def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed):
+def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed, known_ticks):
     rng, pace = np.random.default_rng(seed), 5.0
     ways = [
         np.column_stack([
@@ -178,7 +179,7 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed):
         for n in rng.integers(1, 12, 20)
     ]  # fmt: skip
     company = known(ways, 7, discs_of(NEEDLE[None], []), 6)
-    some = near_first(company, 400.0, 400.0, pace * np.arange(9))
+    some = near_first(company, 400.0, 400.0, pace * np.arange(known_ticks + 1))
     assert company.near == 20 > some.near > 0
     assert sorted(some.places[0].tolist()) == sorted(company.places[0].tolist())
     met = 0
@@ -190,6 +191,19 @@ def test_a_search_looks_for_those_alone_that_can_be_met_in_time(seed):
         assert clear_ahead(some, 0, *place, tick) == free == clear(some, 0, *place, tick)
         met += not free
     assert met
+
+
+def test_how_far_a_fish_comes_is_never_less_than_the_film_shows():
+    waters = waters_of()
+    film, far = waters.film, waters.farthest
+    for ticks in range(1, len(far)):
+        first = np.flatnonzero(film.more[:-ticks])[:: max(1, ticks)]
+        one_track = np.abs(film.x[first + ticks] - film.x[first]) < 400
+        off = np.hypot(film.x[first + ticks] - film.x[first], film.y[first + ticks] - film.y[first])
+        inside = first[np.array([film.more[k : k + ticks].all() for k in first]) & one_track]
+        shown = off[np.isin(first, inside)]
+        assert shown.max() <= far[ticks] + 1e-9
+    assert far[0] == 0 and far[-1] > 0 and (np.diff(far) >= 0).all()
 
 
 def test_alone_every_place_is_clear():

@@ -17,12 +17,13 @@ from toy_film import (
 import finloop.animate.follower
 from finloop.animate.beam import BRANCH, Branch
 from finloop.animate.decide import ways_on
-from finloop.animate.edit_list import LOOPS
+from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK
 from finloop.animate.follow import look_along
 from finloop.animate.path_ways import RUN, keep, shown_at
 from finloop.animate.paths import lay
 from finloop.animate.recent import NEVER
 from finloop.animate.search import Here
+from finloop.animate.state import Progress
 from finloop.base.line import PX, Line
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
@@ -146,12 +147,40 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stri
     alone, state = steps(player, route, begun, 300, rng)
     assert len(searches) < len(alone) / 2
     assert len(searches) <= 1 + 300 / (waters.ticks(waters.settings.path_plan) / 2)
+    while not state.path.runs:
+        _, state = player.step(state, route, rng)
     searches.clear()
-    other = np.array([[state.fish.x + 3 * LENGTH, state.fish.y, 0.0, 0.0]])
+    other = np.array([[state.fish.x + 2 * LENGTH, state.fish.y, 0.0, 0.0]])
     beside = player.among(state, other[:, None])
+    assert beside.fish.company.near == 1
     stretch, after = player.step(beside, route, rng)
-    assert len(searches) == 1 and after.path.route is route
-    assert len(stretch.way) <= 2 * player.follower.rules.stride
+    assert len(searches) == 1 and sum(run.ticks for run in after.path.runs) <= 6
+    assert len(stretch.way) <= player.follower.rules.stride
+
+
+def test_a_plan_of_another_mode_is_not_carried_out():
+    players, rng = players_of(waters_of()), np.random.default_rng(0)
+    route = laid(EIGHT, players[LOOPS].waters)
+    state = players[LOOPS].begin(rng, route)
+    while not state.path.runs:
+        _, state = players[LOOPS].step(state, route, rng)
+    for mode in (NETWORK, HYBRID):
+        stretch, then = players[mode].step(state, route, np.random.default_rng(1))
+        fresh = state._replace(path=Progress(state.path.along))
+        again, _ = players[mode].step(fresh, route, np.random.default_rng(1))
+        assert repr(stretch) == repr(again) and then.path.mode in ("", mode)
+
+
+def test_no_more_of_a_plan_is_swum_than_was_looked_at():
+    for horizon in (7, 40, 41):
+        waters = waters_of()
+        follower = players_of(waters, gateways()[:0])[LOOPS].follower
+        follower._alone = follower._alone._replace(horizon=horizon)
+        every = ways_on(waters.film, 5, 0.0, True)
+        here = Here(400.0, 300.0, 1, 2.0, 99, np.zeros((0, 3), np.int64))
+        plan = follower._best(follower._film, every, here, 0.0, laid(EIGHT, waters))
+        assert plan.ticks.sum() == horizon
+        assert sum(run.ticks for run in plan.runs(10**6)) == horizon
 
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut(monkeypatch):

@@ -213,9 +213,22 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
 
 def test_two_paths_that_begin_at_one_place_are_refused_unless_fish_overlap():
     lines = [ring(290, 200), None, ring(290, 200 + 0.5 * LENGTH)]
-    with pytest.raises(FinloopError, match="begins fish 1 and fish 3 at one place, "):
-        plans_of(lines, fish=3).goals()
-    plans_of(lines, fish=3, overlap=True).goals()
+    with pytest.raises(FinloopError, match="begins fish 3 on fish 1, at "):
+        plans_of(lines, fish=3, trials=0).check_room([])
+    plans_of(lines, fish=3, overlap=True, trials=0).check_room([])
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_who_begins_a_path_on_the_way_of_another_is_not_run_into(mode):
+    player, along = crowded()[mode], np.array([220.0, 580.0])
+    first = Line("first", along, np.array([300.0, 300.0]), PX)
+    second = Line("second", np.array([330.0, 330.0]), np.array([300.0, 480.0]), PX)
+    todo = [
+        task._replace(route=lay(line, player.waters.tank, player.waters.motion, None).route)
+        for task, line in zip(tasks([], 2, np.random.default_rng(0)), (first, second), strict=True)
+    ]
+    swims = shoal(player, todo, 200)
+    assert not overlaps(edit_lists(swims, 200, player), player).any()
 
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):
@@ -445,7 +458,7 @@ def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_pat
     monkeypatch.setattr(stages.plots.animate, "REPORT", tmp_path / "report")
     stages.plots.animate.main()
     drawn = {file.name for file in (tmp_path / "report/path").iterdir()}
-    assert drawn == {"path.png", "path-2.png"}
+    assert drawn == {"path.png", "path-3.png"}
 
 
 def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeypatch):

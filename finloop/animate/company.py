@@ -91,6 +91,11 @@ class Plans:
         """Where all but a fish are (n, m, 4), as in `Company`, from a tick on."""
         return np.asarray(_places(self._ways, self._begins, self._ticks, number, tick))
 
+    def number(self, own: int, other: int) -> int:
+        """The number of the other-th of all but a fish that have planned."""
+        there = np.flatnonzero(self._ticks > 0)
+        return int(there[there != own][other])
+
     def has(self, number: int) -> bool:
         """Whether a fish has planned yet."""
         return bool(self._ticks[number])
@@ -133,11 +138,11 @@ def _places(ways, begins, ticks, own, tick):  # type: ignore[no-untyped-def]
 def near_first(company: Company, x: float, y: float, farthest: Floats) -> Company:
     """The company of a fish at a place, first those that it can come near while a search looks.
 
-    farthest (t,): px that a fish comes from its place in 0, 1, 2 … ticks at most; later ones are
-    as far from each other as the last two.
+    farthest (t,): px that a fish comes from its place in 0, 1, 2 … ticks at most; after that it
+    comes on as fast as till then.
     """
     known = len(farthest) - 1
-    pace = farthest[known] - farthest[known - 1]
+    pace = farthest[known] / known
     ticks, count = company.places.shape[:2]
     first, last, order = 0, count, np.empty(count, np.int64)
     for k in range(count):

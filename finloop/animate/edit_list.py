@@ -73,9 +73,10 @@ or not when it was made.
 The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other
 ticks. `reason` is a code of `REASONS`; `exit`, of `EXITS`, where the film is left; `seam` that of a
 jump or gateway. Of a way of the film: `value_s`, all that it costs to the goal, and the `quadrant`
-that it leads to (Fig. 11). How many `ways` were weighed, and how many of them fail each test of
-Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the motion area of the strongest sprite, and the
-share of the film's displacement for which there was `room`. Of a phase: the `film_speed` at which
+that it leads to (Fig. 11). How many `ways` were weighed, none where it was planned before, along a
+path; and how many of them fail each test of Fig. 19. Of a turn: `turn_deg` wanted (+ = left), the
+motion area of the strongest sprite, and the share of the film's displacement for which there was
+`room`. Of a phase: the `film_speed` at which
 the film's began."""
 
 REASONS = PHASE, TURNING, WALL, PLAY, JUMP, ENTER, SPOT, FORETOLD, WAITING = (

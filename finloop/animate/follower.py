@@ -28,7 +28,7 @@ from finloop.animate.edit_list import (
 from finloop.animate.follow import Footage, look_along, onward, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
-from finloop.animate.motion import FILM, FORECAST, TURN, brisk_of
+from finloop.animate.motion import FILM, FORECAST, TURN
 from finloop.animate.path_plan import Plan, seam_to, spread
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
@@ -50,15 +50,15 @@ class Follower:
         self.policy, self.waters = policy, waters
         motion, p = waters.motion, waters.settings
         self.spread = spread(waters.film, motion.delta)
+        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         self.steering = Steering(
             turn=max(p.path_share * self.spread.turn_deg / motion.delta, 1e-6),
             shift=p.path_share * motion.body_length_px / motion.rate_hz,
-            brisk=brisk_of(waters.film.speed[waters.film.more], p),
+            brisk=self.rules.pace * motion.rate_hz / motion.body_length_px,
             reach=reach_of(waters), length_px=motion.body_length_px,
             across=p.path_across, late=p.path_late,
             heading=p.path_heading, effort=p.path_effort,
         )  # fmt: skip
-        self.rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)
         self._swum = self.rules.stride * max(1, waters.ticks(p.path_plan) // self.rules.stride)
         self._alone = self.rules._replace(horizon=self.rules.horizon + self._swum)
         # Beside others it looks after every stride, and at fewer ways.
@@ -91,8 +91,9 @@ class Follower:
         if not footage.film.body:
             rots = np.zeros_like(rots)
         begin = Ways(some, rots, np.zeros(len(some)), np.zeros(len(some), bool))
-        here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, np.zeros((0, 3), np.int64))
-        here = here._replace(slow=self.waters.settings.path_pace)
+        slow = self.waters.tempo.price_along(0.0, self.waters.settings.path_pace)
+        none = np.zeros((0, 3), np.int64)
+        here = Here(x, y, route.begins - 1, 0.0, self.rules.stay, none, slow=slow)
         plan = self._best(footage, begin, here, 0.0, route)
         best = plan.taken if plan else 0
         row, rot = int(some[best]), float(rots[best])
@@ -106,7 +107,8 @@ class Follower:
         """What is shown next, and how the fish gets on with the path then."""
         since = least_along(route, path.along, fish.tick)
         path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
-        if path.runs and path.route is route and not fish.company.near:
+        asked = path.route is route and path.mode == self.policy.mode
+        if path.runs and asked and not fish.company.near:
             stretch, on = self._go_on(fish, path, Decision(PLAY), None)
             if len(stretch.way):
                 return stretch, on
@@ -118,8 +120,8 @@ class Follower:
         if film and told and film.value > told.value + self.rules.seam:
             plans.reverse()
         for plan in plans:
-            runs = plan.runs(self._swum)
-            planned = Progress(path.along, route, runs, plan is told)
+            runs = plan.runs(self.rules.stride if fish.company.near else self._swum)
+            planned = Progress(path.along, route, runs, self.policy.mode, plan is told)
             rate = self.waters.motion.rate_hz
             decision = Decision(PLAY, value_s=plan.value / rate, ways=len(plan.ways.rows))
             stretch, on = self._go_on(fish, planned, decision, plan.options(rate))
@@ -150,7 +152,7 @@ class Follower:
         if options is not None and not path.foretold:
             stretch = replace(stretch, options=options, decision=counted(stretch.decision, options))
         runs = tuple(later) if len(stretch.way) == run.ticks else ()
-        return stretch, Progress(along, path.route, runs, path.foretold)
+        return stretch, path._replace(along=along, runs=runs)
 
     def _by_film(self, fish: Fish, along: float, route: Route) -> Plan | None:
         """The best way on by the film; None where there is none."""
@@ -203,7 +205,8 @@ class Follower:
         if not len(rows):
             return None
         taken = int(np.flatnonzero(every.rows == rows[0])[0])
-        legs = np.minimum(footage.leg[rows], rules.horizon)
+        ends = np.minimum(np.cumsum(footage.leg[rows]), rules.horizon)
+        legs = np.diff(ends, prepend=0)
         return Plan(float(found.value[taken]), every, taken, terms, found, rows, legs)
 
     def _play(

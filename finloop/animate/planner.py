@@ -30,7 +30,6 @@ from finloop.animate.shoal import (
     by_rule,
     deal,
     refuse_meetings,
-    refuse_one_beginning,
     settle,
     shoal,
     tasks,
@@ -106,8 +105,6 @@ class Planner:
         if p.rule == "zones" and p.fish > 1:
             for player in self.players.values():
                 rule_of(player.shoaling)
-        if not p.overlap:
-            refuse_one_beginning(self.paths, self.waters.motion.body_length_px)
         if not self.seekers:
             return []
         waters = self.waters

@@ -154,5 +154,6 @@ class Settings:
     path_late: NotNegative  # a body length from the place that is asked for at that time
     path_heading: NotNegative  # at right angles to the heading that is asked for
     path_effort: NotNegative  # corrected as much as may be
-    path_pace: NotNegative  # on the spot, on a path without times
+    # on the spot, on a path without times, for who lags by as much as is usual (`Tempo`)
+    path_pace: NotNegative
     path_left: Positive  # body lengths beside the path, where the fish has left it

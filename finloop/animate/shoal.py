@@ -12,10 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.company import Plans
+from finloop.animate.company import Plans, can_stay
 from finloop.animate.edit_list import PATH, Goal
-from finloop.animate.paths import Path
-from finloop.animate.route import Route, place
+from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.settings import Settings
 from finloop.animate.swim import NoRoom, Player, Swim
@@ -68,19 +67,6 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
         )
 
 
-def refuse_one_beginning(paths: Sequence[Path | None], length_px: float) -> None:
-    """FinloopError if two of the paths, of the first fish, begin less than a body length apart."""
-    begins = [(k, place(path.route, 0.0)) for k, path in enumerate(paths, 1) if path is not None]
-    for (a, one), (b, other) in combinations(begins, 2):
-        if np.hypot(one[0] - other[0], one[1] - other[1]) < length_px:
-            raise FinloopError(
-                f"animate.path begins fish {a} and fish {b} at one place, "
-                f"({one[0]:.0f}, {one[1]:.0f}) px",
-                f"beginnings at least a body length, {length_px:.0f} px, apart",
-                "begin a path elsewhere, or let fish overlap (animate.overlap=true)",
-            )
-
-
 def tasks(
     goals: Sequence[Goal], fish: int, rng: np.random.Generator, route: Route | None = None
 ) -> list[Task]:
@@ -111,14 +97,28 @@ class Swimmer:
     """A fish of a shoal: what it has planned so far."""
 
     def __init__(self, player: Player, task: Task, number: int, plans: Plans) -> None:
-        """A fish that begins in company, with a first plan. NoRoom where there is none for it."""
+        """A fish that begins in company, with nothing planned yet. NoRoom where there is none.
+
+        FinloopError where it begins a path on another fish.
+        """
         self._player, self._task, self._route = player, task, task.route
         self._number = number
         company = player.company(plans.others(number, 0), 0)
         self._state = player.begin(task.rng, task.route, company)
         self.swim = Swim([], [], np.full(len(task.goals), -1))
         self._done = 0  # goals
-        self.decide(plans)
+        fish = self._state.fish
+        begins = np.array([fish.x, fish.y, fish.heading, fish.picture])
+        if task.route is not None and not can_stay(company, fish.picture, begins[:3], 0):
+            others = company.places[0, :, :2] - begins[:2]
+            near = plans.number(number, int(np.hypot(*others.T).argmin()))
+            raise FinloopError(
+                f"animate.path begins fish {number + 1} on fish {near + 1}, at "
+                f"({fish.x:.0f}, {fish.y:.0f}) px",
+                "beginnings at which the fish do not touch",
+                "begin a path elsewhere, or let fish overlap (animate.overlap=true)",
+            )
+        plans.put(number, 0, begins[None])
 
     @property
     def tick(self) -> int:
@@ -159,14 +159,19 @@ class Swimmer:
 
 
 def settle(player: Player, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
-    """Put fish into the tank, one after the other, each with a first plan: first those with paths.
+    """Put fish into the tank, each with a first plan.
 
-    plans: of as many fish, to which theirs are added. NoRoom if there is none for all of them.
+    All that begin a path are there before anyone plans; the others come one after the other. plans:
+    of as many fish, to which theirs are added. NoRoom if there is none for all of them.
     """
-    fish: dict[int, Swimmer] = {}
-    for number in sorted(range(len(todo)), key=lambda k: (todo[k].route is None, k)):
+    swim = [number for number, task in enumerate(todo) if task.route is not None]
+    fish = {number: Swimmer(player, todo[number], number, plans) for number in swim}
+    for number in swim:
+        fish[number].decide(plans)
+    for number in sorted(set(range(len(todo))) - set(swim)):
         try:
             fish[number] = Swimmer(player, todo[number], number, plans)
+            fish[number].decide(plans)
         except NoRoom as error:
             raise NoRoom(
                 f"animate.fish={len(todo)}: the tank has room for {len(fish)}",

@@ -159,13 +159,14 @@ class Run(NamedTuple):
 class Progress(NamedTuple):
     """How far a fish has come along a path, px, and what it has planned beyond the last stretch.
 
-    route: the path that `runs` are planned along; foretold: whether they are followed as is
-    foretold, not shown as filmed.
+    route: the path that `runs` are planned along; mode: in which; foretold: whether they are
+    followed as is foretold, not shown as filmed.
     """
 
     along: float = 0.0
     route: Route | None = None
     runs: tuple[Run, ...] = ()
+    mode: str = ""
     foretold: bool = False
 
 

@@ -90,7 +90,8 @@ def shifted(route: Route, at, speed: float, when, steering: Steering):  # type: 
 def tick_cost(route: Route, at, foot_at, used, tick: int, steering: Steering) -> float:  # type: ignore[no-untyped-def]
     """What a tick costs, in ticks: beside the path, late, headed otherwise, and by its effort.
 
-    at: x, y, heading; foot_at: along, x, y; used: corrections, as shares of the most.
+    at: x, y, heading; foot_at: along, x, y; used: corrections, as shares of the most:
+    of the turn of a brisk fish, of the shift of its own speed.
     """
     square = steering.length_px * steering.length_px
     x, y, heading = at

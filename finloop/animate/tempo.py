@@ -49,13 +49,13 @@ class Tempo(NamedTuple):
             self.keeps**n * lag + self.keeps ** np.arange(n)[::-1] @ (1 - path / self.step_px)
         )
 
-    def price_along(self, lag: float, share: float) -> float:
-        """The same on a path, on which who is slow keeps nearer to it; never < 0."""
-        return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)
-
     def price(self, lag: float, share: float) -> float:
         """Ticks that a tick on the spot costs whoever lags so far; < 0: that it is worth.
 
         share: the price at the usual lag.
         """
         return share * min(max(lag / self.usual, -_MOST), _MOST)
+
+    def price_along(self, lag: float, share: float) -> float:
+        """The same on a path, on which who is slow keeps nearer to it; never < 0."""
+        return share * max(_BASE + min(lag / self.usual, _MOST), 0.0)

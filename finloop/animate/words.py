@@ -45,7 +45,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
         WALL: "a wall is ahead",
         SPOT: "no way on: turn on the spot",
         WAITING: "other fish are in the way: wait",
-        FORETOLD: f"as is foretold, one of {decision.ways} rows: {decision.value_s:.1f} s",
+        FORETOLD: f"as is foretold, {_told(decision)}",
     }
     if decision.reason in sprites:
         return sprites[decision.reason]
@@ -57,7 +57,16 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
     leads = (
         f"quadrant {decision.quadrant} towards {goal}" if decision.quadrant else f"along a {goal}"
     )
+    if not decision.ways:
+        return f"{how[decision.reason]}: {leads}; as planned before"
     return f"{how[decision.reason]}: {leads}; {_ways(decision)}; {decision.value_s:.1f} s"
+
+
+def _told(decision: Decision) -> str:
+    """Of how many rows one was chosen, unless it was planned before, along a path."""
+    if not decision.ways:
+        return "as planned before"
+    return f"one of {decision.ways} rows: {decision.value_s:.1f} s"
 
 
 def _ways(decision: Decision) -> str:

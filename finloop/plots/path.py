@@ -25,7 +25,7 @@ def path(swum: pd.DataFrame, left: pd.DataFrame, background: Picture) -> Figure:
     tank.imshow(background, cmap="gray", vmin=0, vmax=255, alpha=0.35)
     goal = _goal_path(swum)
     tank.plot(goal["asked_x_px"], goal["asked_y_px"], color=_GOAL, lw=3.5, alpha=0.5,
-              label="asked for")  # fmt: skip
+              label=f"asked of fish {swum['fish'].iloc[0] + 1}")  # fmt: skip
     shared = None
     for row, (colour, (mode, way)) in enumerate(zip(COLOURS, modes.items(), strict=False)):
         tank.plot(way["x_px"], way["y_px"], color=colour, lw=1, label=f"swum: {mode}")

@@ -19,7 +19,7 @@ DATA, REPORT = Path("data/animate"), Path("reports/animate")
 
 
 def main() -> None:
-    """Draw kinematics.png, and where paths were swum path/path.png, path/path-2.png …"""
+    """Draw kinematics.png; of paths path/path.png, of further fish path/path-2.png …"""
     table = load_table(DATA / "kinematics.parquet", KINEMATICS)
     numbers = json.loads((REPORT / "metrics.json").read_text(encoding="utf-8"))
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
@@ -27,8 +27,8 @@ def main() -> None:
         if (DATA / "path.parquet").exists():
             swum, left = load_table(DATA / "path.parquet", SWUM), pd.read_csv(REPORT / "left.csv")
             background = load_picture(Path("data/extract/background.png"))
-            for number, (fish, way) in enumerate(swum.groupby("fish"), 1):
-                name = "path.png" if number == 1 else f"path-{number}.png"
+            for fish, way in swum.groupby("fish"):
+                name = "path.png" if fish == swum["fish"].min() else f"path-{fish + 1}.png"
                 save_figure(folder / name, path(way, left[left["fish"] == fish], background))
 
 
