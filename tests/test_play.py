@@ -376,6 +376,20 @@ def test_it_swims_to_where_a_path_begins_and_then_along_it(mode):
     assert mode == NETWORK or (np.concatenate(jumps) > 0).all()
 
 
+@pytest.mark.parametrize("mode, other", [(LOOPS, NETWORK), (LOOPS, HYBRID), (HYBRID, NETWORK)])
+def test_a_fish_on_a_path_changes_its_mode_wherever_a_stretch_ends(mode, other):
+    tank = LiveTank(toy_players(), mode, 1, 3)
+    tank.follow(0, circle(140))
+    fish, switched = tank.fish[0], 0
+    for _ in range(900):
+        tank.on()
+        planned = fish._state.path.runs and fish._played == len(fish._plan)
+        if planned and fish.errand is not None and fish.errand.begun:
+            tank.switch(other if fish.mode == mode else mode)
+            switched += 1
+    assert switched and fish.errand is not None
+
+
 def test_an_open_path_ends_and_is_given_up_for_a_goal():
     tank = LiveTank(toy_players(), HYBRID, 1, 3)
     half = circle(140)[:40]

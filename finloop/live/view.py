@@ -198,6 +198,7 @@ class View:
             "why": in_words(stretch.decision, choice.name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
+            "planned": bool(choice.state.path.runs) and not stretch.decision.ways,
             "more": max(0, len(ways) - _MOST_WAYS),
             "ways": [self._way(choice, way) for way in ways[:_MOST_WAYS]],
         }  # fmt: skip
