@@ -25,18 +25,16 @@ from finloop.animate.route import Route
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.animate.swim import Player
-from finloop.features.table import FEATURES, delta_of
-from finloop.io.picture import load_picture
+from finloop.features.table import FEATURES
 from finloop.io.table import load_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.io.video import FACTS_NAME, load_facts
 from finloop.realism import compare
 from finloop.realism.examples import FILM
-from finloop.realism.instrument import Instrument
 from finloop.realism.lists import Work, filmed
 from stages.animate import DATA, material
 from stages.cluster import workers
 from stages.gallery import pictures_of
-from stages.realism import WORKERS_NEED, swimming_of, verdicts_of
+from stages.realism import WORKERS_NEED, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
 
 PIECE_S = 20.0
@@ -103,9 +101,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
     p, q = load("realism"), replace(load("animate"), path=None, path_film=False)
     assert isinstance(q, Settings)
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    rate = facts.frame_rate_hz
-    mask = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
+    rate = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
     features = load_table(DATA / "features/features.parquet", FEATURES)
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
@@ -114,12 +110,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
         pictures = pictures_of("hybrid", "realism")
-        current = float(features["current"].iloc[0])
-        instrument = Instrument(
-            load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
-            pictures.drawn.scene, load("extract"),
-            replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
-        )  # fmt: skip
+        instrument = instrument_of(features, pictures)
         drawn = instrument.of_animations(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, crew)

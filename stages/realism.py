@@ -137,11 +137,21 @@ def main() -> None:
         compare_swimming(load("realism"), load("animate"), crew)
 
 
+def instrument_of(features: pd.DataFrame, pictures: Pictures) -> Instrument:
+    """What measures the film of a feature table, whose pictures these are, as extraction does."""
+    facts = load_facts(CLIP / FACTS_NAME)
+    rate, current = facts.frame_rate_hz, float(features["current"].iloc[0])
+    mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
+    return Instrument(
+        load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
+        pictures.drawn.scene, load("extract"),
+        replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
+    )  # fmt: skip
+
+
 def compare_swimming(p: Settings, q: AnimateSettings, crew: Workers) -> None:
     """Compare film and animations; write the report."""
-    facts = load_facts(CLIP / FACTS_NAME)
-    rate = facts.frame_rate_hz
-    mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
+    rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
     features = load_table(DATA / "features/features.parquet", FEATURES)
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
@@ -150,12 +160,7 @@ def compare_swimming(p: Settings, q: AnimateSettings, crew: Workers) -> None:
         for mode in planner.players:
             works[mode] = list(animations(planner, mode, amount, q))
     pictures = pictures_of(mode, "realism")
-    current = float(features["current"].iloc[0])
-    instrument = Instrument(
-        load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
-        pictures.drawn.scene, load("extract"),
-        replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
-    )  # fmt: skip
+    instrument = instrument_of(features, pictures)
     drawn = instrument.of_animations(size)
     instruments = {name: instrument if name == FILM else drawn for name in works}
     swum = swimming_of(works, pictures, instruments, crew)
