@@ -25,8 +25,9 @@ from websockets.typing import Origin
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
 from finloop.animate.edit_list import HYBRID
+from finloop.live.door import bound
 from finloop.live.message import SetGoal
-from finloop.live.server import Host, Server, bound
+from finloop.live.server import Host, Server
 from finloop.live.view import View
 from stages.play import PAGE, opened
 

@@ -22,8 +22,9 @@ from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table
+from finloop.live.door import HOST, bound
 from finloop.live.message import MOST_FISH
-from finloop.live.server import HOST, Server, bound
+from finloop.live.server import Server
 from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
 from finloop.render.gallery import PLACE, Gallery, shelves

@@ -25,8 +25,9 @@ import finloop.live.server as served
 from finloop.animate.edit_list import NETWORK
 from finloop.base.errors import FinloopError
 from finloop.live import fish as play_fish
+from finloop.live.door import bound
 from finloop.live.message import LONGEST, MOST_PLACES, parsed
-from finloop.live.server import BEHIND, Host, Page, Server, bound
+from finloop.live.server import BEHIND, Host, Page, Server
 from finloop.render.gallery import Gallery
 from finloop.social.zones import Zones
 from stages.play import PAGE, _parser
@@ -193,6 +194,19 @@ def test_ten_thousand_hostile_messages_neither_crash_nor_grow(monkeypatch):
     assert host.view.counts.bad > 5000
     # What is held differs with what the fish do just then, within bounds that do not rise.
     assert max(counts[4:]) - max(counts[:4]) < 400, counts
+
+
+def test_text_that_is_no_utf8_ends_the_connection_without_a_traceback(capfd):
+    with tank() as (address, _):
+        with look_in(address) as page:
+            page.send(b"\xff\xfe{", text=True)
+            with pytest.raises(ConnectionClosed) as closed:
+                for _ in range(100):
+                    page.recv(timeout=5)
+            assert closed.value.sent.code == 1007
+        with look_in(address) as page:
+            assert until(page, lambda s: s["bad"] == 1)
+    assert capfd.readouterr().err == ""
 
 
 def test_they_do_no_harm_over_the_wire_either():

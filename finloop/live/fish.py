@@ -110,7 +110,7 @@ class LiveFish:
         self._plan_poses = np.zeros(0, object)
         self._played = 0
         self._cut_after = 0  # ticks of it, 0 = not at all
-        self._was_ghost = False
+        self._was_ghost = self._ghost_before = False  # at the last tick, and at the one before
 
     @property
     def _player(self) -> Player:
@@ -185,12 +185,31 @@ class LiveFish:
         if mode != self.mode:
             self.mode, self._cut_after = mode, 1
 
+    def renew(self) -> None:
+        """Decide the last tick anew, for what the fish is asked for has changed since then.
+
+        What it showed at the tick before stays as it was. Where no new way is clear of the other
+        fish, the old one stays.
+        """
+        self._was_ghost = self._ghost_before
+        self._cut_after, self._played = 0, self._played - 1
+        if self._played:
+            self._decide_anew()
+        else:
+            self._decide_first_anew()
+        self._go_on()
+
     def on(self) -> None:
         """One tick."""
+        self._ghost_before = self._was_ghost
         if self._cut_after and self._played >= min(self._cut_after, len(self._plan)):
             self._decide_anew()
         if self._played == len(self._plan):
             self._decide(self._target())
+        self._go_on()
+
+    def _go_on(self) -> None:
+        """Play the next tick of the plan."""
         self._played += 1
         now = self._played - 1
         row = Row._make((*self._plan[now].item(), self._plan_poses[now]))
@@ -255,27 +274,42 @@ class LiveFish:
             self.goal = self._goal(row.goal_x_px, row.goal_y_px)
 
     def _decide_anew(self) -> None:
-        """Forget what was planned beyond the tick on screen, and plan anew.
-
-        Other fish rely on the old plan. Where no new one is clear of them, the old one is swum to
-        its end.
-        """
+        """Forget what was planned beyond the tick on screen, and plan anew."""
         self._cut_after = 0
         if not 0 < self._played < len(self._plan):
             return
-        last, planned = self._choices[-1], (self._plan, self._plan_poses, self._played)
-        state, draws = self._state, self._rng.bit_generator.state
+        last, old = self._choices[-1], self._memory()
         player = self._players[last.mode]
         stretch, self._state = player.cut(last.state, last.stretch, self._played)
         self._choices[-1] = replace(last, stretch=stretch)
         self._plan = self._plan[: self._played]
         self._decide(self._target())
+        self._keep_clear(last, old)
+
+    def _decide_first_anew(self) -> None:
+        """Plan the stretch anew that would begin at the next tick."""
+        last, old = self._choices[-1], self._memory()
+        self._choices.pop()
+        self._state, self._rng.bit_generator.state = last.state, last.draws
+        self._plan = self._plan[:0]
+        self._decide(self._target())
+        self._keep_clear(last, old)
+
+    def _memory(self) -> tuple[Any, ...]:
+        """What a decision changes, beside the choices."""
+        plan = self._plan, self._plan_poses, self._played
+        return self._state, self._rng.bit_generator.state, plan
+
+    def _keep_clear(self, last: Choice, old: tuple[Any, ...]) -> None:
+        """Take a decision back if it is not clear of the other fish, which rely on the old plan."""
         choice = self._choices[-1]
         if not self._player.is_clear(choice.state, choice.stretch):
             self._choices.pop()
-            self._choices[-1] = last
-            self._state, self._rng.bit_generator.state = state, draws
-            self._plan, self._plan_poses, self._played = planned
+            if self._choices and self._choices[-1].tick == last.tick:
+                self._choices.pop()  # the part of the old plan that was played
+            self._choices.append(last)
+            self._state, self._rng.bit_generator.state, plan = old
+            self._plan, self._plan_poses, self._played = plan
 
     def _decide(self, goal: Goal | Route | Rule | None, known: Company | None = None) -> None:
         """Plan the next stretch. known: of the other fish, when it was planned before."""

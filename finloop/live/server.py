@@ -1,42 +1,33 @@
 """The server of the live tank: one page, one WebSocket, this machine only.
 
-A page is served, and a WebSocket opened, only under the tank's own address (`Host`), and a
-WebSocket only to a page that came from there (`Origin`): no other site that is open in the browser
-can look in or steer. Whatever a page sends, memory stays as it is: of each kind of wish only the
-last is kept till the next frame, and a page that is behind with two frames gets no third.
+Who may come in `finloop.live.door` says. Whatever a page sends, memory stays as it is: of each kind
+of wish only the last is kept till the next frame, and a page that is behind with two frames gets no
+third.
 """
 
 import asyncio
-import base64
 import contextlib
-import hashlib
-import re
 import socket
 import time
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 
-import uvicorn
 from starlette.applications import Starlette
-from starlette.requests import HTTPConnection, Request
-from starlette.responses import PlainTextResponse, Response
+from starlette.requests import Request
+from starlette.responses import Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from finloop.base.errors import FinloopError
+from finloop.live.door import BUSY, MALFORMED, AppServer, Door
 from finloop.live.message import Seen, SetGoal, Step, Wish, parsed
 from finloop.live.view import View
 
-HOST = "127.0.0.1"
 MOST_PAGES = 8
 _FRAMES_HZ = 60.0  # are shown at most
 _MOST_TICKS = 16  # are caught up with at once; beyond that time is lost
 _MOST_STEPS = 32  # are kept till the next frame
 BEHIND = 2  # frames that a page may be behind
 _OF_FISH = ("goal", "path", "rule", "drop")  # wishes of one fish, or of all
-_LARGEST = 64 * 1024  # bytes of a message; one still larger ends the connection
-_BUSY, _STRANGER = 1013, 1008  # codes of closing a WebSocket
-_MALFORMED = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
 
 
 class Page:
@@ -157,32 +148,16 @@ def app(
     view: View, page: str, port: int, ended: Callable[["asyncio.Task[None]"], None]
 ) -> Starlette:
     """The application. page: the HTML; port: that it is reached by; ended: called at the end."""
-    hosts = {f"{name}:{port}" for name in (HOST, "localhost")}
-    host = Host(view)
-    headers = {
-        "Content-Security-Policy": _policy(page, hosts),
-        "Cache-Control": "no-store",
-        "X-Content-Type-Options": "nosniff",
-        "Referrer-Policy": "no-referrer",
-        "Cross-Origin-Resource-Policy": "same-origin",
-    }
-
-    def known(connection: HTTPConnection) -> bool:
-        return connection.headers.getlist("host") in [[name] for name in hosts]
+    door, host = Door(port), Host(view)
 
     async def show_page(request: Request) -> Response:
-        if not known(request):
-            return PlainTextResponse("not this host", 421)
-        return Response(page, media_type="text/html", headers=headers)
+        return door.page(request, page)
 
     async def socket_of(connection: WebSocket) -> None:
-        origins = connection.headers.getlist("origin")
-        if not known(connection) or origins not in [[f"http://{name}"] for name in hosts]:
-            await connection.close(_STRANGER)  # before it is accepted: the answer is 403
+        if not await door.opens(connection):
             return
-        await connection.accept()
         if len(host.pages) >= MOST_PAGES:
-            await connection.close(_BUSY, "too many pages")
+            await connection.close(BUSY, "too many pages")
             return
         await _attend(host, connection)
 
@@ -210,7 +185,7 @@ async def _attend(host: Host, connection: WebSocket) -> None:
         while True:
             message = await connection.receive()
             if message["type"] == "websocket.disconnect":
-                host.view.counts.bad += message.get("code") in _MALFORMED
+                host.view.counts.bad += message.get("code") in MALFORMED
                 break
             host.hear(page, message.get("text"))
             await asyncio.sleep(0)  # a page that floods waits for the others
@@ -227,70 +202,15 @@ async def _send(connection: WebSocket, page: Page) -> None:
             await connection.send_bytes(await page.next())
 
 
-def _policy(page: str, hosts: set[str]) -> str:
-    """Nothing but the page's own script and style, its pictures, and the socket."""
-
-    def digests(tag: str) -> str:
-        texts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
-        codes = (base64.b64encode(hashlib.sha256(t.encode()).digest()).decode() for t in texts)
-        return " ".join(f"'sha256-{code}'" for code in codes)
-
-    sockets = " ".join(sorted(f"ws://{name}" for name in hosts))
-    return (
-        f"default-src 'none'; script-src {digests('script')}; style-src {digests('style')}; "
-        f"img-src blob: data:; connect-src {sockets}; base-uri 'none'; form-action 'none'; "
-        "frame-ancestors 'none'"
-    )
-
-
-def bound(port: int) -> socket.socket:
-    """A socket of this machine alone; port 0: any that is free.
-
-    FinloopError if the port is taken or not allowed.
-    """
-    one = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-    one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-    try:
-        one.bind((HOST, port))
-    except (OSError, OverflowError) as error:
-        one.close()
-        raise FinloopError(
-            f"port {port} cannot be had ({getattr(error, 'strerror', None) or error})",
-            "a free port: perhaps another live tank is open",
-            "end that one, or take another port: make play S='--port 0' finds a free one",
-        ) from error
-    return one
-
-
-class Server(uvicorn.Server):
+class Server(AppServer):
     """Serves the tank on a socket; started: called when it can be reached."""
 
     def __init__(
         self, view: View, page: str, listens: socket.socket, started: Callable[[], None]
     ) -> None:
         made = app(view, page, listens.getsockname()[1], self._ended)
-        self._listens, self._tell = listens, started
-        self._failure: BaseException | None = None
-        super().__init__(
-            uvicorn.Config(
-                made, log_level="warning", access_log=False, lifespan="on", server_header=False,
-                ws="websockets-sansio", ws_max_size=_LARGEST, ws_per_message_deflate=False,
-                timeout_graceful_shutdown=2,
-            )
-        )  # fmt: skip
-
-    def serve_on(self) -> None:
-        """Serve until Ctrl-C (KeyboardInterrupt), `should_exit`, or an error of the tank itself."""
-        self.run([self._listens])
-        if self._failure is not None:
-            raise self._failure
-
-    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
-        """Start, and say so."""
-        await super().startup(sockets)
-        if self.started:
-            self._tell()
+        super().__init__(made, listens, started)
 
     def _ended(self, task: "asyncio.Task[None]") -> None:
         if not task.cancelled():
-            self._failure, self.should_exit = task.exception(), True
+            self.fail(task.exception())

@@ -72,6 +72,12 @@ class LiveTank:
         for fish in self.fish:
             fish.on()
 
+    def renew(self, which: int) -> None:
+        """A fish decides the last tick anew, if it was in the tank before."""
+        fish = self.fish[which]
+        if self.tick > fish.born + 1:
+            fish.renew()
+
     def count(self, fish: int) -> None:
         """So many fish, or as many as there is room for: further ones come, the last ones go."""
         del self.fish[fish:]

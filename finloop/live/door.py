@@ -1,0 +1,150 @@
+"""The door of a server of this program: who is let in, what a page may do, the socket itself.
+
+A page is served, and a WebSocket opened, only under the server's own address (`Host`), and a
+WebSocket to a page only if that came from there (`Origin`): no other site that is open in the
+browser can look in or steer. A server that other machines reach wants a token as well.
+"""
+
+import base64
+import hashlib
+import hmac
+import logging
+import re
+import socket
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import PlainTextResponse, Response
+from starlette.websockets import WebSocket
+
+from finloop.base.errors import FinloopError
+
+HOST = "127.0.0.1"
+BUSY, STRANGER = 1013, 1008  # codes of closing a WebSocket
+MALFORMED = 1002, 1007, 1009  # closed since a message was no message, no text, or too long
+_LARGEST = 64 * 1024  # bytes of a message; one still larger ends the connection
+
+
+@dataclass(frozen=True)
+class Door:
+    """Who is let in. port: of the server; token: what all must show; None: on this machine alone.
+
+    With a token, a server is reached by any name that its machine has.
+    """
+
+    port: int
+    token: str | None = None
+
+    @property
+    def _names(self) -> list[str]:
+        return [f"{name}:{self.port}" for name in (HOST, "localhost")]
+
+    def knows(self, connection: HTTPConnection) -> bool:
+        """Whether it came under the server's own address, with the token if one is wanted."""
+        hosts = connection.headers.getlist("host")
+        if self.token is None:
+            return hosts in [[name] for name in self._names]
+        shown = connection.query_params.get("token", "").encode()
+        return len(hosts) == 1 and hmac.compare_digest(shown, self.token.encode())
+
+    async def opens(self, connection: WebSocket, program: bool = False) -> bool:
+        """Accept a WebSocket of a page, or of a program, which has no `Origin`; or refuse it."""
+        origins = connection.headers.getlist("origin")
+        names = [connection.headers.get("host", "")] if self.token else self._names
+        own = origins in [[f"http://{name}"] for name in names]
+        if self.knows(connection) and (own or (program and not origins)):
+            await connection.accept()
+            return True
+        await connection.close(STRANGER)  # before it is accepted: the answer is 403
+        return False
+
+    def page(self, request: Request, text: str) -> Response:
+        """A page, or the answer to a stranger."""
+        if not self.knows(request):
+            return PlainTextResponse("not this host, or no token", 421)
+        headers = {
+            "Content-Security-Policy": _policy(text, request.headers["host"]),
+            "Cache-Control": "no-store",
+            "X-Content-Type-Options": "nosniff",
+            "Referrer-Policy": "no-referrer",
+            "Cross-Origin-Resource-Policy": "same-origin",
+        }
+        return Response(text, media_type="text/html; charset=utf-8", headers=headers)
+
+
+def _policy(page: str, host: str) -> str:
+    """Nothing but the page's own script and style, its pictures, and the socket."""
+
+    def digests(tag: str) -> str:
+        texts = re.findall(rf"<{tag}>(.*?)</{tag}>", page, re.DOTALL)
+        codes = (base64.b64encode(hashlib.sha256(t.encode()).digest()).decode() for t in texts)
+        return " ".join(f"'sha256-{code}'" for code in codes)
+
+    return (
+        f"default-src 'none'; script-src {digests('script')}; style-src {digests('style')}; "
+        f"img-src blob: data:; connect-src ws://{host}; base-uri 'none'; form-action 'none'; "
+        "frame-ancestors 'none'"
+    )
+
+
+def bound(port: int, host: str = HOST, kind: int = socket.SOCK_STREAM) -> socket.socket:
+    """A socket, of this machine alone unless told otherwise; port 0: any that is free.
+
+    FinloopError if the port is taken or not allowed, or this machine has no such address.
+    """
+    one = socket.socket(socket.AF_INET, kind)
+    if kind == socket.SOCK_STREAM:
+        one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        one.bind((host, port))
+    except (OSError, OverflowError) as error:
+        one.close()
+        raise FinloopError(
+            f"port {port} cannot be had ({getattr(error, 'strerror', None) or error})",
+            "a free port: perhaps another live tank is open",
+            "end that one, or take another port: --port 0 finds a free one",
+        ) from error
+    return one
+
+
+def _is_ours(record: logging.LogRecord) -> bool:
+    """Whether an entry of uvicorn's log is of its own: not that a stranger's text was no UTF-8."""
+    return not (record.exc_info and isinstance(record.exc_info[1], UnicodeDecodeError))
+
+
+class AppServer(uvicorn.Server):
+    """Serves an application on a socket; started: called when it can be reached.
+
+    `fail` ends it: `serve_on` raises the error then.
+    """
+
+    def __init__(self, app: Starlette, listens: socket.socket, started: Callable[[], None]) -> None:
+        self._listens, self._tell = listens, started
+        self._failure: BaseException | None = None
+        super().__init__(
+            uvicorn.Config(
+                app, log_level="warning", access_log=False, lifespan="on", server_header=False,
+                ws="websockets-sansio", ws_max_size=_LARGEST, ws_per_message_deflate=False,
+                timeout_graceful_shutdown=2,
+            )
+        )  # fmt: skip
+        logging.getLogger("uvicorn.error").addFilter(_is_ours)
+
+    def serve_on(self) -> None:
+        """Serve until Ctrl-C (KeyboardInterrupt), `should_exit`, or an error of its own."""
+        self.run([self._listens])
+        if self._failure is not None:
+            raise self._failure
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Start, and say so."""
+        await super().startup(sockets)
+        if self.started:
+            self._tell()
+
+    def fail(self, error: BaseException | None) -> None:
+        """End, by an error of what is served."""
+        self._failure, self.should_exit = error, True
