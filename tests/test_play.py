@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from toy_film import (
+    ARENA,
     HEAD,
     LENGTH,
     RATE,
@@ -523,3 +524,67 @@ def test_goals_that_are_reached_are_counted_once():
     view.on(20)
     assert view.tank.fish[0].at(view.tank.tick).goal == ""
     assert abs(wrap_deg(view.tank.fish[0].at(view.tank.tick).heading_deg)) <= 180
+
+
+# --- a tick decided anew
+
+
+def test_a_tick_that_is_decided_anew_heads_for_the_new_goal_and_keeps_the_tick_before():
+    tank = LiveTank(toy_players(), HYBRID, 1, 3)
+    fish, rng = tank.fish[0], np.random.default_rng(0)
+    for turn in range(60):
+        for _ in range(int(rng.integers(1, 9))):
+            tank.on()
+        before, now = fish.at(tank.tick - 1), tank.tick
+        x, y = rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0])
+        tank.send(0, x, y)
+        goal = fish.goal
+        tank.renew(0)
+        assert tank.tick == fish.now == now, turn
+        np.testing.assert_equal(fish.at(now - 1)[:-1], before[:-1])
+        choice = fish.choice(now)
+        assert choice.tick == now and choice.goal == goal
+        # At the next tick all goes on as planned: nothing is decided once more.
+        tank.on()
+        assert fish.choice(tank.tick).tick in (now, now + 1)
+
+
+def test_the_first_tick_of_a_stretch_decided_anew_for_the_same_goal_stays_as_it_is():
+    tank = LiveTank(toy_players(), HYBRID, 1, 4)
+    fish, same = tank.fish[0], 0
+    for _ in range(300):
+        tank.on()
+        if fish.choice(tank.tick).tick == tank.tick:
+            old = fish.at(tank.tick)
+            tank.renew(0)
+            np.testing.assert_equal(fish.at(tank.tick)[:-1], old[:-1])
+            same += 1
+    assert same > 10
+
+
+def test_ticks_decided_anew_are_the_same_for_the_same_seed_and_wishes():
+    def swum():
+        tank, rng, rows = LiveTank(toy_players(), HYBRID, 3, 5), np.random.default_rng(1), []
+        for _ in range(150):
+            tank.on()
+            which = int(rng.integers(3))
+            tank.send(which, rng.uniform(0, ARENA.shape[1]), rng.uniform(0, ARENA.shape[0]))
+            tank.renew(which)
+            rows += [fish.at(tank.tick)[:-1] for fish in tank.fish]
+        return np.array(rows, ROW)
+
+    assert swum().tobytes() == swum().tobytes()
+
+
+def test_fish_that_decide_anew_keep_clear_of_each_other():
+    tank, rng = LiveTank(toy_players(), HYBRID, 3, 6), np.random.default_rng(2)
+    for _ in range(300):
+        tank.on()
+        which = int(rng.integers(3))
+        tank.send(which, *tank.fish[(which + 1) % 3].places(range(tank.tick, tank.tick + 1))[0])
+        tank.renew(which)
+        for fish in tank.fish:
+            last = fish._choices[-1]
+            others = fish._around(last.tick)
+            state = fish._player.among(last.state, others) if last.tick >= 0 else last.state
+            assert fish._player.is_clear(state._replace(fish=last.state.fish), last.stretch)
