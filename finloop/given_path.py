@@ -27,12 +27,17 @@ def given_lines(p: Settings, features: pd.DataFrame) -> list[Line | None]:
             "a path a fish at most",
             f"take more fish (animate.fish={len(paths)}), or fewer paths",
         )
-    return [None if path is None else _line(path, p, features) for path in paths]
+    lines = [None if path is None else line_of(path, p.path_in, features) for path in paths]
+    if p.path_times:
+        return lines
+    return [None if line is None else line._replace(time_s=None) for line in lines]
 
 
-def _line(path: str, p: Settings, features: pd.DataFrame) -> Line:
+def line_of(path: str, unit: str, features: pd.DataFrame) -> Line:
+    """The line that a text names: a track of the film (track:8), or a file.
+
+    Places in a file are in `unit` unless its columns say more. FinloopError if there is none.
+    """
     if path.startswith(TRACK):
-        line = track_line(features, path)
-    else:
-        line = load_line(Path(path).expanduser(), p.path_in)
-    return line if p.path_times else line._replace(time_s=None)
+        return track_line(features, path)
+    return load_line(Path(path).expanduser(), unit)

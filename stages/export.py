@@ -18,8 +18,9 @@ from finloop.export.tracks import USED, poses
 from finloop.extract.table import GIVEN, GIVEN_NAME
 from finloop.features.table import FEATURES
 from finloop.identity.film import IDENTITIES
-from finloop.io.atomic import whole_folder
+from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
+from finloop.io.picture import load_picture
 from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json
@@ -28,7 +29,10 @@ from finloop.io.video import FACTS_NAME, load_facts
 from finloop.render.gallery import Gallery, frames
 from finloop.render.painter import Box
 from finloop.sprites.stretch import SIDES, WORDS
-from stages.edit import DATA, load_drawn, load_size
+from finloop.stimulus.drawn import drawn_of
+from finloop.stimulus.page import alone_page
+from finloop.stimulus.pictures import PagePictures
+from stages.edit import DATA, Drawn, load_drawn, load_size
 from stages.gallery import open_gallery
 from stages.settings import load
 
@@ -80,6 +84,23 @@ def films(
     }
 
 
+def save_alone(folder: Path, p: Settings, drawn: Drawn, gallery: Gallery) -> None:
+    """Write stimulus.html: the beginning of the animation, played by the page itself."""
+    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    ticks = round(p.stimulus_seconds * facts.frame_rate)
+    if not ticks:
+        return
+    assert gallery.bodies is not None
+    edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
+    rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
+    states = drawn_of(rows, gallery.bodies)
+    motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
+    pictures = PagePictures(gallery, load_size(p.mode)).of(motion)
+    floor = load_picture(DATA / "extract/background.png")
+    text = alone_page("finloop", float(facts.frame_rate), floor, pictures, motion)
+    save_bytes(folder / "stimulus.html", text.encode())
+
+
 def names(tracks: pd.DataFrame) -> pd.Series:
     """The name of the animal of every row: another program's, or `animal_` and its number."""
     if (named := DATA / "extract" / GIVEN_NAME).exists():
@@ -94,7 +115,7 @@ def main() -> None:
     """Make data/export/, reports/export/."""
     p: Settings = load("export")
     facts = load_facts(DATA / "clip" / FACTS_NAME)
-    drawn = load_drawn(p.mode, "export", USED, sprites=True)
+    drawn = load_drawn(p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0)
     edit, _, tracks, sprites, _ = drawn
     assert sprites is not None
     features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
@@ -105,6 +126,7 @@ def main() -> None:
     with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:
         made = films(folder, p, edit, sprites, gallery)
         save_json(folder / "films.json", made)
+        save_alone(folder, p, drawn, gallery)
         for atlas in sorted((DATA / "sprites").glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():

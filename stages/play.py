@@ -73,7 +73,7 @@ def main() -> None:
 
         def started() -> None:
             print(f"play: the tank is open at {url} (Ctrl-C closes it)", file=sys.stderr)
-            if asked.open and _has_screen():
+            if asked.open and has_screen():
                 webbrowser.open(url)
 
         try:
@@ -83,7 +83,7 @@ def main() -> None:
             print("\nplay: the tank is closed", file=sys.stderr)
 
 
-def _has_screen() -> bool:
+def has_screen() -> bool:
     """Whether a browser could show itself; else a text browser would take the terminal."""
     screens = ("DISPLAY", "WAYLAND_DISPLAY")
     return sys.platform in ("darwin", "win32") or any(map(os.environ.get, screens))

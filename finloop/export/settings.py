@@ -17,6 +17,8 @@ class Settings:
     webm_crf: Annotated[int, Field(ge=0, le=63)]
     # s, of the animated WebP, shorter than the WebM; 0 = none of the animation
     webp_seconds: NotNegative
+    # s, of stimulus.html, a page that plays the animation by itself; 0 = no page
+    stimulus_seconds: NotNegative
     webp_quality: Quality  # of the colours: 0 = worst, 100 = best; alpha is kept without loss
     # points of tracks.csv along the backbone, between head and tail
     body_points: Annotated[int, Field(ge=0, le=31)]

@@ -1,0 +1,301 @@
+"""The stimulus: how soon it reacts, whether frames are dropped, what hostile messages do.
+
+`python -m benchmarks.stimulus` prints the table and writes benchmarks/stimulus.csv, of what lies in
+data/. A session runs as for a user, as a program of its own, with headless Chromium (software
+WebGL, 1280×720) as its display; what is told is read from the session's file. `--minutes 60` makes
+the long session as long. A real display's figures are in the summary of any session.
+"""
+
+import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
+
+import argparse
+import json
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+import psutil
+import yaml
+from playwright.sync_api import Page, sync_playwright
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+from finloop.stimulus.replay import Record, frames_of, open_record
+from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
+
+GPU = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+RATE_HZ = 60.0  # of the tracker
+MESSAGES = 10_000
+Row = tuple[str, str, str, float]
+
+
+class Live(NamedTuple):
+    """A session that runs: its program, its address, its display, its folder, its ports by UDP."""
+
+    program: psutil.Process
+    address: str
+    page: Page
+    folder: Path
+    ports: tuple[int, int]
+    way: socket.socket
+
+    def send(self, text: bytes, osc: bool = False) -> None:
+        """What a tracker says, by UDP."""
+        self.way.sendto(text, ("127.0.0.1", self.ports[osc]))
+
+
+def free_ports(count: int) -> list[int]:
+    ports = []
+    for _ in range(count):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+            one.bind(("127.0.0.1", 0))
+            ports.append(one.getsockname()[1])
+    return ports
+
+
+@contextmanager
+def session(protocol: dict[str, Any], *options: str) -> Iterator[Live]:
+    """A session with a display; when the block ends it has ended, and its file is there."""
+    udp, osc = free_ports(2)
+    with tempfile.TemporaryDirectory() as name, sync_playwright() as play:
+        folder = Path(name)
+        plan = folder / "protocol.yaml"
+        plan.write_text(yaml.safe_dump({"version": 1, "display": {"calibrated": False}} | protocol))
+        command = [sys.executable, "-m", "stages.stimulus", "show", str(plan), "--no-open"]
+        command += ["--port", "0", "--out", name, "--udp", str(udp), "--osc", str(osc), *options]
+        program = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL)
+        address = ""
+        for line in program.stderr or ():
+            if match := re.search(rb"http://([\d.:]+)/", line):
+                address = match[1].decode()
+                break
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=GPU)
+        page = browser.new_page(viewport={"width": 1280, "height": 720})
+        page.goto(f"http://{address}/show")
+        page.wait_for_timeout(3000)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as way:
+            yield Live(psutil.Process(program.pid), address, page, folder, (udp, osc), way)
+        browser.close()
+        program.send_signal(2)
+        program.wait(60)
+
+
+def desk(live: Live) -> Any:
+    return connect(
+        f"ws://{live.address}/experimenter", origin=Origin(f"http://{live.address}"),
+        compression=None, max_queue=4,
+    )  # fmt: skip
+
+
+def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -> list[dict]:
+    """Start it, do something every step, until it is done; what the desk was told at last."""
+    with desk(live) as way:
+        told = json.loads(way.recv())
+        way.send('{"do":"start"}')
+        due = time.perf_counter()
+        while told["phase"] != "done":
+            meanwhile(time.perf_counter())
+            due += step_s
+            while True:
+                left = due - time.perf_counter()
+                try:
+                    told = json.loads(way.recv(timeout=max(left, 0.0)))
+                except TimeoutError:
+                    break
+        return told
+
+
+def record_of(live: Live) -> Record:
+    """The file of a session that has ended."""
+    return open_record(next(live.folder.glob("*.parquet")))
+
+
+class Swimmer:
+    """A live animal that swims round and darts, as a tracker tells it."""
+
+    def __init__(self, live: Live, size: tuple[float, float]) -> None:
+        self._live, self._size, self._begin = live, size, time.perf_counter()
+        self._rng = np.random.default_rng(0)
+        self._place = np.array([0.5, 0.5])
+
+    def __call__(self, now: float) -> None:
+        """Its place now."""
+        if self._rng.random() < 1 / RATE_HZ:
+            self._place = self._rng.uniform(0.2, 0.8, 2)  # once a second it is elsewhere
+        x, y = self._place * self._size
+        self._live.send(json.dumps({
+            "t": now - self._begin, "id": "1", "x": round(x, 1), "y": round(y, 1),
+        }).encode())  # fmt: skip
+
+
+def size_of_tank() -> tuple[float, float]:
+    from finloop.io.picture import load_picture
+
+    height, width = load_picture(Path("data/extract/background.png")).shape[:2]
+    return float(width), float(height)
+
+
+def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
+    """How soon fish react to an animal that a tracker tells of."""
+    what = f"closed loop, {fish} fish, tracker {RATE_HZ:g} Hz"
+    protocol = {
+        "name": "loop", "seed": 1, "fish": fish, "animals": {"unit": "px"},
+        "conditions": {"approach": {"seconds": seconds, "motion": {"rule": {"rule": "approach"}}}},
+    }  # fmt: skip
+    with session(protocol) as live:
+        run_through(live, Swimmer(live, size_of_tank()), 1 / RATE_HZ)
+        live.page.close()
+        live.program.send_signal(2)
+        live.program.wait(60)
+        yield from timing(what, record_of(live))
+
+
+def timing(what: str, record: Record) -> Iterator[Row]:
+    """What a session's file says of its timing."""
+    table = table_of(record)
+    planned, drawn = reactions_ms(table, record.header["rate_hz"])
+    for name, values in (("planned reaction", planned), ("drawn frame", drawn)):
+        if len(values):
+            for share in (50, 99, 100):
+                value = float(np.percentile(values, share))
+                yield what, f"input to {name}, percentile {share}", "ms", value
+            yield what, f"input to {name}, so many", "1", len(values)
+    yield what, "ticks against the clock, SD", "ms", float(tick_errors_ms(table).std())
+    frames = table[(table["kind"] == "frame") & table["trial"].notna()]
+    span = float(frames["time_s"].iloc[-1] - frames["time_s"].iloc[0])
+    yield what, "displayed frames", "1/s", (len(frames) - 1) / span
+    yield what, "dropped frames", "1", float(frames["dropped"].sum())
+    yield what, "displayed in all", "1", len(frames)
+    took = 1e3 * (frames["drawn_s"] - frames["time_s"])
+    yield what, "drawn after the frame began, percentile 99", "ms", float(took.quantile(0.99))
+
+
+def long_show(fish: int, minutes: float) -> Iterator[Row]:
+    """Frames and memory of a motion known beforehand, over a long time."""
+    what = f"known motion, {fish} fish, {minutes:g} min"
+    protocol = {
+        "name": "long", "seed": 1, "fish": fish, "pause_s": 0.5, "repeats": max(1, round(minutes)),
+        "conditions": {"wander": {"seconds": 60, "motion": {"wander": True}}},
+    }  # fmt: skip
+    memory: list[float] = []
+    with session(protocol) as live:
+        begin = time.perf_counter()
+        run_through(live, lambda now: memory.append(live.program.memory_info().rss / 2**20), 1.0)
+        took = time.perf_counter() - begin
+        heap = live.page.evaluate("performance.memory ? performance.memory.usedJSHeapSize : 0")
+        live.page.close()
+        live.program.send_signal(2)
+        live.program.wait(60)
+        record = record_of(live)
+        yield what, "took", "s", took
+        yield from timing(what, record)
+        quarter = len(memory) // 4
+        yield what, "memory of the server, second quarter", "MiB", float(
+            np.median(memory[quarter : 2 * quarter]))  # fmt: skip
+        yield what, "memory of the server, last quarter", "MiB", float(np.median(memory[-quarter:]))
+        yield what, "memory of the page's script at the end", "MiB", heap / 2**20
+        yield what, "file of the session", "MB", record.path.stat().st_size / 1e6
+
+
+def steps_of(record: Record) -> np.ndarray:
+    """How far (n,) a fish's place moved from a frame to the next, px a second."""
+    steps, last = [], None
+    for frame in frames_of(record):
+        here = frame.states[:, :2] if len(frame.states) else None
+        if last is not None and here is not None and len(here) == len(last[1]):
+            gap = frame.shown_s - last[0]
+            steps += list(np.hypot(*(here - last[1]).T) / gap)
+        last = None if here is None else (frame.shown_s, here)
+    return np.array(steps)
+
+
+def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
+    """Random bytes, and good messages of which bytes are changed."""
+    rng, good = np.random.default_rng(seed), b'{"t":1.5,"id":"1","x":100.0,"y":80.0,"heading":12}'
+    for _ in range(count):
+        if rng.integers(3) == 0:
+            yield rng.bytes(300)
+            continue
+        text = bytearray(good)
+        for _ in range(int(rng.integers(1, 5))):
+            text[rng.integers(len(text))] = rng.integers(0, 256)
+        yield bytes(text)
+
+
+def flood() -> Iterator[Row]:
+    """Hostile messages on every input, in the middle of a trial."""
+    what = f"{MESSAGES} hostile messages on each of five inputs"
+    protocol = {
+        "name": "flood", "seed": 1, "animals": {"unit": "px"},
+        "conditions": {"avoid": {"seconds": 120, "motion": {"rule": {"rule": "avoid"}}}},
+    }  # fmt: skip
+    with session(protocol) as live:
+        with desk(live) as way:
+            way.send('{"do":"start"}')
+            way.recv()
+        before = 0.0
+        for turn in range(2):  # the first time warms up
+            if turn:
+                before = live.program.memory_info().rss / 2**20
+            for text in hostile_texts(MESSAGES, turn):
+                live.send(text)
+                live.send(text, osc=True)
+            for path in ("animals", "display", "experimenter"):
+                with connect(
+                    f"ws://{live.address}/{path}", origin=Origin(f"http://{live.address}"),
+                    compression=None, max_queue=4,
+                ) as way:  # fmt: skip
+                    for number, text in enumerate(hostile_texts(MESSAGES, turn)):
+                        way.send(text.decode("latin-1") if number % 2 else text)
+                        if path == "experimenter" and number % 20 == 0:
+                            way.recv()
+        growth = live.program.memory_info().rss / 2**20 - before
+        with desk(live) as way:
+            told = json.loads(way.recv())
+            heard = told["heard"]
+            way.send('{"do":"abort"}')
+        live.page.close()
+        live.program.send_signal(2)
+        live.program.wait(60)
+        yield what, "memory that they took", "MiB", growth
+        yield what, "positions refused", "1", sum(
+            count for name, count in heard.items() if name == "malformed")  # fmt: skip
+        yield from timing(what, record_of(live))
+
+
+def main() -> None:
+    """Print and write the table."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--minutes", type=float, default=10.0)
+    parser.add_argument("--part", choices=["loop", "long", "flood"])
+    asked = parser.parse_args()
+    parts: dict[str, Callable[[], Iterator[Row]]] = {
+        "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
+        "flood": flood,
+        "long": lambda: long_show(8, asked.minutes),
+    }
+    rows = [row for name in ([asked.part] if asked.part else parts) for row in parts[name]()]
+    table = pd.DataFrame(rows, columns=["where", "what", "unit", "value"])
+    print(table.to_string(index=False))
+    if not asked.part:
+        path = Path(__file__).with_name("stimulus.csv")
+        table.to_csv(path, index=False, float_format="%.4g")
+    print(
+        "wanted: planned ≤ 5 ms, drawn ≤ 33 ms (99 %), ticks ≤ 1 ms SD; 60 frames/s, none dropped"
+    )
+    print(f"{os.cpu_count()} cores, software WebGL")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,115 @@
+"""A journal: a table that grows while it is written, safe up to the last part that was kept.
+
+It is an Arrow stream. Each part is on the disk when `keep` returns, so that after a power failure
+everything up to the last `keep` can be read. `read_journal` stops at a part that was cut off.
+"""
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from finloop.base.errors import FinloopError
+from finloop.base.schema import Schema
+from finloop.io.atomic import whole_file
+from finloop.io.table import arrow_schema, parquet_coding
+
+_HEADER = b"finloop"  # the key of the header in the file's metadata
+
+
+class Journal:
+    """A new journal. header: a text that is kept with the table. FinloopError if it exists."""
+
+    def __init__(self, path: Path, schema: Schema, header: str) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            self._file = path.open("xb")
+        except FileExistsError as error:
+            raise FinloopError(
+                f"{path} exists already",
+                "a name that is free: nothing is written over",
+                "take another folder (--out), or recover that file first",
+            ) from error
+        self.schema = arrow_schema(schema).with_metadata({_HEADER: header.encode()})
+        self._writer = pa.ipc.new_stream(self._file, self.schema)
+        self._sync()
+
+    def keep(self, parts: list[pa.RecordBatch]) -> None:
+        """Write some rows, and return when they are on the disk."""
+        for part in parts:
+            self._writer.write_batch(part)
+        self._sync()
+
+    def _sync(self) -> None:
+        self._file.flush()
+        os.fsync(self._file.fileno())
+
+    def close(self) -> None:
+        """End it."""
+        if not self._file.closed:
+            self._writer.close()
+            self._sync()
+            self._file.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:  # fmt: skip
+        self.close()
+
+
+@contextmanager
+def read_journal(path: Path) -> Iterator[tuple[pa.Schema, Iterator[pa.RecordBatch]]]:
+    """The schema of a journal, and its parts up to the end or to where it was cut off.
+
+    FinloopError if not even its beginning can be read.
+    """
+    with ExitStack() as stack:
+        try:
+            file = stack.enter_context(path.open("rb"))
+            reader = stack.enter_context(pa.ipc.open_stream(file))
+        except (OSError, pa.ArrowInvalid) as error:
+            raise FinloopError(
+                f"{path} cannot be read ({str(error).splitlines()[0]})",
+                "the journal of a session",
+                "name the .journal file of a session; one cut off at its start holds nothing",
+            ) from error
+        yield reader.schema, _parts(reader)
+
+
+def _parts(reader: pa.RecordBatchStreamReader) -> Iterator[pa.RecordBatch]:
+    while True:
+        try:
+            part = reader.read_next_batch()
+            part.validate(full=True)
+        except (StopIteration, OSError, pa.ArrowInvalid):
+            return
+        yield part
+
+
+def save_journal(journal: Path, path: Path, schema: Schema) -> int:
+    """Write a journal as Parquet, whole or not at all; how many rows it holds."""
+    rows, coding = 0, parquet_coding(schema)
+    with (
+        read_journal(journal) as (arrow, parts),
+        whole_file(path) as made,
+        pq.ParquetWriter(made, arrow, **coding) as file,
+    ):
+        for part in parts:
+            file.write_batch(part)
+            rows += part.num_rows
+    return rows
+
+
+def header_of(metadata: Mapping[bytes, bytes] | None) -> str | None:
+    """The header in the metadata of a journal, or of the Parquet file that was made of it."""
+    text = (metadata or {}).get(_HEADER)
+    return None if text is None else text.decode()

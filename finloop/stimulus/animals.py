@@ -1,0 +1,276 @@
+"""The live animals: what trackers have said of each, where it is and has been.
+
+All of it follows from the messages and from when they arrived; no clock is looked at. So a session
+that is planned again from its log is the same.
+
+A tracker's clock has any zero. Its time and the session's differ by how long a message is under
+way, which is sometimes a little, and sometimes 50 ms more. So the least of the last differences
+counts: it is that of a message that was not held up. A tracker's times order and space what it
+says, and the present difference places all of it in the session's time. Differences are forgotten
+after some seconds, as a tracker's clock may run a little faster or slower than the session's.
+"""
+
+import math
+from collections import deque
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from finloop.base.arrays import Floats
+from finloop.stimulus.parts import Animals as Settings
+from finloop.stimulus.rules import MOST_DELAY_S, Aim, Tank
+from finloop.stimulus.tracker import MOST_AT_ONCE, Sighting, calibration, parsed
+
+Verdict = Literal[
+    "taken", "outside", "clock", "malformed", "late", "rival", "crowd", "unwanted"
+]  # fmt: skip
+"""What became of what a tracker said.
+
+taken; outside: taken, and moved into the tank; clock: taken, though the tracker's clock jumped;
+malformed: no message; late: not later than the last; rival: of another tracker, while the first one
+is heard; crowd: of more animals than can be known; unwanted: the protocol has no animals.
+"""
+_TAKEN = ("taken", "outside", "clock")
+
+_JUMP_S = 1.0  # a message that is so much earlier or later than others is of another clock
+_BINS, _BIN_S = 5, 1.0  # the least difference is that of the last so many parts, each so long
+_SAMPLES = 8000  # of an animal's past
+_SPACE_S = MOST_DELAY_S / _SAMPLES  # between two of them, on the average: 133 a second
+_ALIKE_S = 1e-6  # times that are so near are the same
+_TURN = 0.25  # body lengths that an animal goes before its heading is taken from its way
+_SPEED_S = 0.2  # an animal's speed is that of the last so many seconds
+
+
+class Heard(NamedTuple):
+    """What became of a sighting. id: of the animal; None: it was no message."""
+
+    verdict: Verdict
+    id: str | None = None
+
+    @property
+    def taken(self) -> bool:
+        """Whether the animal is there now."""
+        return self.verdict in _TAKEN
+
+
+class Animal(NamedTuple):
+    """Where an animal is, px. heading_rad: as the tracker says, or of its way; None: not known yet.
+
+    speed: px/s, of the last moments; heard_s: when it was heard of last.
+    """
+
+    id: str
+    x: float
+    y: float
+    heading_rad: float | None
+    speed: float
+    heard_s: float
+
+
+class Animals:
+    """All live animals. FinloopError if the tracker's calibration does not hold.
+
+    settings: None where the protocol has no animals; mm_per_px: mm of the real world per px of the
+    tank's picture, if known.
+    """
+
+    def __init__(self, settings: Settings | None, tank: Tank, mm_per_px: float | None) -> None:
+        self._tank, self._settings = tank, settings
+        self.calibration = None if settings is None else calibration(settings, mm_per_px)
+        self._tracks: dict[str, _Track] = {}
+
+    @property
+    def gap_s(self) -> float:
+        """An animal that was not heard of for so long is lost."""
+        return 0.0 if self._settings is None else self._settings.gap_s
+
+    def hear(self, text: str | bytes | None, source: str, arrived_s: float) -> list[Heard]:
+        """Take a message. source: who says it; arrived_s: when, s of the session."""
+        if self.calibration is None:
+            return [Heard("unwanted")]
+        sightings = parsed(text)
+        if sightings is None:
+            return [Heard("malformed")]
+        return [self._take(one, source, arrived_s) for one in sightings]
+
+    def known(self, now_s: float) -> list[Animal]:
+        """All animals that are remembered, those that are lost as well; by their ids."""
+        return [
+            Animal(name, *track.place, track.heading, track.speed, track.heard_s)
+            for name, track in sorted(self._tracks.items())
+            if now_s - track.heard_s <= MOST_DELAY_S
+        ]
+
+    def at(self, now_s: float) -> list[Animal]:
+        """The animals that are there, by their ids: each at the last place that was heard of."""
+        return [one for one in self.known(now_s) if now_s - one.heard_s <= self.gap_s]
+
+    def past(self, id: str, time_s: float) -> tuple[float, float] | None:
+        """Where an animal was at a time, between two places that were heard of.
+
+        None before the first of them, more than 60 s before the last one, and where it was lost.
+        After the last one it is there, until it is lost.
+        """
+        track = self._tracks.get(id)
+        return None if track is None else track.past(time_s, self.gap_s)
+
+    def _take(self, one: Sighting, source: str, arrived_s: float) -> Heard:
+        name = str(one.id)
+        track = self._tracks.get(name)
+        if track is None:
+            if not self._room(arrived_s):
+                return Heard("crowd", name)
+            track = self._tracks[name] = _Track(source, self._tank.length_px)
+        silence = arrived_s - track.heard_s
+        if track.source != source and silence <= self.gap_s:
+            return Heard("rival", name)
+        jumped = track.keep_time(one.t, arrived_s, source)
+        if jumped is None:
+            return Heard("late", name)
+        x, y, heading, outside = self._placed(one)
+        track.add(one.t, (x, y), heading, arrived_s, silence > self.gap_s)
+        return Heard("clock" if jumped else "outside" if outside else "taken", name)
+
+    def _room(self, now_s: float) -> bool:
+        """Whether one more animal can be known; the one lost longest makes room."""
+        if len(self._tracks) < MOST_AT_ONCE:
+            return True
+        name, oldest = min(self._tracks.items(), key=lambda one: (one[1].heard_s, one[0]))
+        if now_s - oldest.heard_s <= self.gap_s:
+            return False
+        del self._tracks[name]
+        return True
+
+    def _placed(self, one: Sighting) -> tuple[float, float, float | None, bool]:
+        """x, y, heading_rad in the tank, and whether it had to be moved there.
+
+        An animal may be nearer to a wall than a fish, whose middle keeps its distance. So only what
+        is outside the picture, or a body length away from any place of a fish, is moved.
+        """
+        assert self.calibration is not None
+        x, y = self.calibration.place(one.x, one.y)
+        heading = None
+        if one.heading is not None:
+            heading = self.calibration.heading_rad(one.x, one.y, one.heading)
+        within = -0.5 <= x <= self._tank.width - 0.5 and -0.5 <= y <= self._tank.height - 0.5
+        near = self._tank.into(x, y)
+        if within and math.hypot(near[0] - x, near[1] - y) <= self._tank.length_px:
+            return x, y, heading, False
+        return *near, heading, True
+
+
+class _Track:
+    """What was heard of an animal."""
+
+    def __init__(self, source: str, length_px: float) -> None:
+        self.source, self.heard_s = source, -math.inf
+        self.place, self.speed = (0.0, 0.0), 0.0
+        self.heading: float | None = None
+        self._length_px = length_px
+        self._past = _Past()
+        self._bins: deque[tuple[int, float]] = deque(maxlen=_BINS)  # least differences
+        self._offset = 0.0  # the session's time less the tracker's
+        self._t = -math.inf  # the last of the tracker's times
+        self._back = 0.0  # since when its way is without a break, the tracker's time
+        self._anchor = (0.0, 0.0)  # where the heading was taken from its way last
+
+    def keep_time(self, t: float, arrived_s: float, source: str) -> bool | None:
+        """Compare the clocks; whether the tracker's jumped. None: the time is not later.
+
+        The clock of another tracker is another one, too; what was heard before is kept.
+        """
+        difference = arrived_s - t
+        jumped = bool(self._bins) and t != self._t and abs(difference - self._offset) > _JUMP_S
+        if source != self.source or jumped or not self._bins:
+            self._past.shift(self._offset - difference, t)
+            self._bins.clear()
+            self.source, self._back = source, t
+        elif t <= self._t:
+            return None
+        number = math.floor(arrived_s / _BIN_S)
+        if self._bins and self._bins[-1][0] == number:
+            difference = min(difference, self._bins.pop()[1])
+        self._bins.append((number, difference))
+        self._offset = min(least for _, least in self._bins)
+        return jumped
+
+    def add(
+        self, t: float, place: Aim, heading: float | None, arrived_s: float, back: bool
+    ) -> None:  # fmt: skip
+        """A place at a time of the tracker's. back: whether the animal was lost before."""
+        if back:
+            self.heading, self._anchor, self._back = None, place, t
+        x, y = place[0] - self._anchor[0], place[1] - self._anchor[1]
+        if math.hypot(x, y) >= _TURN * self._length_px:
+            self.heading, self._anchor = math.atan2(-y, x), place
+        if heading is not None:
+            self.heading = heading
+        self.place, self.heard_s, self._t = place, arrived_s, t
+        self._past.add(t, place)
+        self.speed = self._past.speed(t - _SPEED_S, self._back)
+
+    def past(self, time_s: float, gap_s: float) -> Aim | None:
+        """See `Animals.past`."""
+        if time_s > self._offset + self._t:
+            return self.place if time_s - self.heard_s <= gap_s else None
+        return self._past.at(time_s - self._offset, gap_s)
+
+
+class _Past:
+    """Places by the tracker's time: the last ones, as many as a delay needs."""
+
+    def __init__(self) -> None:
+        self._rows = np.empty((2 * _SAMPLES, 3))  # t, x, y
+        self._first = self._end = 0
+
+    @property
+    def _own(self) -> Floats:
+        return self._rows[self._first : self._end]
+
+    def add(self, t: float, place: Aim) -> None:
+        """A place, later than all; where places come too close together, in stead of the last."""
+        own = self._own
+        if len(own) > 1 and t - own[-2, 0] < 2 * _SPACE_S:
+            self._end -= 1
+        elif self._end == len(self._rows):
+            self._rows[: _SAMPLES - 1] = own[1 - _SAMPLES :]
+            self._first, self._end = 0, _SAMPLES - 1
+        self._rows[self._end] = t, *place
+        self._end += 1
+        self._first = max(self._first, self._end - _SAMPLES)
+
+    def shift(self, by_s: float, before: float) -> None:
+        """Go on by another clock, which is so much ahead; keep what was before a time of that."""
+        own = self._own
+        own[:, 0] += by_s
+        self._end = self._first + int(np.searchsorted(own[:, 0], before))
+
+    def at(self, t: float, gap_s: float) -> Aim | None:
+        """The place at a time; None before the first, after the last, and in a longer gap."""
+        own = self._own
+        after = int(np.searchsorted(own[:, 0], t - _ALIKE_S))
+        if after == len(own):
+            return None
+        t1, x1, y1 = own[after].tolist()
+        if t1 - t <= _ALIKE_S:
+            return x1, y1
+        if after == 0:
+            return None
+        t0, x0, y0 = own[after - 1].tolist()
+        if t1 - t0 > gap_s:
+            return None
+        share = (t - t0) / (t1 - t0)
+        return x0 + share * (x1 - x0), y0 + share * (y1 - y0)
+
+    def speed(self, since: float, whole: float) -> float:
+        """Px/s from the first place since a time to the last; from the last but one at least.
+
+        whole: since when the way is without a break. 0 where there is no other place.
+        """
+        own = self._own
+        first, least = np.searchsorted(own[:, 0], [since - _ALIKE_S, whole]).tolist()
+        first = max(min(first, len(own) - 2), least)
+        if first >= len(own) - 1:
+            return 0.0
+        t, x, y = (own[-1] - own[first]).tolist()
+        return math.hypot(x, y) / t if t > 0 else 0.0

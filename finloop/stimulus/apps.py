@@ -1,0 +1,50 @@
+"""The applications of a stimulus: of a session, of a replay, of a calibration."""
+
+from collections.abc import Callable, Coroutine
+from typing import Any
+
+from starlette.applications import Starlette
+
+from finloop.live.door import Door
+from finloop.stimulus.desk import attend as attend_desk
+from finloop.stimulus.page import display_page, experimenter_page
+from finloop.stimulus.serve import MOST_PAGES, MOST_TRACKERS, app, attend
+from finloop.stimulus.session import beat
+from finloop.stimulus.show import Calibration, Replay, Show
+
+Tasks = list[Coroutine[Any, Any, None]]
+
+
+def session_app(
+    door: Door, room: Show, inputs: Callable[[], Tasks], fail: Callable[[Any], None]
+) -> Starlette:
+    """Of a session. inputs: what brings trackers' messages; fail: called with a task's error."""
+    session = room.session
+    sockets = {
+        "/experimenter": (lambda one: attend_desk(session, one), MOST_PAGES, False),
+        "/display": (lambda one: attend(room, one), MOST_PAGES, False),
+        "/animals": (room.track, MOST_TRACKERS, True),
+    }
+    pages = {"/": experimenter_page(), "/show": display_page()}
+    return app(door, pages, sockets, lambda: [session.run(), beat(session), *inputs()], fail)
+
+
+def replay_app(
+    door: Door, room: Replay, ends: Callable[[], None], fail: Callable[[Any], None]
+) -> Starlette:
+    """Of a replay, on one display. ends: called when all has been drawn."""
+
+    async def until_all_is_drawn() -> None:
+        await room.ended.wait()
+        ends()
+
+    sockets = {"/display": (lambda one: attend(room, one), 1, False)}
+    return app(
+        door, {"/": display_page()}, sockets, lambda: [room.run(), until_all_is_drawn()], fail
+    )
+
+
+def calibration_app(door: Door, room: Calibration, fail: Callable[[Any], None]) -> Starlette:
+    """Of a calibration, of one display."""
+    sockets = {"/display": (lambda one: attend(room, one), 1, False)}
+    return app(door, {"/": display_page()}, sockets, list, fail)

@@ -1,0 +1,87 @@
+"""Controls from a motion: backwards, slower or faster, still, fading in and out.
+
+Motions are arrays (ticks, fish, F) of states as the display draws them (DRAWN). All functions are
+pure. Between two ticks the rules are those of the display's page: places, sizes, alpha and posture
+go linearly, headings the shorter way; pictures, their mixture and the look are the nearer tick's.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.stimulus.drawn import ALPHA, HEADING, LOOK, PICTURE, States
+from finloop.stimulus.parts import Change
+
+_STEPS = slice(PICTURE, LOOK + 1)
+"""Pictures, their mixture, their sides and the look: there is nothing between two of them."""
+
+
+def planned_ticks(change: Change | None, ticks: int) -> int:
+    """How many ticks of a motion must be known, so that it lasts `ticks`, changed."""
+    if change is None:
+        return ticks
+    return 1 if change.still else math.ceil((ticks - 1) * change.speed - 1e-9) + 1
+
+
+def changed(states: States, change: Change | None, ticks: int | None = None) -> States:
+    """A motion as a condition changes it, of `ticks` at most; None: of as many as there are.
+
+    Of a motion that is longer than needed the first part is taken, backwards, too. One that is
+    still has as many ticks as before.
+    """
+    if ticks is not None:
+        states = states[: planned_ticks(change, ticks)]
+    if change is None:
+        return states
+    if change.still:
+        return np.repeat(states[:1], len(states) if ticks is None else ticks, axis=0)
+    if change.reversed:
+        states = states[::-1]
+    return states if change.speed == 1 else faster(states, change.speed)[:ticks]
+
+
+def faster(states: States, speed: float) -> States:
+    """So many times as fast, from the first tick on."""
+    count = math.floor((len(states) - 1) / speed + 1e-9) + 1
+    return between(states, speed * np.arange(count, dtype=float))
+
+
+def between(states: States, at: Floats) -> States:
+    """The states at times, in ticks, each within the motion."""
+    last = len(states) - 1
+    at = np.clip(at, 0, last)
+    tick = at.astype(int)
+    share = (at - tick)[:, None, None]
+    before, after = states[tick], states[np.minimum(tick + 1, last)]
+    nearer = np.where(share < 0.5, before, after)
+    step = after.astype(float) - before
+    step[..., HEADING] = (step[..., HEADING] + np.pi) % (2 * np.pi) - np.pi
+    made = (before + share * step).astype(np.float32)
+    made[..., _STEPS] = nearer[..., _STEPS]
+    # A fish that is not there at one of the two ticks has no place to come from, or to go to.
+    comes = (before[..., PICTURE] < 0) != (after[..., PICTURE] < 0)
+    return np.where(comes[..., None], nearer, made)
+
+
+def ramp(count: int, ticks: int) -> NDArray[np.float32]:
+    """Shares (count,) of alpha: from 0 up to 1 in `ticks`, and down to 0 at the end."""
+    if ticks <= 0:
+        return np.ones(count, np.float32)
+    end = np.arange(count)
+    return np.minimum(1.0, np.minimum(end, end[::-1]) / ticks).astype(np.float32)
+
+
+def faded(states: States, ticks: int) -> States:
+    """Fading in in so many ticks, and out at the end."""
+    made = states.copy()
+    made[..., ALPHA] *= ramp(len(states), ticks)[:, None]
+    return made
+
+
+def with_look(states: States, look: int) -> States:
+    """Drawn by a look, by its number."""
+    made = states.copy()
+    made[..., LOOK] = look
+    return made

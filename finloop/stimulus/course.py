@@ -1,0 +1,306 @@
+"""The motion of one trial: planned beforehand, or tick by tick where fish react to live animals.
+
+The same scene, condition, seed and messages, in the same order and with the same times, give the
+same states: nothing here looks at a clock.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.bodies import Bodies
+from finloop.animate.paths import lay
+from finloop.animate.route import Route
+from finloop.animate.state import Waters
+from finloop.animate.swim import Player
+from finloop.base.errors import FinloopError
+from finloop.base.line import TANK
+from finloop.io.line import load_line
+from finloop.live.fish import LiveFish
+from finloop.live.tank import LiveTank
+from finloop.stimulus.animals import Animals
+from finloop.stimulus.controls import changed, faded, planned_ticks, ramp, with_look
+from finloop.stimulus.drawn import ALPHA, FIELDS, LOOK, PARTNER, PICTURE, drawn_of
+from finloop.stimulus.order import Trial
+from finloop.stimulus.protocol import Condition, Protocol
+from finloop.stimulus.rules import Aim, Tank, aim
+
+States = NDArray[np.float32]
+
+_REHEARSED = 200  # ticks
+
+
+@dataclass(frozen=True)
+class Scene:
+    """What is the same in every trial of a session.
+
+    players: one a mode; mm_per_px: mm of the display per px of the tank's picture, if known.
+    """
+
+    players: dict[str, Player]
+    bodies: Bodies
+    mm_per_px: float | None = None
+
+    @property
+    def waters(self) -> Waters:
+        """What all fish swim in."""
+        return next(iter(self.players.values())).waters
+
+    @property
+    def rate_hz(self) -> float:
+        """Ticks of a second."""
+        return self.waters.motion.rate_hz
+
+    @property
+    def length_px(self) -> float:
+        """The length of a fish."""
+        return self.waters.motion.body_length_px
+
+    @property
+    def width(self) -> int:
+        """Numbers of a state of a fish."""
+        return len(FIELDS) + self.posture
+
+    @property
+    def posture(self) -> int:
+        """Numbers of a posture."""
+        return int(self.bodies.poses.shapes.mean.size)
+
+    @cached_property
+    def tank(self) -> Tank:
+        """The tank, as rules know it."""
+        height, width = self.waters.tank.arena.shape
+        return Tank(width, height, self.length_px, self.waters.tank.into)
+
+    def ticks(self, seconds: float) -> int:
+        """So many ticks, at least one."""
+        return max(1, round(seconds * self.rate_hz))
+
+
+@dataclass(frozen=True)
+class Cue:
+    """How a trial is to be shown. look: number of its look; fade_s: coming and going of the fish.
+
+    condition: what is shown; fish: how many; mode: how they swim.
+    """
+
+    condition: Condition
+    fish: int
+    mode: str
+    look: int = 0
+    fade_s: float = 0.0
+
+    def shown(self, states: States, scene: Scene) -> States:
+        """States (ticks, fish, F) as they are shown: by its look, fading in and out."""
+        return faded(with_look(states, self.look), round(self.fade_s * scene.rate_hz))
+
+
+def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
+    """The live tank of a trial, at its first tick.
+
+    FinloopError where there is no such mode, or no room for so many fish.
+    """
+    tank = LiveTank(scene.players, cue.mode, cue.fish, seed)
+    if len(tank.fish) < cue.fish:
+        raise FinloopError(
+            f"the tank has room for {len(tank.fish)} fish, and the protocol wants {cue.fish}",
+            "fish that can swim clear of each other",
+            "take fewer (fish), or draw them smaller (animate.size)",
+        )
+    return tank
+
+
+def rehearse(scene: Scene, mode: str) -> None:
+    """Send a fish to and fro, so that what is compiled or kept at first use costs no trial time."""
+    tank, rng = LiveTank(scene.players, mode, 1, 0), np.random.default_rng(0)
+    for _ in range(_REHEARSED):
+        tank.on()
+        x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
+        tank.send(0, float(x), float(y))
+        tank.renew(0)
+        states_of(tank, scene)
+
+
+def states_of(tank: LiveTank, scene: Scene) -> States:
+    """The states (fish, F) at the present tick."""
+    rows = [row for fish in tank.fish if (row := fish.at(tank.tick)) is not None]
+    return drawn_of(rows, scene.bodies)
+
+
+def planned(scene: Scene, cue: Cue, seed: int) -> States:
+    """The states (ticks, fish, F) of a motion that is known beforehand, changed as wanted.
+
+    That is before its look and its fading. FinloopError if a path cannot be swum.
+    """
+    condition, tank = cue.condition, tank_of(scene, cue, seed)
+    motion, goals = condition.motion, Goals()
+    if motion.path is not None:
+        route = route_of(scene, motion.file)
+        for fish in tank.fish:
+            fish.follow(route)
+    elif motion.company:
+        tank.shoal(None)
+    elif motion.goal is not None or motion.goals is not None:
+        goals = Goals(motion.goals or (motion.goal or (0.5, 0.5),))
+        goals.send(tank, range(len(tank.fish)))
+    ticks, states = scene.ticks(condition.seconds), [states_of(tank, scene)]
+    for _ in range(planned_ticks(condition.change, ticks) - 1):
+        goals.next(tank)
+        tank.on()
+        states.append(states_of(tank, scene))
+    return changed(np.stack(states), condition.change, ticks)
+
+
+def again(scene: Scene, cue: Cue, motion: States) -> States:
+    """The motion (ticks, fish, F) that another trial showed, changed as wanted.
+
+    One that was broken off stays as it ended.
+    """
+    ticks = scene.ticks(cue.condition.seconds)
+    states = changed(motion, cue.condition.change, ticks)
+    rest = np.repeat(states[-1:], max(0, ticks - len(states)), axis=0)
+    return np.concatenate([states, rest])[:ticks]
+
+
+def whole_motion(scene: Scene, plan: Protocol, order: Sequence[Trial]) -> States:
+    """All trials one after the other, with their pauses, (ticks, fish, F), for a page that plays.
+
+    FinloopError if a motion is not known beforehand.
+    """
+    motions: dict[str, States] = {}
+    parts: list[States] = []
+    for trial in order:
+        cue = cue_of(plan, trial)
+        motion = cue.condition.motion
+        if motion.rule is not None:
+            raise FinloopError(
+                f"the condition {trial.condition} reacts to live animals",
+                "motions that are known beforehand",
+                "show the protocol with a server, or leave this condition out",
+            )
+        if motion.again is not None:
+            states = again(scene, cue, motions[motion.again])
+        else:
+            states = planned(scene, cue, trial.seed)
+        motions[trial.condition] = states
+        pause = np.zeros((round(plan.pause_s * scene.rate_hz), *states.shape[1:]), np.float32)
+        pause[..., [PICTURE, PARTNER]] = -1
+        parts += [cue.shown(states, scene), pause]
+    return np.concatenate(parts)
+
+
+def cue_of(plan: Protocol, trial: Trial) -> Cue:
+    """How a trial of a protocol is to be shown."""
+    condition = plan.conditions[trial.condition]
+    return Cue(condition, plan.fish, plan.mode, plan.looks.index(condition.look), plan.fade_s)
+
+
+def route_of(scene: Scene, path: Path) -> Route:
+    """A path from a file, laid out in the tank; its times are left out."""
+    line, waters = load_line(path, TANK), scene.waters
+    return lay(line._replace(time_s=None), waters.tank, waters.motion, scene.mm_per_px).route
+
+
+class Goals:
+    """Places that each fish is sent to, one after the other: shares of the tank."""
+
+    def __init__(self, places: tuple[tuple[float, ...], ...] = ()) -> None:
+        self._places = places
+        self._at: dict[int, int] = {}
+
+    def send(self, tank: LiveTank, which: Iterable[int]) -> None:
+        """Send some fish to their next places; who has been at the last wanders."""
+        height, width = tank.waters.tank.arena.shape
+        for number in which:
+            at = self._at.get(number, -1) + 1
+            self._at[number] = at
+            if at < len(self._places):
+                x, y = self._places[at]
+                tank.send(number, x * (width - 1), y * (height - 1))
+
+    def next(self, tank: LiveTank) -> None:
+        """Send whoever has come to its place."""
+        if self._places:
+            at = range(len(tank.fish))
+            self.send(tank, [n for n in at if tank.fish[n].reached and n in self._at])
+
+
+class Reaction:
+    """A trial whose fish react to live animals, tick by tick."""
+
+    def __init__(self, scene: Scene, cue: Cue, seed: int, animals: Animals) -> None:
+        rule = cue.condition.motion.rule
+        assert rule is not None
+        self._scene, self._cue, self._animals, self._rule = scene, cue, animals, rule
+        self._tank = tank_of(scene, cue, seed)
+        self._aims: list[Aim | None] = [None] * len(self._tank.fish)
+        fade = round(cue.fade_s * scene.rate_hz)
+        self._ramp = ramp(scene.ticks(cue.condition.seconds), fade)
+        self.states: list[States] = []
+
+    def tick(self, now_s: float) -> States:
+        """The states (fish, F) of the next tick, planned at a time of the session."""
+        if self.states:
+            self._ask(now_s)
+            self._tank.on()
+        self.states.append(self._shown())
+        return self.states[-1]
+
+    def react(self, now_s: float) -> States | None:
+        """The states of the last tick, planned anew; None if nothing is to be done otherwise."""
+        if not self.states:
+            return None
+        numbers = self._ask(now_s)
+        if not numbers:
+            return None
+        for number in numbers:
+            self._tank.renew(number)
+        self.states[-1] = self._shown()
+        return self.states[-1]
+
+    def _ask(self, now_s: float) -> list[int]:
+        """Send the fish where the rule wants them; those that are sent elsewhere than before."""
+        sent = []
+        for number, fish in enumerate(self._tank.fish):
+            row = fish.at(self._tank.tick)
+            assert row is not None
+            own = row.x_px, row.y_px, float(np.radians(row.heading_deg))
+            wish = aim(self._rule, own, self._animals, now_s, self._scene.tank)
+            if self._is_new(number, fish, wish, own):
+                self._aims[number] = wish
+                if wish is None:
+                    self._tank.drop(number)
+                else:
+                    self._tank.send(number, *wish)
+                sent.append(number)
+        return sent
+
+    def _is_new(
+        self, number: int, fish: LiveFish, wish: Aim | None, own: tuple[float, ...]
+    ) -> bool:
+        """Whether a fish is to be sent: its aim has moved, or it has swum on from where it was."""
+        old = self._aims[number]
+        if wish is None or old is None:
+            return wish is not old
+        renew_px = self._rule.renew * self._scene.length_px
+        moved = np.hypot(wish[0] - old[0], wish[1] - old[1]) > renew_px
+        away = np.hypot(wish[0] - own[0], wish[1] - own[1]) > renew_px + self._scene.length_px
+        return bool(moved or (fish.reached and away))
+
+    def _shown(self) -> States:
+        """The present states by the look of the condition, fading in and out."""
+        states = states_of(self._tank, self._scene)
+        states[:, LOOK] = self._cue.look
+        states[:, ALPHA] *= self._ramp[self._tank.tick]
+        return states
+
+
+def yoked(states: Iterable[States]) -> States:
+    """The motion that a trial has shown (ticks, fish, F), for another that shows it again."""
+    whole = np.stack(list(states))
+    whole[:, :, ALPHA] = 1.0
+    return whole

@@ -1,0 +1,140 @@
+"""The experimenter's desk: what the page is told ten times a second, and what it may ask for."""
+
+import asyncio
+import contextlib
+import json
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
+from finloop.stimulus.listing import demands
+from finloop.stimulus.numbers import percentiles
+from finloop.stimulus.serve import ended
+from finloop.stimulus.session import Session
+
+_EVERY_S = 0.1
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class Button(_Message):
+    """Start, stop after this trial, abort now, leave this trial out."""
+
+    do: Literal["start", "stop", "abort", "skip"]
+
+
+class Note(_Message):
+    """Words for the log."""
+
+    do: Literal["note"]
+    text: Annotated[str, Field(min_length=1, max_length=2000)]
+
+
+class Key(_Message):
+    """A key was pressed."""
+
+    do: Literal["key"]
+    key: Annotated[str, Field(min_length=1, max_length=40)]
+
+
+_ASKED: TypeAdapter[Any] = TypeAdapter(Annotated[Button | Note | Key, Field(discriminator="do")])
+
+
+def ask(session: Session, text: str | None) -> bool:
+    """Do what the page asks for; whether it was a message."""
+    try:
+        asked = _ASKED.validate_json(text or "")
+    except (ValidationError, UnicodeError):
+        return False
+    match asked:
+        case Button():
+            getattr(session, asked.do)()
+        case Note():
+            session.note(asked.text)
+        case Key():
+            session.key(asked.key)
+    return True
+
+
+def told(session: Session, whole: bool = True) -> dict[str, Any]:
+    """What the page is told of a session. whole: with what never changes."""
+    numbers, now = session.numbers, session.clock.now()
+    waits = session.plan.start_key or session.plan.start_message
+    told: dict[str, Any] = {
+        "phase": session.phase, "now": round(now, 2), "trial": session.at,
+        "left_s": session.left_s(now), "done": session.done, "start": waits or "auto",
+        "display": session.display, "displays": session.displays, "frames": numbers.frames,
+        "dropped": numbers.dropped, "late": numbers.late,
+        "latency": {
+            name: None if math.isnan((pair := percentiles(values))[0])
+            else [round(part, 2) for part in pair]
+            for name, values in (
+                ("planned_ms", numbers.planned), ("drawn_ms", numbers.drawn),
+                ("tick_ms", numbers.ticks),
+            )
+        },
+        "fish": _fish(session), "animals": _animals(session, now), "heard": dict(numbers.heard),
+        "messages": list(session.messages),
+    }  # fmt: skip
+    if whole:
+        told |= {
+            "demands": list(demands(session.plan)),
+            "calibrated": session.plan.display.calibrated, "gap_s": session.animals.gap_s,
+            "mm_per_px": session.scene.mm_per_px, "protocol": session.plan.name,
+            "seed": session.plan.seed, "file": session.name,
+            "tank": [session.scene.tank.width, session.scene.tank.height], "link": session.link,
+            "trials": [[one.number, one.block, one.repeat, one.condition, one.seconds]
+                       for one in session.trials],
+        }  # fmt: skip
+    return told
+
+
+def _fish(session: Session) -> list[list[float]]:
+    if session.shown is None:
+        return []
+    seen = session.shown[session.shown[:, PICTURE] >= 0]
+    return [
+        [round(float(part), 2) for part in row] for row in seen[:, [X, Y, HEADING, SIZE, ALPHA]]
+    ]
+
+
+def _animals(session: Session, now: float) -> list[list[Any]]:
+    return [
+        [
+            one.id,
+            round(one.x, 1),
+            round(one.y, 1),
+            None if one.heading_rad is None else round(one.heading_rad, 2),
+            round(now - one.heard_s, 2),
+        ]
+        for one in session.animals.known(now)
+    ]
+
+
+async def attend(session: Session, connection: WebSocket) -> None:
+    """An experimenter's page, until it goes."""
+    tells = asyncio.create_task(_tell(session, connection))
+    try:
+        while True:
+            content = await connection.receive()
+            if content["type"] == "websocket.disconnect":
+                break
+            if not ask(session, content.get("text")):
+                session.numbers.bad += 1
+            await asyncio.sleep(0)
+    finally:
+        await ended(tells)
+
+
+async def _tell(session: Session, connection: WebSocket) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        whole = True
+        while True:
+            await connection.send_text(json.dumps(told(session, whole)))
+            whole = False
+            await asyncio.sleep(_EVERY_S)

@@ -1,0 +1,77 @@
+"""DRAWN: the state of a fish as the display's page draws it, one array of numbers.
+
+The page's drawing is a function of these numbers and of the pictures alone. The first are `FIELDS`,
+the posture follows (`finloop.puppet.pose`). x, y: px of the tank's picture, y down; heading:
+radians, anticlockwise as seen; size: px. picture, partner: rows of the film, -1 = none; weight: the
+partner's share; mirrored: 1 where the film's left is drawn as right. look: the number of a look;
+alpha: 0 … 1. All are float32, which holds every row of a film of some hours exactly.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.bodies import Bodies, Body
+from finloop.animate.edit_list import FRAME
+
+FIELDS = (
+    "x_px", "y_px", "heading_rad", "size_px", "picture", "partner", "weight", "mirrored",
+    "partner_mirrored", "look", "alpha",
+)  # fmt: skip
+X, Y, HEADING, SIZE, PICTURE, PARTNER, WEIGHT, MIRRORED, PARTNER_MIRRORED, LOOK, ALPHA = range(11)
+POSTURE = len(FIELDS)
+
+States = NDArray[np.float32]
+"""States (…, F) of fish, or (ticks, fish, F) of a motion."""
+
+
+def drawn_of(rows: Sequence[Any], bodies: Bodies) -> States:
+    """The states (fish, F) of rows of an edit list, or of the live tank, that are all of one tick.
+
+    Of a picture that is drawn as filmed the posture is the film's own, and of two that are mixed it
+    is mixed, too: so both have the shape of the fish that is seen.
+    """
+    body = _bodies(rows, bodies, "", [row.source for row in rows])
+    mixed = np.array([row.weight > 0 for row in rows], bool)
+    others = [row.partner if fades else row.source for row, fades in zip(rows, mixed, strict=True)]
+    partner = _bodies(rows, bodies, "partner_", others, mixed)
+    weight = np.where(mixed, [row.weight for row in rows], 0.0)
+    codes, other = bodies.codes(body), bodies.codes(partner)
+    codes = codes + weight[:, None] * (other - codes)
+    for number, row in enumerate(rows):
+        if row.pose is not None:
+            codes[number] = row.pose
+    posture = bodies.poses.shapes.decode(codes)
+    states = np.empty((len(rows), POSTURE + posture.shape[1]), np.float32)
+    states[:, X] = [row.x_px for row in rows]
+    states[:, Y] = [row.y_px for row in rows]
+    states[:, HEADING] = np.radians(body.heading_deg)
+    states[:, SIZE] = bodies.poses.pose.size_px[body.row] * [row.scale for row in rows]
+    states[:, PICTURE], states[:, MIRRORED] = body.row, body.mirrored
+    states[:, PARTNER] = np.where(mixed, partner.row, -1)
+    states[:, PARTNER_MIRRORED] = partner.mirrored & mixed
+    states[:, WEIGHT], states[:, LOOK], states[:, ALPHA] = weight, 0, 1
+    states[:, POSTURE:] = posture
+    return states
+
+
+def _bodies(
+    rows: Sequence[Any], bodies: Bodies, side: str, numbers: list[int], of: Any = True
+) -> Body:
+    """The bodies of the pictures of all rows, or of their partners where `of` says so."""
+    which = np.broadcast_to(of, len(rows))
+    at = [side if mixed else "" for mixed in which]
+
+    def column(name: str) -> list[Any]:
+        return [getattr(row, part + name) for row, part in zip(rows, at, strict=True)]
+
+    frame = np.array([kind == FRAME for kind in column("kind")], bool)
+    turn = np.array(column("rotation_deg"), float)
+    line = [
+        0.0 if still else float(bodies.line_deg(int(orientation), 0.0))
+        for orientation, still in zip(column("orientation"), frame, strict=True)
+    ]
+    mirrored = np.array(column("mirrored"), bool)
+    return bodies.of(frame, np.array(numbers, np.intp), turn + np.array(line), mirrored)

@@ -1,0 +1,121 @@
+"""What a display page is sent: the empty tank, pictures of the film, and the states of all ticks.
+
+A message is 4 bytes, the length of a JSON text, little end first; the text; a payload.
+
+- hello: what is the same in a session; payload: the empty tank.
+- picture: a picture of the film, for a slot of the page's memory; payload: its posture, its pixels.
+- rows: the states of a tick, DRAWN (`finloop.stimulus.drawn`). `cut`: those sent for that tick and
+  later ones are void; the page goes on from what it shows to this state.
+- clear: no fish is shown any more. frame: states that are drawn as they are, for a replay.
+- say: a text in front of the display. pong: the answer to a ping, for the clocks.
+
+Of a film of hours there are more pictures than the page can hold. Slots are used again, that first
+which has not been needed for longest.
+"""
+
+import json
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.stimulus.drawn import PARTNER, PICTURE
+from finloop.stimulus.pictures import PagePicture
+
+MEMORY = 256 * 2**20  # bytes of all slots
+FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
+
+
+class Tank(NamedTuple):
+    """The empty tank (h, w) or (h, w, 3), and the largest picture of a fish, px."""
+
+    floor: NDArray[np.uint8]
+    slot_width: int
+    slot_height: int
+
+    @property
+    def channels(self) -> int:
+        """Of the floor; a picture has one more."""
+        return 1 if self.floor.ndim == 2 else 3
+
+    @property
+    def slots(self) -> int:
+        """As many as memory allows."""
+        one = self.slot_width * self.slot_height * (self.channels + 1)
+        return max(FEWEST, min(MOST, MEMORY // one))
+
+
+def message(kind: str, payload: bytes = b"", **facts: Any) -> bytes:
+    """A message to the page."""
+    text = json.dumps({"kind": kind, **facts}, separators=(",", ":")).encode()
+    return len(text).to_bytes(4, "little") + text + payload
+
+
+class Feed:
+    """Messages, and which pictures the page has.
+
+    facts: of `hello`; picture: a picture of the film by its number.
+    """
+
+    def __init__(
+        self, tank: Tank, facts: dict[str, Any], picture: Callable[[int], PagePicture]
+    ) -> None:
+        self.tank, self.facts = tank, facts
+        self._picture = picture
+        self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
+        self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
+
+    def begin(self) -> list[bytes]:
+        """All that a page needs that has just come."""
+        height, width = self.tank.floor.shape[:2]
+        hello = message(
+            "hello", self.tank.floor.tobytes(), width=width, height=height,
+            channels=self.tank.channels, slots=self.tank.slots,
+            slot_width=self.tank.slot_width, slot_height=self.tank.slot_height, **self.facts,
+        )  # fmt: skip
+        pictures = [self._sent(number, slot) for number, slot in self._slots.items()]
+        return [hello, *pictures, *self._last.values()]
+
+    def rows(
+        self, seq: int, tick: int, due_s: float, states: NDArray[np.float32], cut: bool = False
+    ) -> list[bytes]:
+        """The states (fish, F) of a tick, and the pictures that the page lacks for them."""
+        made = self.pictures(states)
+        rows = message("rows", states.tobytes(), seq=seq, tick=tick, due=due_s, cut=cut)
+        self._last = {old: sent for old, sent in self._last.items() if tick - 64 < old < tick}
+        self._last[tick] = rows
+        return [*made, rows]
+
+    def frame(self, number: int, states: NDArray[np.float32]) -> list[bytes]:
+        """A frame that was shown before, and the pictures that the page lacks for it."""
+        return [*self.pictures(states), message("frame", states.tobytes(), number=number)]
+
+    def clear(self) -> bytes:
+        """No fish any more."""
+        self._last = {}
+        return message("clear")
+
+    def pictures(self, states: NDArray[np.float32]) -> list[bytes]:
+        """The pictures of states that the page lacks."""
+        made = []
+        for number in np.unique(states[:, [PICTURE, PARTNER]]).astype(int).tolist():
+            if number < 0:
+                continue
+            if number in self._slots:
+                self._slots.move_to_end(number)
+                continue
+            free = len(self._slots) < self.tank.slots
+            slot = len(self._slots) if free else self._slots.popitem(last=False)[1]
+            self._slots[number] = slot
+            made.append(self._sent(number, slot))
+        return made
+
+    def _sent(self, number: int, slot: int) -> bytes:
+        one = self._picture(number)
+        height, width = one.pixels.shape[:2]
+        return message(
+            "picture", one.posture.astype("<f4").tobytes() + one.pixels.tobytes(), picture=number,
+            slot=slot, width=width, height=height, line=[float(part) for part in one.line],
+        )  # fmt: skip

@@ -1,0 +1,172 @@
+"""The log of a session: every displayed frame, every fish in it, every tick, input and event.
+
+One table, a row an entry; `kind` says what it is of:
+
+- frame: a displayed frame. number, time_s: when the browser showed it, intended_s, drawn_s, seq: of
+  the last rows of ticks that it knew, dropped: frames missed before it, digest: of its pixels.
+- fish: a fish in the frame `number`: fish, and the state that it was drawn from.
+- tick: the ticks as planned. number, time_s: when, intended_s: when wanted, seq, digest: of the
+  planned states. One that was planned anew, as an animal had moved, is there once more.
+- input: what came from a tracker. time_s: when it arrived, source, text: all of it, verdict.
+- trial: the beginning or end of a trial; text: which, as JSON.
+- event: anything else; text: what, as JSON.
+
+Entries are kept in a journal at least every half second, and made a Parquet file at the end.
+"""
+
+import hashlib
+import json
+import threading
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.base.schema import ANY, Column, Schema, columns
+from finloop.io.journal import Journal
+from finloop.stimulus.drawn import FIELDS
+
+FORMAT = 1
+"""Of the log; another one cannot be read by this version."""
+
+FRAME_FIELDS = 8  # of a record of a displayed frame, float64
+SESSION = Schema(
+    Column("kind", "string", "1"),
+    Column("time_s", "float64", "s"),
+    Column("trial", "int32", "1", nullable=True),
+    Column("number", "int64", "1", nullable=True),
+    Column("intended_s", "float64", "s", nullable=True),
+    Column("drawn_s", "float64", "s", nullable=True),
+    Column("seq", "int64", "1", nullable=True),
+    Column("dropped", "int32", "1", nullable=True),
+    Column("digest", "int64", "1", nullable=True),
+    Column("fish", "int16", "1", nullable=True),
+    *columns("float32", "1", *FIELDS, nullable=True),
+    Column("posture", "float32", "1", nullable=True, length=ANY),
+    *columns("string", "1", "source", "text", "verdict", nullable=True),
+)
+_MOST_TEXT = 4096  # characters that are kept of an input
+
+
+class Log:
+    """Takes entries, and keeps them in a journal. Entries may come from any thread."""
+
+    def __init__(self, path: Path, header: dict[str, Any]) -> None:
+        self._journal = Journal(path, SESSION, json.dumps(header))
+        self._entries: list[dict[str, Any]] = []
+        self._frames: list[tuple[int, NDArray[np.float64], NDArray[np.float32]]] = []
+        self._lock, self._keeping = threading.Lock(), threading.Lock()
+        self.trial: int | None = None
+
+    def entry(self, kind: str, time_s: float, **values: Any) -> None:
+        """One more entry, of a tick, an input, a trial or an event."""
+        with self._lock:
+            self._entries.append({"kind": kind, "time_s": time_s, "trial": self.trial, **values})
+
+    def event(self, time_s: float, what: str, **facts: Any) -> None:
+        """Something happened."""
+        self.entry("event", time_s, text=json.dumps({"what": what, **facts}))
+
+    def input(self, time_s: float, source: str, text: str, verdict: str) -> None:
+        """Something came from a tracker."""
+        self.entry("input", time_s, source=source, text=text[:_MOST_TEXT], verdict=verdict)
+
+    def frame(self, facts: NDArray[np.float64], drawn: NDArray[np.float32]) -> None:
+        """A displayed frame: FRAME_FIELDS numbers, and its fish (fish, F)."""
+        with self._lock:
+            self._frames.append((-1 if self.trial is None else self.trial, facts, drawn))
+
+    def keep(self) -> None:
+        """Put all entries on the disk; for a thread, for a disk may be slow."""
+        with self._keeping:
+            with self._lock:
+                entries, self._entries = self._entries, []
+                frames, self._frames = self._frames, []
+            parts = []
+            if entries:
+                table = pa.Table.from_pylist(entries, schema=self._journal.schema)
+                parts += table.combine_chunks().to_batches()
+            if frames:
+                parts += [self._frame_rows(frames), *self._fish_rows(frames)]
+            if parts:
+                self._journal.keep(parts)
+
+    def close(self) -> None:
+        """Keep all, and end the journal."""
+        self.keep()
+        self._journal.close()
+
+    def _frame_rows(self, frames: list[Any]) -> pa.RecordBatch:
+        facts = np.stack([facts for _, facts, _ in frames])
+        number, intended, shown, drawn, seq, dropped, _, digest = facts.T
+        return self._batch(
+            len(facts), kind="frame", trial=_trials(frames), time_s=shown, number=number,
+            intended_s=intended, drawn_s=drawn, seq=seq, dropped=dropped, digest=digest,
+        )  # fmt: skip
+
+    def _fish_rows(self, frames: list[Any]) -> list[pa.RecordBatch]:
+        counts = [len(drawn) for _, _, drawn in frames]
+        if not sum(counts):
+            return []
+        facts = np.stack([facts for _, facts, _ in frames]).repeat(counts, axis=0)
+        drawn = np.concatenate([drawn for _, _, drawn in frames if len(drawn)])
+        trials = [trial for trial, count in zip(_trials(frames), counts, strict=True)
+                  for _ in range(count)]  # fmt: skip
+        posture = drawn[:, len(FIELDS) :]
+        start = np.arange(len(drawn) + 1, dtype=np.int32) * posture.shape[1]
+        return [self._batch(
+            len(drawn), kind="fish", trial=trials, time_s=facts[:, 2], number=facts[:, 0],
+            fish=np.concatenate([np.arange(count) for count in counts]),
+            posture=pa.ListArray.from_arrays(start, posture.ravel()),
+            **dict(zip(FIELDS, drawn.T, strict=False)),
+        )]  # fmt: skip
+
+    def _batch(self, rows: int, kind: str, **values: Any) -> pa.RecordBatch:
+        """Rows of one kind, null where nothing is given."""
+        schema, given = self._journal.schema, {"kind": [kind] * rows, **values}
+        return pa.RecordBatch.from_arrays(
+            [_array(given.get(field.name), field.type, rows) for field in schema], schema=schema
+        )
+
+
+def _trials(frames: list[Any]) -> list[int | None]:
+    return [None if trial < 0 else trial for trial, _, _ in frames]
+
+
+def _array(values: Any, kind: pa.DataType, rows: int) -> pa.Array:
+    if values is None:
+        return pa.nulls(rows, kind)
+    if isinstance(values, pa.Array):
+        return values.cast(kind)
+    if isinstance(values, np.ndarray):
+        return pa.array(np.ascontiguousarray(values)).cast(kind)
+    return pa.array(values, kind)
+
+
+def frames_of(message: bytes, width: int) -> list[tuple[Floats, NDArray[np.float32]]]:
+    """The records of displayed frames in a message of the page, of `width` numbers a fish.
+
+    ValueError where it is no such message.
+    """
+    frames, at = [], 0
+    while at < len(message):
+        facts = np.frombuffer(message, "<f8", FRAME_FIELDS, at)
+        at += facts.nbytes
+        fish = facts[6]
+        if not (0 <= fish <= 64 and fish == int(fish) and np.isfinite(facts).all()):
+            raise ValueError("no record of a frame")
+        drawn = np.frombuffer(message, "<f4", int(fish) * width, at).reshape(int(fish), width)
+        if not np.isfinite(drawn).all():
+            raise ValueError("no state of a fish")
+        at += -(-drawn.nbytes // 8) * 8
+        frames.append((facts, drawn))
+    return frames
+
+
+def digest_of(states: NDArray[np.float32]) -> int:
+    """A digest of states of fish, 62 bits."""
+    whole = hashlib.blake2b(np.ascontiguousarray(states, "<f4").tobytes(), digest_size=8)
+    return int.from_bytes(whole.digest(), "little") >> 2

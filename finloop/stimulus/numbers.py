@@ -1,0 +1,34 @@
+"""What the experimenter sees of a session's speed while it runs."""
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+import numpy as np
+
+_RECENT = 512  # of each
+
+
+@dataclass
+class Numbers:
+    """The last latencies and errors, ms, and counts.
+
+    planned, drawn: from an input to the planned reaction, and to the frame that shows it; ticks:
+    how much later ticks were planned than wanted; heard: positions by verdict.
+    """
+
+    planned: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    drawn: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    ticks: deque[float] = field(default_factory=lambda: deque(maxlen=_RECENT))
+    frames: int = 0
+    dropped: int = 0
+    late: int = 0
+    bad: int = 0
+    heard: Counter[str] = field(default_factory=Counter)
+
+
+def percentiles(values: deque[float]) -> tuple[float, float]:
+    """Median and 99th percentile; NaN of none."""
+    if not values:
+        return float("nan"), float("nan")
+    median, most = np.percentile(np.array(values), [50, 99])
+    return float(median), float(most)

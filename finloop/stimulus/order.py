@@ -1,0 +1,130 @@
+"""The order of the trials: by the protocol's seed, and the same on any machine.
+
+Every permitted order is equally likely. An order is permitted if each condition that shows the
+motion of another one again comes after a trial of that one; in blocks, if each block holds every
+condition once, and none comes twice in a row (where there is more than one).
+
+Nothing is drawn in vain. What must come before what is a forest: trials of one condition in their
+order, and the first one of a yoked condition after the first of its source. Of a forest with n
+nodes there are n! / ∏ s orders, s: the sizes of all its subtrees (Knuth, TAOCP 3, 5.1.4, ex. 20).
+So the next trial is one of those that wait for none, each with a chance of the size of its subtree.
+"""
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+from numpy.random import PCG64
+
+from finloop.stimulus.parts import Trigger
+from finloop.stimulus.protocol import Protocol, motion_seed
+
+Node = tuple[str, int]
+"""A condition, and its repeat from 0."""
+_WORD = 2**64
+
+
+class Trial(NamedTuple):
+    """A trial: its number from 1, block and repeat (of its condition) from 1.
+
+    seconds: how long; seed: of its motion.
+    """
+
+    number: int
+    block: int
+    repeat: int
+    condition: str
+    seconds: float
+    seed: int
+
+
+def trials(protocol: Protocol) -> tuple[Trial, ...]:
+    """All trials in their order."""
+    names, draws = list(protocol.conditions), _Draws(protocol.seed)
+    if protocol.order == "given":
+        order = names * protocol.repeats
+    elif protocol.order == "shuffled":
+        order = [name for name, _ in _drawn(_before(protocol, protocol.repeats), draws)]
+    else:
+        order = list(_blocks(protocol, draws))
+    size = len(order) if protocol.order == "shuffled" else len(names)
+    repeats, made = dict.fromkeys(names, 0), []
+    for number, name in enumerate(order):
+        repeats[name] = repeat = repeats[name] + 1
+        seconds, seed = protocol.conditions[name].seconds, motion_seed(protocol, name, repeat)
+        made.append(Trial(number + 1, number // size + 1, repeat, name, seconds, seed))
+    return tuple(made)
+
+
+def source(protocol: Protocol, order: tuple[Trial, ...], trial: Trial) -> Trial | None:
+    """The trial whose motion a trial shows again, if none is skipped."""
+    again = protocol.conditions[trial.condition].motion.again
+    before = reversed(order[: trial.number - 1])
+    return next((one for one in before if one.condition == again), None)
+
+
+def trigger_text(trigger: Trigger, trial: Trial) -> str:
+    """The text of a trigger, for a trial."""
+    return trigger.text.format(
+        trial=trial.number, condition=trial.condition, block=trial.block, repeat=trial.repeat,
+        at=trigger.at,
+    )  # fmt: skip
+
+
+class _Draws:
+    """Whole numbers by a seed. PCG64's bits are the same in every version of NumPy."""
+
+    def __init__(self, seed: int) -> None:
+        self._bits = PCG64(seed)
+
+    def below(self, most: int) -> int:
+        """One of 0..most - 1, all equally likely."""
+        while (bits := int(self._bits.random_raw())) >= _WORD - _WORD % most:
+            pass
+        return bits % most
+
+
+def _before(protocol: Protocol, repeats: int) -> dict[Node, Node | None]:
+    """For every trial the one that must come before it, if any."""
+    return {
+        (name, repeat): (name, repeat - 1) if repeat else (again, 0) if again else None
+        for name, again in (
+            (name, condition.motion.again) for name, condition in protocol.conditions.items()
+        )
+        for repeat in range(repeats)
+    }
+
+
+def _drawn(before: dict[Node, Node | None], draws: _Draws) -> list[Node]:
+    """All nodes of a forest, each after the one before it."""
+    after: dict[Node | None, list[Node]] = {}
+    for node, parent in before.items():
+        after.setdefault(parent, []).append(node)
+    down = list(after.get(None, []))
+    for node in down:  # which grows: every node comes after its parent
+        down += after.get(node, [])
+    sizes: dict[Node, int] = {}
+    for node in reversed(down):
+        sizes[node] = 1 + sum(sizes[one] for one in after.get(node, []))
+    free, order = list(after.get(None, [])), list[Node]()
+    while free:
+        at, chance = 0, draws.below(sum(sizes[node] for node in free))
+        while chance >= sizes[free[at]]:
+            chance -= sizes[free[at]]
+            at += 1
+        order.append(free.pop(at))
+        free += after.get(order[-1], [])
+    return order
+
+
+def _blocks(protocol: Protocol, draws: _Draws) -> Iterator[str]:
+    """Block after block; only in the first one a yoked condition must wait for its source."""
+    block = [name for name, _ in _drawn(_before(protocol, 1), draws)]
+    yield from block
+    for _ in range(protocol.repeats - 1):
+        rest, last = list(protocol.conditions), block[-1]
+        others = [name for name in rest if name != last] or rest
+        block = [others[draws.below(len(others))]]
+        rest.remove(block[0])
+        while rest:
+            block.append(rest.pop(draws.below(len(rest))))
+        yield from block

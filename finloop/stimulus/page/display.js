@@ -1,0 +1,236 @@
+// The display's page: it draws what the server plans, and says what was shown when.
+
+const EVERY_MS = 180;         // records travel so often, at most
+const MOST_BYTES = 48 * 1024;  // of a message to the server
+const KEPT = 4096;            // records that wait while the connection is lost
+const EMPTY_MS = 1000;        // after coming back without any rows, the fish are gone
+const HEADER = 8;             // numbers of a record before its states
+
+const $ = id => document.getElementById(id);
+const clock = new Clock(), refresh = new Refresh();
+let socket = null, hello = null, drawer = null, motion = null, panel = null;
+let display = null, states = null, last = null, lastDigest = 0, number = 0, dropped = 0, begun = false, noted = false;
+let records = [], sentAt = 0, said = "", stale = true, emptied = 0;
+
+function fullScreen() {
+  if (document.fullscreenElement) document.exitFullscreen();
+  else document.documentElement.requestFullscreen({navigationUI: "hide"}).catch(() => {});
+}
+
+function screenNow() {
+  const ratio = window.devicePixelRatio || 1;
+  return {width: Math.round(innerWidth * ratio), height: Math.round(innerHeight * ratio), ratio,
+    refresh: Math.round(1e5 / refresh.period) / 100};
+}
+
+function renderer() {
+  const gl = document.createElement("canvas").getContext("webgl2");
+  if (!gl) return "none";
+  const known = gl.getExtension("WEBGL_debug_renderer_info");
+  const name = String(gl.getParameter(known ? known.UNMASKED_RENDERER_WEBGL : gl.RENDERER)).slice(0, 400);
+  gl.getExtension("WEBGL_lose_context")?.loseContext();
+  return name;
+}
+const RENDERER = renderer();
+
+// --- the server
+
+function tell(message) { if (socket && socket.readyState === 1) socket.send(JSON.stringify(message)); }
+
+function ready() {
+  const {width, height, ratio} = screenNow();
+  tell({do: "ready", width, height, ratio, renderer: RENDERER, agent: navigator.userAgent.slice(0, 400)});
+}
+
+function ping() { tell({do: "ping", sent: performance.now()}); }
+
+function connect() {
+  socket = new WebSocket(`ws://${location.host}/display${location.search}`);
+  socket.binaryType = "arraybuffer";
+  socket.onmessage = event => receive(event.data, performance.now());
+  socket.onopen = () => {
+    ping();  // the clock comes first: rows that follow are placed by it
+    ready();
+    for (let i = 1; i < 6; i++) setTimeout(ping, 40 * i);
+    tell({do: "hidden", on: document.hidden});
+  };
+  // A stimulus says nothing about a lost connection: it shows what it knows, and comes back.
+  socket.onclose = () => { clock.renew(); setTimeout(connect, 500); };
+}
+
+function receive(data, now) {
+  const length = new DataView(data).getUint32(0, true);
+  const text = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 4, length)));
+  TAKE[text.kind]?.(text, data.slice(4 + length), now);
+}
+
+const TAKE = {
+  hello(text, tank) {
+    const same = hello && drawer && !drawer.lost && JSON.stringify(shapeOf(hello)) === JSON.stringify(shapeOf(text));
+    hello = text;
+    if (!same) begin(text, new Uint8Array(tank));
+    motion.hold(clock.at(performance.now()));
+    emptied = performance.now() + EMPTY_MS;
+    display = text.display;
+    resize();
+    panel.set(display, text.name, text.mm_per_px);
+    document.body.dataset.mode = text.mode;
+    if (text.mode === "calibrate" && !panel.isOpen) panel.open(true);
+    showSay();
+  },
+  picture({picture, slot, width, height, line}, data) {
+    const d = hello.posture;
+    drawer.picture(picture, slot, width, height, line, new Float32Array(data, 0, d), new Uint8Array(data, 4 * d));
+    stale = true;
+    if (emptied) emptied = performance.now() + EMPTY_MS;  // rows come after all pictures
+  },
+  rows(text, data, now) {
+    if (!begun) { begun = true; panel.open(false); }
+    emptied = 0;
+    motion.rows(text, new Float32Array(data), clock.at(now));
+  },
+  clear() { motion.clear(); begun = false; emptied = 0; },
+  frame({number: of}, data) {
+    const now = performance.now();
+    states.fill(0);
+    states.set(new Float32Array(data));
+    number = of;
+    stale = true;
+    show(Math.min(data.byteLength / 4 / width(), hello.fish), now, now, 0);
+    flush(now);
+  },
+  say({text}) { said = text; showSay(); },
+  pong({sent, now: server}, _, now) {
+    clock.ping(sent, server, now);
+    if (!motion || !motion.keys.length) clock.settle();
+  },
+};
+
+// What of a hello cannot change without everything being made anew.
+function shapeOf({width: w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate}) {
+  return {w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate};
+}
+
+function width() { return STATE.posture + hello.posture; }
+
+function begin(text, tank) {
+  const old = $("glass"), glass = old.cloneNode();
+  old.replaceWith(glass);
+  try {
+    drawer = new Drawer(glass, $("floor"), text, tank);
+  } catch (error) {
+    said = `This display cannot show fish: ${error.message}`;
+    throw error;
+  }
+  glass.addEventListener("webglcontextlost", event => { event.preventDefault(); drawer.lost = true; });
+  glass.addEventListener("webglcontextrestored", () => ready());
+  motion = new Motion(text.fish, width(), text.rate);
+  states = new Float32Array(text.fish * width());
+  last = new Float32Array(states.length);
+}
+
+// --- frames
+
+function frame(ms) {
+  requestAnimationFrame(frame);
+  if (document.hidden) return;
+  const {ideal, dropped: missed} = refresh.frame(ms);
+  if (!drawer || hello.mode === "replay") return;
+  if (emptied && ms > emptied) { emptied = 0; motion.clear(); }
+  const known = motion.keys.length > 0;
+  dropped = known ? dropped + missed : 0;
+  const seq = motion.at(clock.at(ideal), states);
+  number += 1;
+  show(known ? hello.fish : 0, ms, ideal, seq);
+  if (ms - sentAt > EVERY_MS) flush(ms);
+  if (number % 120 === 0) ping();
+}
+
+// Draw the states, and note it. ms: when the browser began the frame; ideal: when it should have.
+function show(count, ms, ideal, seq) {
+  if (stale || hello.digest || states.some((part, i) => part !== last[i])) {
+    drawer.draw(states, count);
+    drawer.gl.flush();
+    last.set(states);
+    stale = false;
+  }
+  if (drawer.square) drawer.square.style.background = number % 2 ? "#fff" : "#000";
+  const done = performance.now();
+  lastDigest = hello.digest ? drawer.digest(number % 2) : 0;
+  const before = noted;
+  noted = count > 0 || hello.mode === "replay";
+  if (!noted && !before) return;  // nothing is to be seen, nor was
+  const record = new Float64Array(HEADER + Math.ceil(count * width() / 2));
+  record.set([number, clock.at(ideal), clock.at(ms), clock.at(done), seq, dropped, count, lastDigest]);
+  new Float32Array(record.buffer, 8 * HEADER).set(states.subarray(0, count * width()));
+  records.push(record);
+  dropped = 0;
+  if (records.length > KEPT) records.shift();
+}
+
+// Send the records of the frames that were shown.
+function flush(ms) {
+  sentAt = ms;
+  if (!socket || socket.readyState !== 1) return;
+  while (records.length) {
+    const some = [];
+    let bytes = 0;
+    while (records.length && (!some.length || bytes + records[0].byteLength <= MOST_BYTES)) {
+      bytes += records[0].byteLength; some.push(records.shift());
+    }
+    const whole = new Uint8Array(bytes);
+    let at = 0;
+    for (const one of some) { whole.set(new Uint8Array(one.buffer), at); at += one.byteLength; }
+    socket.send(whole);
+  }
+}
+
+// --- the screen
+
+function drawBy(one) {
+  display = one;
+  if (!drawer) return;
+  const {width: w, height, ratio} = screenNow();
+  drawer.screen(w, height, ratio, one, hello.mm_per_px);
+  const square = $("square"), wanted = one && one.square;
+  square.hidden = !wanted;
+  drawer.square = wanted ? square : null;
+  if (wanted) {
+    const [up, side] = wanted.corner.split(" "), size = `${wanted.size_px / ratio}px`;
+    square.style.cssText = `${up}: 0; ${side}: 0; width: ${size}; height: ${size}; background: #000`;
+  }
+  stale = true;
+}
+
+function resize() { drawBy(display); }
+
+function showSay() {
+  const {width: w, height} = screenNow(), known = hello && hello.display;
+  const other = known && (known.width_px !== w || known.height_px !== height);
+  const warn = other && (said || hello.mode === "calibrate")
+    ? `calibrated at ${known.width_px} × ${known.height_px} px, now ${w} × ${height}: press F for full screen` : "";
+  $("said").textContent = said; $("warn").textContent = warn;
+  $("say").hidden = !(said || (warn && !panel.isOpen));
+}
+
+let waits = 0;
+addEventListener("resize", () => { clearTimeout(waits); waits = setTimeout(() => { resize(); showSay(); ready(); }, 250); });
+document.addEventListener("visibilitychange", () => { refresh.rest(); tell({do: "hidden", on: document.hidden}); });
+addEventListener("keydown", event => {
+  if (event.repeat || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (panel.isOpen && event.target.matches("input, select, textarea") && event.key !== "Escape") return;
+  if (hello && hello.keys.includes(event.key)) {
+    tell({do: "key", key: event.key});
+    if (event.key === " " && !panel.isOpen) event.preventDefault();
+    return;
+  }
+  const key = event.key.toLowerCase();
+  if (key === "f") fullScreen();
+  if (key === "escape" && panel.isOpen) panel.open(false);
+  if (key === "c" && hello && !begun && hello.mode !== "replay") panel.open(!panel.isOpen);
+  if (key === "t" && panel.isOpen) panel.test();
+});
+
+panel = new Panel(screenNow, drawBy, one => tell({do: "display", display: one}));
+connect();
+requestAnimationFrame(frame);

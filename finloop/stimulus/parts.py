@@ -1,0 +1,214 @@
+"""The parts of a protocol: motion, look, change, condition, display, animals, start, trigger.
+
+Every field has its meaning, unit and range. Types are strict, and unknown keys are refused.
+"""
+
+import json
+import re
+from pathlib import Path
+from string import Formatter
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PrivateAttr, model_validator
+
+from finloop.stimulus.rules import RuleSpec
+from finloop.stimulus.tracker import TrackerSettings
+
+KEYS = {"space": " ", "enter": "Enter"}
+"""Names of keys, and what the browser calls them."""
+TRIGGER_WORDS = ("trial", "condition", "block", "repeat", "at")
+"""What a trigger's text may name in braces."""
+
+
+def _printable(text: str) -> str:
+    if not text.isprintable() or text != text.strip():
+        raise ValueError("should be printable text without spaces around it")
+    return text
+
+
+def _receiver(to: str) -> str:
+    """`socket`, or udp://host:port."""
+    udp = re.fullmatch(r"udp://[A-Za-z0-9.-]+:([0-9]{1,5})", to)
+    if to != "socket" and not (udp and 0 < int(udp[1]) < 65_536):
+        raise ValueError("should be socket, or udp://host:port")
+    return to
+
+
+def _key(name: str) -> str:
+    """A key as the browser calls it; one that is called so already stays."""
+    key = KEYS.get(name, name)
+    if key not in KEYS.values() and (len(key) != 1 or not key.isprintable()):
+        raise ValueError(f"should be {', '.join(KEYS)}, or one character")
+    return key
+
+
+def _template(text: str) -> str:
+    """Text with words of `TRIGGER_WORDS` in braces, and no other braces."""
+    try:
+        parts = list(Formatter().parse(text))
+    except ValueError:
+        parts = [("", "", "", None)]
+    if any(name not in (*TRIGGER_WORDS, None) or form or kind for _, name, form, kind in parts):
+        words = ", ".join(f"{{{word}}}" for word in TRIGGER_WORDS)
+        raise ValueError(f"may name {words} in braces; write any other brace twice: {{{{ and }}}}")
+    return text
+
+
+Name = Annotated[str, Field(min_length=1, max_length=80), AfterValidator(_printable)]
+File = Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_printable)]
+Share = Annotated[float, Field(ge=0, le=1)]
+Place = tuple[Share, Share]
+Level = Annotated[int, Field(ge=0, le=255)]
+
+
+class Part(BaseModel):
+    """A part of a protocol: of the types and with the fields that are named, and no others."""
+
+    model_config = ConfigDict(
+        strict=True, extra="forbid", frozen=True, allow_inf_nan=False, use_attribute_docstrings=True
+    )
+
+
+class Motion(Part):
+    """What the fish do: exactly one of these."""
+
+    goal: Place | None = None
+    """All fish swim to one goal, then wander: x, y, shares (0..1) of the tank's width and height
+    from the upper left."""
+    goals: Annotated[tuple[Place, ...], Field(min_length=1, max_length=500)] | None = None
+    """Goals one after the other, then the fish wander: 1..500 places as `goal` has them."""
+    path: File | None = None
+    """Along a path: a file .csv, .parquet or .svg; its place is told from the protocol's folder.
+    Places are shares of the tank unless the columns name a unit."""
+    rule: RuleSpec | None = None
+    """By a rule towards a live animal; the motion is known only as it is shown."""
+    company: Literal[True] | None = None
+    """In company of the other fish on the display, as the film's fish are: true."""
+    wander: Literal[True] | None = None
+    """Wherever: true."""
+    again: Name | None = None
+    """The very motion that the latest trial of another condition showed: its name (yoked)."""
+    _folder: Path = PrivateAttr(default=Path())
+
+    @model_validator(mode="after")
+    def _one(self) -> "Motion":
+        given = [name for name in Motion.model_fields if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise ValueError(
+                f"should be exactly one of {', '.join(Motion.model_fields)}; "
+                f"it is {' and '.join(given) or 'none'}"
+            )
+        return self
+
+    @property
+    def file(self) -> Path:
+        """The file of a path."""
+        return self._folder / (self.path or "")
+
+    @property
+    def kind(self) -> str:
+        """Which of the fields is given."""
+        return next(name for name in Motion.model_fields if getattr(self, name) is not None)
+
+    @property
+    def text(self) -> str:
+        """Its own text, the same for motions that are the same."""
+        values = self.model_dump(mode="json", exclude_defaults=True)
+        return json.dumps(values, sort_keys=True, separators=(",", ":"))
+
+
+class Look(Part):
+    """How a fish is drawn; its motion stays the same."""
+
+    shape: Literal["fish", "dot", "silhouette"] = Field(default="fish", alias="as")
+    """The fish as filmed, a dot of the fish's area, or the fish's outline, filled."""
+    contrast: Annotated[float, Field(ge=0, le=4)] = 1.0
+    """0..4 times that of the film; 0 is the background."""
+    size: Annotated[float, Field(ge=0.1, le=10)] = 1.0
+    """0.1..10 times as long; the way stays as it is."""
+    colour: tuple[Level, Level, Level] | None = None
+    """Red, green, blue (0..255) of a dot or a silhouette; null: the darkest of the fish."""
+
+    @model_validator(mode="after")
+    def _coloured(self) -> "Look":
+        if self.colour is not None and self.shape == "fish":
+            raise ValueError("colour is of a dot or a silhouette; a fish has its own")
+        return self
+
+    @property
+    def message(self) -> dict[str, Any]:
+        """As the display's page has it: as, contrast, size, colour."""
+        return self.model_dump(mode="json", by_alias=True)
+
+
+class Change(Part):
+    """What is changed of a motion that is known before it is shown."""
+
+    speed: Annotated[float, Field(ge=0.1, le=8)] = 1.0
+    """0.1..8 times as fast."""
+    reversed: bool = False
+    """Backwards in time: the last tick first, the fish tail first."""
+    still: bool = False
+    """The first moment is held."""
+
+    @model_validator(mode="after")
+    def _moves(self) -> "Change":
+        if self.still and (self.reversed or self.speed != 1):
+            raise ValueError("what is still has no speed and no direction; leave out one of them")
+        return self
+
+
+class Condition(Part):
+    """What is shown in a trial."""
+
+    seconds: Annotated[float, Field(ge=0.1, le=86_400)]
+    """How long a trial lasts, s, 0.1..86400, fades included. A motion of twice the speed is shown
+    as long, and gets twice as far."""
+    motion: Motion
+    """What the fish do."""
+    look: Look = Look()
+    """How they are drawn."""
+    change: Change | None = None
+    """What is changed of the motion; null: nothing."""
+
+
+class Display(Part):
+    """What is demanded of the display."""
+
+    fish_mm: Annotated[float, Field(gt=0, le=10_000)] | None = None
+    """Length of a fish on the display, mm, above 0; null: as the display's calibration has it."""
+    calibrated: bool = True
+    """Whether nothing is shown on a display that is not calibrated."""
+
+
+class Animals(TrackerSettings):
+    """Live animals that a tracker tells of: its unit, its y axis, points, and when one is lost."""
+
+    gap_s: Annotated[float, Field(gt=0, le=60)] = 0.5
+    """An animal not heard of for so long, s, above 0..60, is lost."""
+
+
+class Start(Part):
+    """What starts a trial, where it does not start by itself: a key, or a message."""
+
+    key: Annotated[str, AfterValidator(_key)] | None = None
+    """A key that is pressed before the display: space, enter, or one character."""
+    message: Name | None = None
+    """The name of a message of the network, {"do":"trigger","name":…}: up to 80 characters."""
+
+    @model_validator(mode="after")
+    def _one(self) -> "Start":
+        if (self.key is None) == (self.message is None):
+            raise ValueError("should be exactly one of key, message")
+        return self
+
+
+class Trigger(Part):
+    """A message that is sent when a trial starts or ends."""
+
+    at: Literal["start", "end"]
+    """When."""
+    to: Annotated[str, AfterValidator(_receiver)]
+    """udp://host:port, or socket: all that are connected to the WebSocket of the animals."""
+    text: Annotated[str, Field(min_length=1, max_length=1000), AfterValidator(_template)]
+    """1..1000 characters; {trial}, {condition}, {block}, {repeat} and {at} are filled in."""

@@ -1,0 +1,69 @@
+"""Pictures of the film for the display's page: pixels, and how the animal lies in them."""
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from finloop.animate.edit_list import FRAME
+from finloop.base.arrays import Floats, Picture
+from finloop.render.gallery import Gallery
+from finloop.stimulus.drawn import PARTNER, PICTURE, States
+
+_SMALLER = 0.75  # drawn smaller than that, a picture is shrunk beforehand: else it would flicker
+
+
+class PagePicture(NamedTuple):
+    """A picture (h, w, 2 or 4) uint8, premultiplied; line: the animal in it, in its own px.
+
+    line: x, y of the mass centre, heading in radians, size; posture: of the animal.
+    """
+
+    pixels: Picture
+    line: tuple[float, float, float, float]
+    posture: Floats
+
+
+class PagePictures:
+    """Pictures by their number, a row of the film. shrink: drawn size / filmed size."""
+
+    def __init__(self, gallery: Gallery, shrink: float = 1.0) -> None:
+        self._gallery, self._shrink = gallery, shrink if shrink < _SMALLER else 1.0
+
+    @property
+    def largest(self) -> tuple[int, int]:
+        """Height and width, px, that no picture exceeds."""
+        index = self._gallery.shelves[FRAME].store.index
+        sides = [index["height_px"].max(), index["width_px"].max()]
+        height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
+        return height, width
+
+    def of(self, states: States) -> dict[int, PagePicture]:
+        """All pictures that states (…, F) name."""
+        named = np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist()
+        return {number: self(number) for number in named if number >= 0}
+
+    def __call__(self, number: int) -> PagePicture:
+        """A picture. FinloopError if its file is damaged."""
+        shelf, bodies = self._gallery.shelves[FRAME], self._gallery.bodies
+        assert bodies is not None
+        cutout, (x_px, y_px) = shelf.store[number], shelf.centres_px[number]
+        pose = bodies.poses.pose[number]
+        pixels, share = shrunk(cutout.pixels, self._shrink)
+        x, y = ((at + 0.5) * size - 0.5 for at, size in zip(
+            (x_px - cutout.x0_px, y_px - cutout.y0_px), share, strict=True))  # fmt: skip
+        size_px = float(pose.size_px) * float(np.sqrt(share[0] * share[1]))
+        return PagePicture(pixels, (x, y, float(pose.heading_rad), size_px), pose.posture)
+
+
+def shrunk(
+    pixels: NDArray[np.uint8], share: float
+) -> tuple[NDArray[np.uint8], tuple[float, float]]:
+    """A picture made smaller, each new pixel the mean of those it covers; by how much, x and y."""
+    if share >= 1:
+        return pixels, (1.0, 1.0)
+    height, width = pixels.shape[:2]
+    to = max(1, round(width * share)), max(1, round(height * share))
+    made = cv2.resize(pixels, to, interpolation=cv2.INTER_AREA)
+    return np.asarray(made, np.uint8).reshape(to[1], to[0], -1), (to[0] / width, to[1] / height)

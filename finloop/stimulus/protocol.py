@@ -1,0 +1,338 @@
+"""A protocol: what is shown to animals, in which conditions, how often, and in which order.
+
+It is a YAML file that `load_protocol` reads; examples/protocol.yaml is one. Every field has its
+unit and range here. Types are strict, unknown keys are refused, and all problems of a file are
+reported at once, each with its line.
+
+Conditions of the same motion show the very same motion: the seed of a trial's motion depends on the
+protocol's seed, the motion's own text and the number of the repeat alone. So a control differs from
+its stimulus in its look or its change, and in nothing else.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, Discriminator, Field, Tag, ValidationError
+
+from finloop.base.errors import FinloopError
+from finloop.stimulus.parts import (
+    Animals,
+    Change,
+    Condition,
+    Display,
+    Look,
+    Motion,
+    Name,
+    Part,
+    Start,
+    Trigger,
+)
+from finloop.stimulus.rules import RuleSpec
+from finloop.stimulus.tracker import Pair, calibration
+from finloop.stimulus.yaml_text import Place, Text, read_yaml
+
+MOST_FISH = 64
+MOST_TRIALS = 10_000
+MOST_BYTES = 1_000_000
+MOST_FISH_SECONDS = 100_000
+"""Of a motion that is planned before it is shown, so that it fits into memory."""
+LINES = (".csv", ".parquet", ".svg")
+"""Files that a path is read from."""
+Problem = tuple[Place, str]
+"""A place, and what is wrong there."""
+_MODELS: dict[str | int, type[BaseModel]] = {
+    "display": Display, "animals": Animals, "start": Start, "triggers": Trigger,
+    "points": Pair, "motion": Motion, "rule": RuleSpec, "look": Look, "change": Change,
+}  # fmt: skip
+_HARMLESS = {"version": 1, "name": "-", "seed": 0, "fish": 2, "animals": {}, "order": "shuffled"}
+"""Values in place of wrong ones; they contradict nothing."""
+_WORDS = {
+    "missing": "has no value",
+    "dict_type": "should be keys with values",
+    "model_type": "should be keys with values",
+    "model_attributes_type": "should be keys with values",
+    "tuple_type": "should be a list",
+}
+"""Complaints of pydantic in words of a protocol."""
+
+
+class Protocol(Part):
+    """All that is shown, and in which order. Made by `load_protocol` or `protocol_of`."""
+
+    version: Literal[1]
+    """Of this format: 1."""
+    name: Name
+    """Of the protocol: up to 80 characters."""
+    seed: Annotated[int, Field(ge=0, lt=2**53)]
+    """Of the order and of all motions: 0..2^53 - 1."""
+    fish: Annotated[int, Field(ge=1, le=MOST_FISH)] = 1
+    """How many fish are shown: 1..64."""
+    mode: Literal["nn", "loops", "hybrid"] = "hybrid"
+    """How they are animated: by the network, by film alone, or by both."""
+    display: Display = Display()
+    """What is demanded of the display."""
+    animals: Animals | None = None
+    """Live animals; null: there are none, and no rule towards one."""
+    pause_s: Annotated[float, Field(ge=0, le=86_400)] = 0.0
+    """Between two trials, s, 0..86400: the empty tank."""
+    repeats: Annotated[int, Field(ge=1, le=MOST_TRIALS)] = 1
+    """How often each condition is shown: 1..10000."""
+    order: Literal["given", "shuffled", "blocks"] = "given"
+    """Of the trials: as listed, again and again; all shuffled; or in blocks, each with every
+    condition once, shuffled, and none twice in a row."""
+    start: Annotated[
+        Annotated[Literal["auto"], Tag("auto")] | Annotated[Start, Tag("wait")],
+        Discriminator(lambda start: "auto" if isinstance(start, str) else "wait"),
+    ] = "auto"
+    """What starts each trial: auto, after the pause; {key: space}; or {message: its name}."""
+    fade_s: Annotated[float, Field(ge=0, le=60)] = 0.0
+    """The fish fade in and out for so long, s, 0..60, at both ends of a trial."""
+    triggers: Annotated[tuple[Trigger, ...], Field(max_length=20)] = ()
+    """Messages that are sent, 0..20."""
+    conditions: Annotated[dict[Name, Condition], Field(min_length=1, max_length=200)]
+    """By their names, 1..200."""
+
+    @property
+    def start_key(self) -> str | None:
+        """The key that starts a trial, as the browser calls it."""
+        return None if self.start == "auto" else self.start.key
+
+    @property
+    def start_message(self) -> str | None:
+        """The name of the message that starts a trial."""
+        return None if self.start == "auto" else self.start.message
+
+    @property
+    def keys(self) -> list[str]:
+        """The keys that mean something before the display, as the browser calls them."""
+        return [self.start_key] if self.start_key else []
+
+    @property
+    def looks(self) -> list[Look]:
+        """All looks, each once; the display's page has their messages."""
+        looks: list[Look] = []
+        for condition in self.conditions.values():
+            looks += [condition.look] * (condition.look not in looks)
+        return looks
+
+
+def motion_seed(protocol: Protocol, condition: str, repeat: int) -> int:
+    """The seed (53 bits) of a trial's motion: by the protocol's seed, the motion and the repeat."""
+    motion = protocol.conditions[condition].motion.text
+    text = json.dumps([protocol.seed, motion, repeat])
+    return int.from_bytes(hashlib.sha256(text.encode()).digest()) >> (256 - 53)
+
+
+def load_protocol(path: Path) -> Protocol:
+    """The protocol in a file; FinloopError lists all that is wrong with it, line by line."""
+    text = _read(path)
+    if text.values is None:
+        raise _refusal(str(path), text.problems)
+    protocol, problems = _checked(text.values, path.parent)
+    problems = sorted(problems, key=lambda problem: text.line(problem[0]))
+    lines = [f"line {text.line(at)}: {_said(at, what)}" for at, what in problems]
+    if protocol is None or text.problems or lines:
+        raise _refusal(str(path), text.problems + lines)
+    return protocol
+
+
+def protocol_of(values: Mapping[str, Any], folder: Path = Path()) -> Protocol:
+    """The protocol of values, as a file would hold them; FinloopError lists all that is wrong.
+
+    folder: where its paths begin.
+    """
+    protocol, problems = _checked(values, folder)
+    if protocol is None or problems:
+        raise _refusal("what was given", [_said(*problem) for problem in problems])
+    return protocol
+
+
+def _refusal(name: str, problems: list[str]) -> FinloopError:
+    return FinloopError(
+        f"{name} is no protocol:\n    " + "\n    ".join(problems),
+        "a protocol as in docs/stimulus.md; examples/protocol.yaml is one",
+        "correct these places",
+    )
+
+
+def _read(path: Path) -> Text:
+    try:
+        with path.open("rb") as file:
+            raw = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise FinloopError(
+            f"{path} cannot be read ({error.strerror})",
+            "a protocol, a YAML file",
+            "correct its name",
+        ) from error
+    if len(raw) > MOST_BYTES:
+        return Text(None, {}, [f"larger than {MOST_BYTES / 1e6:g} MB"])
+    try:
+        return read_yaml(raw.decode())
+    except UnicodeDecodeError as error:
+        line = raw.count(b"\n", 0, error.start) + 1
+        return Text(None, {}, [f"line {line}: no UTF-8; save it as UTF-8"])
+
+
+def _checked(values: Any, folder: Path) -> tuple[Protocol | None, list[Problem]]:
+    """The protocol, None where types are wrong, and every problem with its place."""
+    protocol, problems = None, list[Problem]()
+    try:
+        protocol = _validated(values)
+    except ValidationError as error:
+        problems = [_problem(dict(detail)) for detail in error.errors(include_url=False)]
+    # The parts that are sound are searched for contradictions, whatever is wrong elsewhere.
+    sound = protocol or _sound(values, [place for place, _ in problems])
+    if sound is not None:
+        for condition in sound.conditions.values():
+            condition.motion._folder = folder
+        problems += contradictions(sound, list(values["conditions"]))
+    return protocol, problems
+
+
+def _validated(values: Any) -> Protocol:
+    return Protocol.model_validate_json(json.dumps(values))
+
+
+def _sound(values: Any, places: list[Place]) -> Protocol | None:
+    """A protocol without what is wrong at some places; None where nothing is left."""
+    if not isinstance(values, dict) or not isinstance(values.get("conditions"), dict):
+        return None
+    wrong = {place[0] for place in places if place}
+    bad = {place[1] for place in places if place[:1] == ("conditions",) and len(place) > 1}
+    kept = {key: value for key, value in values.items() if key not in wrong}
+    kept |= {key: value for key, value in _HARMLESS.items() if key in wrong}
+    kept["conditions"] = {
+        name: one for name, one in values["conditions"].items() if name not in bad
+    }
+    try:
+        return _validated(kept)
+    except ValidationError:
+        return None
+
+
+def _problem(detail: dict[str, Any]) -> Problem:
+    """A complaint of pydantic in plain words, with its place."""
+    place: Place = tuple(step for step in detail["loc"] if step != "[key]")
+    if place[:1] == ("start",):
+        place = place[:1] + place[2:]  # without the name of the alternative
+    if detail["type"] == "extra_forbidden":
+        names = [field.alias or name for name, field in _model(place).model_fields.items()]
+        near = get_close_matches(str(place[-1]), names, 1)
+        return place, "unknown; " + (
+            f"did you mean {near[0]}?" if near else f"known: {', '.join(names)}"
+        )
+    said = str(detail["msg"]).removeprefix("Value error, ").removeprefix("Input ")
+    said = _WORDS.get(detail["type"], said)
+    came = json.dumps(detail["input"], ensure_ascii=False)
+    came = came if len(came) <= 60 else came[:57] + "..."
+    # A complaint about a group of keys says itself what came.
+    of_keys = detail["type"] == "missing" or (detail["type"] == "value_error" and came[:1] == "{")
+    return place, said if of_keys else f"{said}, got {came}"
+
+
+def _model(place: Place) -> type[BaseModel]:
+    """The model that a key belongs to."""
+    if place[0] == "conditions" and len(place) == 3:
+        return Condition
+    around = [step for step in place[:-1] if step in _MODELS]
+    return _MODELS[around[-1]] if around else Protocol
+
+
+def _said(place: Place, what: str) -> str:
+    where = "".join(f"[{step}]" if isinstance(step, int) else f".{step}" for step in place)
+    return f"{where.removeprefix('.')}: {what}" if where else what
+
+
+def contradictions(protocol: Protocol, names: list[str]) -> Iterator[Problem]:
+    """What is allowed by itself, and not together. names: of all conditions, sound or not."""
+    if len(names) * protocol.repeats > MOST_TRIALS:
+        yield ("repeats",), f"gives more than {MOST_TRIALS} trials"
+    if protocol.display.fish_mm is not None and not protocol.display.calibrated:
+        yield ("display", "fish_mm"), "wants a display that is calibrated (calibrated: true)"
+    if protocol.animals is not None:
+        try:
+            calibration(protocol.animals, 1.0)  # whether the film has a scale is not known yet
+        except FinloopError as error:
+            yield ("animals",), f"{' '.join(error.came.split())}; wanted: {error.wanted}"
+    for name, condition in protocol.conditions.items():
+        place = ("conditions", name)
+        if 2 * protocol.fade_s > condition.seconds:
+            yield (*place, "seconds"), f"should be two fades of {protocol.fade_s:g} s at least"
+        for at, what in _of_motion(protocol, condition):
+            yield (*place, *at), what
+        if condition.motion.again is not None:
+            for at, what in _of_again(protocol, names, name):
+                yield (*place, *at), what
+
+
+def _of_motion(protocol: Protocol, condition: Condition) -> Iterator[Problem]:
+    """What is wrong with the motion of a condition, at places within the condition."""
+    motion, change = condition.motion, condition.change or Change()
+    if motion.rule is not None:
+        if protocol.animals is None:
+            yield ("motion", "rule"), "wants live animals; describe them under animals"
+        if condition.change is not None:
+            yield ("change",), "wants a motion that is known beforehand; a rule's is not"
+    elif not change.still and (
+        protocol.fish * condition.seconds * change.speed > MOST_FISH_SECONDS
+    ):
+        yield (
+            ("seconds",),
+            (
+                f"is too long for {protocol.fish} fish: a motion that is planned beforehand has at "
+                f"most {MOST_FISH_SECONDS} s of all fish together"
+            ),
+        )
+    if motion.company and protocol.fish < 2:
+        yield ("motion", "company"), "wants two fish at least; there is one"
+    if motion.path is not None:
+        if motion.file.suffix.lower() not in LINES:
+            yield ("motion", "path"), f"should be a file {', '.join(LINES)}, got {motion.path}"
+        elif not _is_file(motion.file):
+            yield ("motion", "path"), f"there is no file {motion.file}"
+
+
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except OSError:  # a name too long for the disk
+        return False
+
+
+def _of_again(protocol: Protocol, names: list[str], name: str) -> Iterator[Problem]:
+    """What is wrong with a condition that shows the motion of another one again (yoked)."""
+    condition = protocol.conditions[name]
+    source = condition.motion.again or ""
+    if source not in names:
+        near = get_close_matches(source, names, 1)
+        more = f"; did you mean {near[0]}?" if near else ""
+        yield ("motion", "again"), f"there is no condition {source}{more}"
+        return
+    if name in (chain := _chain(protocol, name)):
+        circle = " shows ".join([name, *chain])
+        yield ("motion", "again"), f"never has a motion of its own: {circle} again"
+        return
+    if protocol.order == "given" and names.index(source) > names.index(name):
+        what = f"comes before {source} in the order given; list it after, or shuffle"
+        yield ("motion", "again"), what
+    of, change = protocol.conditions.get(source), condition.change or Change()
+    wanted = 0.0 if change.still else condition.seconds * change.speed
+    if of is not None and wanted > of.seconds:
+        what = f"takes {wanted:g} s of the motion of {source}, which lasts {of.seconds:g} s"
+        yield ("seconds",), what
+
+
+def _chain(protocol: Protocol, name: str) -> list[str]:
+    """The conditions whose motions a condition shows again, up to the first one met twice."""
+    chain: list[str] = []
+    while (one := protocol.conditions.get(name)) and (again := one.motion.again):
+        if again in chain:
+            break
+        chain.append(again)
+        name = again
+    return chain

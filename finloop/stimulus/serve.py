@@ -1,0 +1,281 @@
+"""The server of a session: pages for the display and the experimenter, inputs of trackers.
+
+- `/` and WebSocket `/experimenter`: the experimenter's page (its messages: `desk`).
+- `/show` and WebSocket `/display`: the display's page (its messages: `feed`).
+- WebSocket `/animals`: what trackers say; triggers go out there, too.
+
+Who may come in `finloop.live.door` says. Whatever is sent here, memory stays as it is: a page that
+takes nothing for some seconds is let go, and comes back by itself.
+"""
+
+import asyncio
+import contextlib
+import gc
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from finloop.live.door import BUSY, MALFORMED, Door
+from finloop.stimulus.display import Display
+from finloop.stimulus.feed import Feed, message
+
+MOST_PAGES, MOST_TRACKERS = 8, 64
+_WAITING = 4096  # messages that wait for a page; then it is let go
+
+
+class _Message(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+Pixels = Annotated[int, Field(ge=1, le=100_000)]
+Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
+
+
+class Ready(_Message):
+    """A display is there. width, height: px of its window; ratio: device px per CSS px."""
+
+    do: Literal["ready"]
+    width: Pixels
+    height: Pixels
+    ratio: Annotated[float, Field(gt=0, le=20)]
+    renderer: Annotated[str, Field(max_length=400)]
+    agent: Annotated[str, Field(max_length=400)]
+
+
+class Ping(_Message):
+    """For the clocks. sent: ms of the page's clock."""
+
+    do: Literal["ping"]
+    sent: Number
+
+
+class Key(_Message):
+    """A key was pressed before the display."""
+
+    do: Literal["key"]
+    key: Annotated[str, Field(min_length=1, max_length=40)]
+
+
+class Calibrated(_Message):
+    """The display's calibration, to be stored."""
+
+    do: Literal["display"]
+    display: Display
+
+
+class Hidden(_Message):
+    """Whether the page is hidden behind another."""
+
+    do: Literal["hidden"]
+    on: bool
+
+
+_SAID: TypeAdapter[Any] = TypeAdapter(
+    Annotated[Ready | Ping | Key | Calibrated | Hidden, Field(discriminator="do")]
+)
+
+
+class Screen:
+    """A display page that is connected."""
+
+    def __init__(self, connection: WebSocket) -> None:
+        self.connection, self.ready = connection, False
+        self.waiting: asyncio.Queue[bytes | str] = asyncio.Queue(_WAITING)
+
+    def send(self, content: bytes | str) -> bool:
+        """Let it travel; whether there is room for it."""
+        with contextlib.suppress(asyncio.QueueFull):
+            self.waiting.put_nowait(content)
+            return True
+        return False
+
+    async def deliver(self) -> None:
+        """Send, one after the other, until it has gone."""
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+            while True:
+                content = await self.waiting.get()
+                if isinstance(content, str):
+                    await self.connection.send_text(content)
+                else:
+                    await self.connection.send_bytes(content)
+
+
+class Stage:
+    """What the display pages say goes here; the session, or a replay, overrides what it needs."""
+
+    feed: Feed
+
+    def __init__(self) -> None:
+        self.screens: list[Screen] = []
+        self._beside: set[asyncio.Task[None]] = set()
+
+    def beside(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do something without waiting for it."""
+        task = asyncio.ensure_future(work)
+        self._beside.add(task)  # else it might be thrown away
+        task.add_done_callback(self._beside.discard)
+
+    def now(self) -> float:
+        """The session's time, s."""
+        return time.perf_counter()
+
+    def send(self, content: bytes) -> None:
+        """To all display pages; one that is stuck is let go."""
+        for screen in [one for one in self.screens if one.ready]:
+            if not screen.send(content):
+                self.screens.remove(screen)
+                self.beside(_end(screen.connection))
+
+    def said(self, screen: Screen, wish: Any) -> None:
+        """A page said something."""
+        match wish:
+            case Ready():
+                for content in self.feed.begin():
+                    screen.send(content)
+                screen.ready = True
+                self.came(wish)
+            case Ping():
+                screen.send(message("pong", sent=wish.sent, now=self.now()))
+            case Key():
+                self.key(wish.key)
+            case Calibrated():
+                self.calibrated(wish.display)
+            case Hidden():
+                self.hidden(wish.on)
+
+    def came(self, ready: Ready) -> None:
+        """A display is there."""
+
+    def left(self) -> None:
+        """A display has gone."""
+
+    def key(self, key: str) -> None:
+        """A key was pressed."""
+
+    def calibrated(self, display: Display) -> None:
+        """A calibration is to be stored."""
+
+    def hidden(self, on: bool) -> None:
+        """A page was hidden, or is seen again."""
+
+    def frames(self, content: bytes) -> None:
+        """Records of displayed frames."""
+
+    def bad(self) -> None:
+        """A message that was none."""
+
+
+async def attend(stage: Stage, connection: WebSocket) -> None:
+    """A display page, until it goes."""
+    screen = Screen(connection)
+    stage.screens.append(screen)
+    delivers = asyncio.create_task(screen.deliver())
+    try:
+        while True:
+            content = await connection.receive()
+            if content["type"] == "websocket.disconnect":
+                if content.get("code") in MALFORMED:
+                    stage.bad()
+                break
+            if content.get("bytes") is not None:
+                stage.frames(content["bytes"])
+            else:
+                wish = said(content.get("text"))
+                if wish is None:
+                    stage.bad()
+                else:
+                    stage.said(screen, wish)
+            await asyncio.sleep(0)  # a page that floods waits for the others
+    finally:
+        if screen in stage.screens:
+            stage.screens.remove(screen)
+        if screen.ready:
+            stage.left()
+        await ended(delivers)
+
+
+def said(text: str | None) -> Any:
+    """What a display page said; None where it is no message."""
+    try:
+        return _SAID.validate_json(text or "")
+    except (ValidationError, UnicodeError):
+        return None
+
+
+async def ended(task: "asyncio.Task[None]") -> None:
+    """Cancel a task, and wait for it."""
+    task.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await task
+
+
+async def _end(connection: WebSocket) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        await connection.close(BUSY, "too slow")
+
+
+Handler = Callable[[WebSocket], Coroutine[Any, Any, None]]
+
+
+def app(
+    door: Door, pages: dict[str, str], sockets: dict[str, tuple[Handler, int, bool]],
+    tasks: Callable[[], list[Coroutine[Any, Any, None]]], fail: Callable[[Any], None],
+) -> Starlette:  # fmt: skip
+    """The application.
+
+    pages: HTML by path; sockets: by path who attends a WebSocket, how many there may be, and
+    whether programs that are no pages may open one; tasks: what runs beside; fail: is called with
+    the error that ended one of them.
+    """
+    open_now = dict.fromkeys(sockets, 0)
+
+    def page_of(path: str) -> Route:
+        async def answer(request: Request) -> Response:
+            return door.page(request, pages[path])
+
+        return Route(path, answer)
+
+    def socket_of(path: str) -> WebSocketRoute:
+        attends, most, programs = sockets[path]
+
+        async def answer(connection: WebSocket) -> None:
+            if not await door.opens(connection, programs):
+                return
+            if open_now[path] >= most:
+                await connection.close(BUSY, "too many")
+                return
+            open_now[path] += 1
+            try:
+                await attends(connection)
+            finally:
+                open_now[path] -= 1
+
+        return WebSocketRoute(path, answer)
+
+    def done(task: "asyncio.Task[None]") -> None:
+        if not task.cancelled() and task.exception() is not None:
+            fail(task.exception())
+
+    @contextlib.asynccontextmanager
+    async def lives(_: Starlette) -> AsyncIterator[None]:
+        gc.collect()
+        gc.freeze()  # what is there already is not looked through again, which takes time
+        running = [asyncio.create_task(one) for one in tasks()]
+        for task in running:
+            task.add_done_callback(done)
+        yield
+        for task in running:
+            task.cancel()
+        if running:
+            await asyncio.wait(running)
+        gc.unfreeze()
+
+    routes = [*map(page_of, pages), *map(socket_of, sockets)]
+    return Starlette(routes=routes, lifespan=lives)

@@ -1,0 +1,336 @@
+"""A session: trial after trial on the clock, with what comes in and goes out, all of it logged.
+
+A tick of a motion that is known beforehand is sent half a second early, so that nothing can make it
+late. Where fish react to live animals, a tick is planned shortly before it is due; when an animal
+moves, the last tick is planned anew at once, and the page goes on from what it shows.
+"""
+
+import asyncio
+import contextlib
+import json
+import time
+from collections import deque
+from collections.abc import Callable
+from datetime import datetime
+from typing import Any, Protocol
+
+from finloop.stimulus.animals import Animals, Heard
+from finloop.stimulus.course import Reaction, Scene, States, again, cue_of, planned, yoked
+from finloop.stimulus.feed import Feed
+from finloop.stimulus.log import FRAME_FIELDS, Log, digest_of, frames_of
+from finloop.stimulus.numbers import Numbers
+from finloop.stimulus.order import Trial, trigger_text
+from finloop.stimulus.protocol import Protocol as Plan
+from finloop.stimulus.trigger import trigger_of
+
+_EARLY_S = 0.5  # that ticks are sent early, where they are known
+_AHEAD_S, _AHEAD = 0.008, 0.25  # and where they are planned, ticks: so long before they are due
+_FIRST_S = 0.3  # from the beginning of a trial to its first tick: its pictures travel
+_JUMP_S = 0.5  # of the wall clock against the session's
+
+
+class Clock(Protocol):
+    """The session's clock, s."""
+
+    def now(self) -> float:
+        """The present time."""
+        ...
+
+    async def until(self, time_s: float) -> None:
+        """Wait till then; return at once if that is past."""
+        ...
+
+
+class Session:
+    """Runs a protocol."""
+
+    def __init__(
+        self, scene: Scene, plan: Plan, trials: tuple[Trial, ...], feed: Feed, log: Log,
+        clock: Clock,
+    ) -> None:  # fmt: skip
+        self.scene, self.plan, self.trials = scene, plan, trials
+        self.feed, self.log, self.clock = feed, log, clock
+        self.animals = Animals(plan.animals, scene.tank, scene.mm_per_px)
+        self.numbers = Numbers()
+        self._send: Callable[[bytes], None] = lambda content: None
+        self._out: Callable[[str, str], str | None] = lambda to, text: None
+        self.phase = "ready"  # waiting, planning, running, pause, done
+        self.at = -1  # the trial's index
+        self.done: dict[int, str] = {}
+        self.patient = True  # whether it waits for keys and messages
+        self.displays = 0
+        self.display: dict[str, Any] | None = None  # what is known of it
+        self.name = self.link = ""  # of the session's file, and the address of the display's page
+        self.messages: deque[str] = deque(maxlen=50)
+        self.shown: States | None = None  # what was displayed last
+        self._motions: dict[str, States] = {}  # that the latest trial of a condition showed
+        self._reaction: Reaction | None = None
+        self._seq, self._due, self._tick = 0, 0.0, -1
+        self._waits: dict[int, tuple[float, float]] = {}  # by seq: an input, and when it counts
+        self._ends: float | None = None  # of the trial
+        self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
+        self._begun = asyncio.Event()
+        self._permit = asyncio.Event()
+        self._stop = self._abort = self._skip = False
+        self._wall: float | None = None
+
+    def attach(self, send: Callable[[bytes], None], out: Callable[[str, str], str | None]) -> None:
+        """send: to all display pages; out: a trigger, to where and what; what went wrong."""
+        self._send, self._out = send, out
+
+    # --- the experimenter, keys, triggers
+
+    def start(self) -> None:
+        """Begin, or begin the trial that waits."""
+        self._begun.set()
+        self._permit.set()
+
+    def stop(self) -> None:
+        """End after this trial."""
+        self._stop = True
+        self._note("stop")
+        self.start()
+
+    def abort(self) -> None:
+        """End now."""
+        self._stop = self._abort = True
+        self._note("abort")
+        self.start()
+
+    def skip(self) -> None:
+        """Leave out the rest of this trial."""
+        self._skip = True
+        self._note("skip")
+        self._permit.set()
+
+    def note(self, text: str) -> None:
+        """The experimenter's words, for the log."""
+        self._note("note", text=text)
+
+    def key(self, key: str) -> None:
+        """A key was pressed before a display, or by the experimenter."""
+        self._note("key", key=key)
+        if self.phase == "waiting" and key == self.plan.start_key:
+            self._permit.set()
+
+    def trouble(self, what: str, **facts: Any) -> None:
+        """Something that the experimenter should know, and the log."""
+        self._note(what, **facts)
+        words = ", ".join(f"{name} {value}" for name, value in facts.items())
+        self.messages.append(f"{self.clock.now():.1f} s: {what}{': ' if words else ''}{words}")
+
+    def _note(self, what: str, **facts: Any) -> None:
+        self.log.event(self.clock.now(), what, **facts)
+
+    # --- live animals
+
+    def hear(self, text: str | bytes | None, source: str) -> None:
+        """A message of a tracker: fish react before this returns."""
+        arrived = self.clock.now()
+        name = trigger_of(text)
+        if name is not None:
+            self._note("trigger", name=name, source=source)
+            if self.phase == "waiting" and name == self.plan.start_message:
+                self._permit.set()
+            return
+        heard = self.animals.hear(text, source, arrived)
+        self.numbers.heard.update(one.verdict for one in heard)
+        kept = text.decode(errors="replace") if isinstance(text, bytes) else text or ""
+        self.log.input(arrived, source, kept, _verdicts(heard))
+        reaction = self._reaction
+        if reaction is None or not any(one.taken for one in heard):
+            return
+        states = reaction.react(arrived)
+        if states is not None:
+            self._emit(self._tick, self._due, states, True)
+            self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
+            self.numbers.planned.append(1e3 * (self.clock.now() - arrived))
+
+    # --- display
+
+    def frames(self, message: bytes) -> None:
+        """Records of displayed frames, of a page."""
+        try:
+            frames = frames_of(message, self.scene.width)
+        except ValueError:
+            self.numbers.bad += 1
+            return
+        for facts, drawn in frames:
+            facts = facts.copy()
+            facts[0] += self._first
+            self._frame = int(facts[0])
+            self.log.frame(facts, drawn)
+            _, intended, _, drawn_s, seq, dropped, _, _ = facts[:FRAME_FIELDS]
+            self.numbers.frames += 1
+            self.numbers.dropped += int(dropped)
+            self.shown = drawn
+            for waiting, (arrived, counts) in list(self._waits.items()):
+                if waiting <= seq and intended > counts:
+                    self.numbers.drawn.append(1e3 * (drawn_s - arrived))
+                    del self._waits[waiting]
+
+    def display_came(self, facts: dict[str, Any]) -> None:
+        """A display is there. A page counts its frames from 0; in the log they go on."""
+        self._first = (self._frame // 2 + 1) * 2 if self._frame else 0
+        self.displays, self.display = self.displays + 1, facts | {"hidden": False}
+        self._note("display", **facts)
+
+    def display_left(self) -> None:
+        """A display has gone."""
+        self.displays -= 1
+        self.display = None if not self.displays else self.display
+        if self.phase in ("running", "waiting"):
+            self.trouble("the display has gone", trial=self.trials[self.at].number)
+
+    def hidden(self, on: bool) -> None:
+        """The display's page is hidden behind another one, or seen again."""
+        if self.display is not None:
+            self.display["hidden"] = on
+        self.trouble("the display's page is hidden" if on else "the display's page is seen again")
+
+    def left_s(self, now: float) -> float | None:
+        """How long the trial still lasts, s; None where none runs."""
+        return None if self._ends is None else round(max(0.0, self._ends - now), 1)
+
+    def look(self, wall_s: float) -> None:
+        """Compare the computer's clock with the session's."""
+        wall = wall_s - self.clock.now()
+        if self._wall is not None and abs(wall - self._wall) > _JUMP_S:
+            self.trouble("the computer's clock jumped", seconds=round(wall - self._wall, 3))
+        self._wall = wall
+
+    # --- trials
+
+    async def run(self) -> None:
+        """All trials, from `start` on."""
+        await self._begun.wait()
+        self._note("begin", wall=datetime.now().astimezone().isoformat())
+        for number, trial in enumerate(self.trials):
+            if self._stop:
+                break
+            self.at = number
+            self._skip = False
+            self.phase = "planning"
+            source = await self._prepare(trial)
+            await self._permission()
+            if not (self._abort or self._skip):
+                self._report(trial, "start")
+                how = await self._show(trial, source)
+                self._report(trial, how)
+            self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
+            await asyncio.to_thread(self.log.keep)
+            self.phase = "pause"
+            if not self._stop and trial is not self.trials[-1]:
+                await self._wait(self.clock.now() + self.plan.pause_s)
+        self.phase = "done"
+        self._note("end", wall=datetime.now().astimezone().isoformat())
+
+    async def _prepare(self, trial: Trial) -> States | None:
+        """The motion of a trial, if it can be known before it begins."""
+        cue = cue_of(self.plan, trial)
+        motion = cue.condition.motion
+        if motion.rule is not None:
+            return None
+        if motion.again is None:
+            states = await asyncio.to_thread(planned, self.scene, cue, trial.seed)
+        elif motion.again in self._motions:
+            states = again(self.scene, cue, self._motions[motion.again])
+        else:
+            self.trouble("left out, as no trial was shown of", condition=motion.again)
+            self._skip = True
+            return None
+        self._motions[trial.condition] = states
+        return cue.shown(states, self.scene)
+
+    async def _permission(self) -> None:
+        """Wait for the key or message that begins the trial, if one is wanted."""
+        if self.plan.start == "auto" or not self.patient or self._abort or self._skip:
+            return
+        self.phase = "waiting"
+        self._permit.clear()
+        await self._permit.wait()
+
+    def _report(self, trial: Trial, what: str) -> None:
+        rule = self.plan.conditions[trial.condition].motion.rule
+        now, facts = self.clock.now(), trial._asdict()
+        facts["early_s"] = self._early_s(rule is None)
+        self.log.trial = trial.number
+        self.log.entry("trial", now, number=trial.number, text=json.dumps({"what": what} | facts))
+        self.log.trial = None if what != "start" else trial.number
+        for trigger in self.plan.triggers:
+            if (trigger.at == "start") == (what == "start"):
+                text = trigger_text(trigger, trial)
+                wrong = self._out(trigger.to, text)
+                self._note("trigger out", to=trigger.to, text=text)
+                if wrong:
+                    self.trouble("a trigger was not sent", to=trigger.to, reason=wrong)
+
+    async def _show(self, trial: Trial, source: States | None) -> str:
+        """Show a trial; how it ended."""
+        self.phase, rate = "running", self.scene.rate_hz
+        begin = self.clock.now() + _FIRST_S
+        ticks = self.scene.ticks(self.plan.conditions[trial.condition].seconds)
+        self._ends = begin + ticks / rate
+        early = self._early_s(source is not None)
+        if source is None:
+            self._reaction = Reaction(
+                self.scene, cue_of(self.plan, trial), trial.seed, self.animals
+            )
+        for tick in range(ticks):
+            due = begin + tick / rate
+            await self.clock.until(due - early)
+            if self._abort or self._skip:
+                break
+            now = self.clock.now()
+            if source is not None:
+                self._emit(tick, due, source[tick])
+            else:
+                assert self._reaction is not None
+                self._tick, self._due = tick, due
+                self._emit(tick, due, self._reaction.tick(now), planned_s=now)
+            if tick > rate * early:
+                self.numbers.ticks.append(1e3 * (now - (due - early)))
+        else:
+            await self._wait(begin + ticks / rate)
+        if self._reaction is not None:
+            self._motions[trial.condition] = yoked(self._reaction.states)
+        self._reaction = self._ends = None
+        self._waits.clear()
+        self._send(self.feed.clear())
+        return "abort" if self._abort else "skip" if self._skip else "end"
+
+    def _early_s(self, known: bool) -> float:
+        """How long before it is due a tick is planned, or sent where it is known."""
+        return _EARLY_S if known else min(_AHEAD_S, _AHEAD / self.scene.rate_hz)
+
+    async def _wait(self, time_s: float) -> None:
+        """Wait, but no longer than till someone ends it."""
+        while not (self._abort or self._skip) and self.clock.now() < time_s:
+            await self.clock.until(min(time_s, self.clock.now() + 0.1))
+
+    def _emit(
+        self, tick: int, due: float, states: States, cut: bool = False,
+        planned_s: float | None = None,
+    ) -> None:  # fmt: skip
+        """Send a tick, and log it."""
+        self._seq += 1
+        for message in self.feed.rows(self._seq, tick, due, states, cut):
+            self._send(message)
+        now = self.clock.now() if planned_s is None else planned_s
+        self.log.entry(
+            "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_of(states),
+            verdict="anew" if cut else None,
+        )  # fmt: skip
+
+
+def _verdicts(heard: list[Heard]) -> str:
+    return " ".join(one.verdict for one in heard)
+
+
+async def beat(session: Session, every_s: float = 0.5) -> None:
+    """Keep the log, again and again, until cancelled: no more than so much can be lost."""
+    with contextlib.suppress(asyncio.CancelledError):
+        while True:
+            await asyncio.sleep(every_s)
+            session.look(time.time())
+            await asyncio.to_thread(session.log.keep)

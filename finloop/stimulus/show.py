@@ -1,0 +1,230 @@
+"""A session, a replay, or a calibration behind the pages of `finloop.stimulus.serve`."""
+
+import asyncio
+import contextlib
+import json
+import time
+from collections.abc import AsyncIterator, Callable, Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from finloop.stimulus.display import Display, save_display
+from finloop.stimulus.feed import Feed
+from finloop.stimulus.log import FRAME_FIELDS, frames_of
+from finloop.stimulus.replay import Frame
+from finloop.stimulus.serve import Ready, Stage
+from finloop.stimulus.session import Session
+
+_AHEAD = 8  # frames of a replay that travel before the page has drawn them
+
+
+class RealClock:
+    """Seconds since it was made. A wait ends at its time to a tenth of a millisecond."""
+
+    def __init__(self) -> None:
+        self._zero = time.perf_counter()
+
+    def now(self) -> float:
+        """The present time."""
+        return time.perf_counter() - self._zero
+
+    async def until(self, time_s: float) -> None:
+        """Wait till then."""
+        while (left := time_s - self.now()) > 0:
+            # The loop's own timer may be a millisecond late: the rest is waited for step by step.
+            await asyncio.sleep(left - 0.0015 if left > 0.002 else 0)
+
+
+class Show(Stage):
+    """A session before its displays. store: where calibrations go."""
+
+    def __init__(self, session: Session, name: str, store: Path) -> None:
+        super().__init__()
+        self.session, self.feed, self._name, self._store = session, session.feed, name, store
+        self._listeners: set[WebSocket] = set()
+
+    def now(self) -> float:
+        """The session's time, s."""
+        return self.session.clock.now()
+
+    def came(self, ready: Ready) -> None:
+        """A display is there."""
+        known = self.feed.facts.get("display")
+        facts = {
+            "name": self._name, **ready.model_dump(exclude={"do"}), "calibrated": bool(known),
+            "refresh_hz": known["refresh_hz"] if known else None, "calibration": known,
+        }  # fmt: skip
+        self.session.display_came(facts)
+
+    def left(self) -> None:
+        """A display has gone."""
+        self.session.display_left()
+
+    def key(self, key: str) -> None:
+        """A key was pressed."""
+        self.session.key(key)
+
+    def calibrated(self, display: Display) -> None:
+        """Store a calibration, and take it, but not while something is shown."""
+        if self.session.phase in ("running", "waiting"):
+            self.session.trouble("a calibration in the middle of a session is refused")
+            return
+        save_display(self._store, display)
+        self.feed.facts["display"] = display.model_dump(mode="json")
+        self.session.trouble("the display was calibrated")
+
+    def hidden(self, on: bool) -> None:
+        """The page is hidden, or seen again."""
+        self.session.hidden(on)
+
+    def frames(self, content: bytes) -> None:
+        """Records of displayed frames."""
+        self.session.frames(content)
+
+    def bad(self) -> None:
+        """A message that was none."""
+        self.session.numbers.bad += 1
+
+    async def track(self, connection: WebSocket) -> None:
+        """A tracker at the WebSocket /animals, until it goes."""
+        client = connection.client
+        source = f"ws://{client.host}:{client.port}" if client else "ws"
+        self._listeners.add(connection)
+        try:
+            while True:
+                content = await connection.receive()
+                if content["type"] == "websocket.disconnect":
+                    break
+                self.session.hear(content.get("text") or content.get("bytes"), source)
+                await asyncio.sleep(0)  # one that floods waits for the others
+        finally:
+            self._listeners.discard(connection)
+
+    def tell(self, text: str) -> None:
+        """A trigger to all that are connected to /animals."""
+        for connection in self._listeners:
+            self.beside(_say(connection, text))
+
+
+async def _say(connection: WebSocket, text: str) -> None:
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
+        await connection.send_text(text)
+
+
+class Calibration(Stage):
+    """A display that is calibrated, with no session. done: is called when it is stored."""
+
+    def __init__(self, feed: Feed, store: Path, done: Callable[[], None]) -> None:
+        super().__init__()
+        self.feed, self._store, self._done = feed, store, done
+
+    def calibrated(self, display: Display) -> None:
+        """Store it."""
+        save_display(self._store, display)
+        self.feed.facts["display"] = display.model_dump(mode="json")
+        self._done()
+
+
+class Replay(Stage):
+    """A session shown again. quick: as fast as the page draws, not at the pace of the session.
+
+    different: numbers of frames whose pixels were others than in the session, where it knows them.
+    """
+
+    def __init__(self, feed: Feed, frames: Iterator[Frame], quick: bool) -> None:
+        super().__init__()
+        self.feed, self._frames, self._quick = feed, frames, quick
+        self._wanted: dict[int, Frame] = {}
+        self._there, self._drawn = asyncio.Event(), asyncio.Event()
+        self.shown, self.compared = 0, 0
+        self.different: list[int] = []
+        self.ended = asyncio.Event()
+
+    def came(self, ready: Ready) -> None:
+        """A display is there: it begins."""
+        self._there.set()
+
+    def frames(self, content: bytes) -> None:
+        """Frames that were drawn again."""
+        try:
+            width = self.feed.facts["posture"] + 11
+            for facts, states in frames_of(content, width):
+                self._compare(int(facts[0]), int(facts[FRAME_FIELDS - 1]), states.tobytes())
+        except ValueError:
+            return
+        self._drawn.set()
+
+    def _compare(self, number: int, digest: int, states: bytes) -> None:
+        frame = self._wanted.pop(number, None)
+        if frame is None:
+            return
+        self.shown += 1
+        if frame.digest and digest:
+            self.compared += 1
+        if (frame.digest and digest and frame.digest != digest) or frame.states.tobytes() != states:
+            self.different.append(number)
+
+    async def run(self) -> None:
+        """All frames, from when a display is there."""
+        await self._there.wait()
+        async for frame in self._paced():
+            while len(self._wanted) >= _AHEAD and self._quick:
+                self._drawn.clear()
+                await self._drawn.wait()
+            self._wanted[frame.number] = frame
+            for content in self.feed.frame(frame.number, frame.states):
+                self.send(content)
+        with contextlib.suppress(TimeoutError):
+            await asyncio.wait_for(self._all_drawn(), 10)
+        self.ended.set()
+
+    async def _all_drawn(self) -> None:
+        while self._wanted:
+            self._drawn.clear()
+            await self._drawn.wait()
+
+    async def _paced(self) -> AsyncIterator[Frame]:
+        clock, first = RealClock(), None
+        for frame in self._frames:
+            first = frame.shown_s if first is None else first
+            if not self._quick:
+                await clock.until(frame.shown_s - first)
+            yield frame
+
+
+def again_and_again(messages: list[tuple[float, str]]) -> Iterator[tuple[float, str]]:
+    """Messages of a recorded track for ever: their times go on, a second after the last one."""
+    begin = 0.0
+    while messages:
+        for due, text in messages:
+            message = json.loads(text)
+            yield begin + due, json.dumps(message | {"t": begin + message["t"]})
+        begin += messages[-1][0] + 1.0
+
+
+class Dry:
+    """A clock on which nothing lasts: a wait ends at once, and it is the time waited for.
+
+    messages: what trackers say, with its times; hear: takes them, each at its time.
+    """
+
+    def __init__(self, messages: Iterable[tuple[float, str]] = ()) -> None:
+        self._now, self._messages = 0.0, iter(messages)
+        self._next = next(self._messages, None)
+        self.hear: Callable[[str, str], Any] = lambda text, source: None
+
+    def now(self) -> float:
+        """The present time."""
+        return self._now
+
+    async def until(self, time_s: float) -> None:
+        """It is then."""
+        while self._next is not None and self._next[0] <= time_s:
+            due, text = self._next
+            self._next = next(self._messages, None)
+            self._now = max(self._now, due)
+            self.hear(text, "recorded")
+        self._now = max(self._now, time_s)
+        await asyncio.sleep(0)

@@ -1,0 +1,234 @@
+"""What a tracker says, strictly parsed, and where in the tank that is.
+
+A message is JSON: one sighting of an animal, or a list of them,
+
+    {"t": 12.48, "id": "1", "x": 310.5, "y": 201.0, "heading": 35.0}
+
+t: seconds of the tracker's own clock, from any zero; id: a whole number or a short name; x, y: in
+the tracker's unit; heading: degrees, anticlockwise as seen in the tracker's picture, 0 = along x;
+it may be left out. A `token` is allowed; inputs that other machines reach demand one.
+"""
+
+import math
+from itertools import combinations
+from typing import Annotated, Any, Literal, NamedTuple
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints, TypeAdapter, ValidationError
+from skimage.transform import AffineTransform, ProjectiveTransform, SimilarityTransform
+
+from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
+
+MOST_AT_ONCE = 64
+"""Sightings in a message, at most; as many animals are known at once."""
+LONGEST = 16_000  # bytes of a message
+MOST_PAIRS = 16  # of a calibration
+_HORIZON = 1e-9  # least weight of a place
+_FLAT = 1e-3  # points count as on one line whose triangle is smaller, as a share of their extent²
+
+Time = Annotated[float, Field(ge=-1e11, le=1e11, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6, allow_inf_nan=False)]
+Degrees = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
+Number = Annotated[int, Field(ge=0, lt=2**53)]
+Name = Annotated[str, StringConstraints(pattern=r"^[\w.: -]{1,40}$")]
+
+
+class Strict(BaseModel):
+    """Of the types and with the fields that are named, and no others."""
+
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
+
+
+class Sighting(Strict):
+    """An animal at a moment. The numbers 1 and "1" are the same animal."""
+
+    t: Time
+    id: Number | Name
+    x: Coordinate
+    y: Coordinate
+    heading: Degrees | None = None
+    token: Annotated[str, StringConstraints(max_length=200)] | None = None
+
+
+Sightings = Annotated[list[Sighting], Field(min_length=1, max_length=MOST_AT_ONCE)]
+_MESSAGE: TypeAdapter[Sighting | list[Sighting]] = TypeAdapter(Sighting | Sightings)
+
+
+def parsed(text: str | bytes | None) -> list[Sighting] | None:
+    """The sightings of a message; None where it is too long, no JSON, or not what is wanted."""
+    if text is None or len(text) > LONGEST:
+        return None
+    try:
+        message = _MESSAGE.validate_json(text)
+    except (ValidationError, UnicodeError):
+        return None
+    return message if isinstance(message, list) else [message]
+
+
+# --- calibration
+
+
+Pair2 = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]  # a list, in YAML and JSON
+
+
+class Pair(Strict):
+    """The same point twice: as the tracker says it, and in px of the tank's picture."""
+
+    tracker: Pair2
+    """x, y as the tracker says it."""
+    tank: Pair2
+    """x, y in px of the tank's picture."""
+
+
+class TrackerSettings(Strict):
+    """How a tracker's places are meant."""
+
+    unit: Literal["px", "mm"] = "px"
+    """Of the tracker's places, where no points are given: px of the tank's picture, or mm of the
+    real world; the origin is the upper left of the tank's picture."""
+    y_axis: Literal["down", "up"] = "down"
+    """Whether y grows downwards in the tracker's picture, as px do, or upwards; upwards wants
+    points."""
+    points: Annotated[tuple[Pair, ...], Field(strict=False, max_length=MOST_PAIRS)] = ()
+    """Pairs {tracker: [x, y], tank: [x, y]}: none; or 2 (turned, scaled, moved), 3 (and sheared or
+    mirrored), or 4..16 (seen aslant)."""
+
+
+Row3 = tuple[float, float, float]
+
+
+class Calibration(NamedTuple):
+    """The tracker's places in px of the tank's picture.
+
+    matrix (3, 3): homogeneous, positive weights where the tank is; up: whether the tracker's y
+    grows upwards; error_px: how far the tracker's points lie from those of the tank, root of the
+    mean square.
+    """
+
+    matrix: tuple[Row3, Row3, Row3]
+    up: bool = False
+    error_px: float = 0.0
+
+    def place(self, x: float, y: float) -> tuple[float, float]:
+        """A place in px. One behind the horizon of an aslant view is very far away."""
+        to_x, to_y, w = self._weighed(x, y)
+        w = max(w, _HORIZON)
+        return to_x / w, to_y / w
+
+    def heading_rad(self, x: float, y: float, heading_deg: float) -> float:
+        """A heading at a place, as it is in the tank's picture."""
+        angle = math.radians(heading_deg)
+        along, down = math.cos(angle), math.sin(angle) * (1 if self.up else -1)
+        right, below = self._turned(x, y, along, down)
+        return math.atan2(-below, right)
+
+    def back(self, x_px: float, y_px: float, heading_rad: float) -> Row3:
+        """x, y and heading in degrees, as the tracker says a place of the tank."""
+        own = Calibration(_rows(np.linalg.inv(np.array(self.matrix))))
+        x, y = own.place(x_px, y_px)
+        along, down = own._turned(x_px, y_px, math.cos(heading_rad), -math.sin(heading_rad))
+        return x, y, math.degrees(math.atan2(down if self.up else -down, along))
+
+    def _weighed(self, x: float, y: float) -> Row3:
+        """Homogeneous coordinates of a place in the tank."""
+        (a, b, c), (d, e, f), (g, h, i) = self.matrix
+        return a * x + b * y + c, d * x + e * y + f, g * x + h * y + i
+
+    def _turned(self, x: float, y: float, along: float, down: float) -> tuple[float, float]:
+        """The direction in the tank of one at a place: the derivative of `place`, up to scale."""
+        (a, b, _), (d, e, _), (g, h, _) = self.matrix
+        to_x, to_y = self.place(x, y)
+        nearer = g * along + h * down  # by how much the view is larger there
+        return a * along + b * down - to_x * nearer, d * along + e * down - to_y * nearer
+
+
+PX = Calibration(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+"""Of a tracker that says px of the tank's picture."""
+
+
+def calibration(settings: TrackerSettings, mm_per_px: float | None) -> Calibration:
+    """The calibration of a tracker. FinloopError lists all that is wrong with it.
+
+    mm_per_px: mm of the real world per px of the tank's picture, as the display has it too.
+    """
+    problems = _problems(settings, mm_per_px)
+    fit = _fit(settings) if settings.points and not problems else None
+    if fit is not None:
+        return fit
+    if settings.points and not problems:
+        problems.append("no view of the tank shows these points: some are in the wrong order")
+    if problems:
+        raise FinloopError(
+            "the tracker's calibration does not hold:\n    " + "\n    ".join(problems),
+            "a unit; and no points, or 2 pairs that lie apart, 3 not on one line, or 4 and more of "
+            "which 4 are such that no 3 lie on one line",
+            "correct the pairs {tracker: [x, y], tank: [x, y]}; take corners of the tank",
+        )
+    scale = 1.0 if settings.unit == "px" or mm_per_px is None else 1 / mm_per_px
+    return Calibration(((scale, 0.0, 0.0), (0.0, scale, 0.0), (0.0, 0.0, 1.0)))
+
+
+def _problems(settings: TrackerSettings, mm_per_px: float | None) -> list[str]:
+    """What is wrong, in words."""
+    count, problems = len(settings.points), []
+    if count == 0:
+        if settings.unit == "mm" and mm_per_px is None:
+            problems.append(
+                "the tracker says mm, and neither the film's scale nor points are given"
+            )
+        if settings.y_axis == "up":
+            problems.append("y grows upwards, and no points say from where")
+    elif count == 1:
+        problems.append("one pair of points alone")
+    else:
+        for side in ("tracker", "tank"):
+            points = np.array([getattr(pair, side) for pair in settings.points])
+            if not _apart(points):
+                what = {2: "are the same", 3: "lie on one line"}.get(count, "lie on lines, or meet")
+                problems.append(f"the {count} points of the {side} {what}: {points.tolist()}")
+    return problems
+
+
+def _apart(points: Floats) -> bool:
+    """Whether points (n, 2) settle a view: see what `calibration` wants."""
+    least = _FLAT * float(np.ptp(points, axis=0).max()) ** 2
+
+    def flat(three: tuple[Floats, ...]) -> bool:
+        (ax, ay), (bx, by) = three[1] - three[0], three[2] - three[0]
+        return bool(abs(ax * by - ay * bx) <= least)
+
+    if len(points) == 2:
+        return least > 0
+    of = min(len(points), 4)
+    return any(not any(map(flat, combinations(some, 3))) for some in combinations(points, of))
+
+
+def _fit(settings: TrackerSettings) -> Calibration | None:
+    """The calibration that lays points upon each other; None: there is none.
+
+    Two points cannot tell a mirror image, so y is turned over first where it grows upwards.
+    """
+    kinds: dict[int, Any] = {2: SimilarityTransform, 3: AffineTransform}
+    tracker, tank = (
+        np.array([getattr(one, side) for one in settings.points]) for side in ("tracker", "tank")
+    )
+    up = settings.y_axis == "up"
+    over = np.diag([1.0, -1.0 if up else 1.0, 1.0])
+    transform = kinds.get(len(tank), ProjectiveTransform).from_estimate(
+        tracker * over.diagonal()[:2], tank
+    )
+    if not transform:
+        return None
+    matrix = np.asarray(transform.params) @ over
+    weights = tracker @ matrix[2, :2] + matrix[2, 2]
+    if not np.isfinite(matrix).all() or weights.min() * weights.max() <= 0:
+        return None  # some points would be behind the camera
+    fit = Calibration(_rows(matrix / weights.mean()), up)
+    off = np.array([fit.place(x, y) for x, y in tracker.tolist()]) - tank
+    return fit._replace(error_px=float(np.sqrt(np.mean(np.sum(off**2, axis=1)))))
+
+
+def _rows(matrix: Floats) -> tuple[Row3, Row3, Row3]:
+    a, b, c = matrix.tolist()
+    return tuple(a), tuple(b), tuple(c)

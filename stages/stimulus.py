@@ -1,0 +1,350 @@
+"""A stimulus for animals: `python -m stages.stimulus show protocol.yaml` (docs/stimulus.md).
+
+No stage of the pipeline, but a program on what the stages have made.
+"""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+import argparse
+import asyncio
+import json
+import re
+import secrets
+import socket
+import sys
+import webbrowser
+from collections.abc import Callable, Coroutine, Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from finloop.base.errors import FinloopError
+from finloop.base.line import PX
+from finloop.features.table import FEATURES
+from finloop.given_path import line_of
+from finloop.io.atomic import save_bytes
+from finloop.io.journal import save_journal
+from finloop.io.table import load_table
+from finloop.live.door import HOST, AppServer, Door, bound
+from finloop.stimulus.apps import calibration_app, replay_app, session_app
+from finloop.stimulus.course import whole_motion
+from finloop.stimulus.inputs import open_osc, open_udp
+from finloop.stimulus.listing import listing
+from finloop.stimulus.log import SESSION, Log
+from finloop.stimulus.order import trials
+from finloop.stimulus.page import alone_page
+from finloop.stimulus.protocol import Protocol, load_protocol, protocol_of
+from finloop.stimulus.recorded import Spoiled, messages
+from finloop.stimulus.replay import frames_of, open_record, plan_again
+from finloop.stimulus.session import Session
+from finloop.stimulus.show import Calibration, Dry, RealClock, Replay, Show, again_and_again
+from finloop.stimulus.summary import summary
+from finloop.stimulus.tracker import calibration
+from finloop.stimulus.trigger import Outlet
+from stages.animate import DATA
+from stages.play import has_screen
+from stages.scene import Opened, display_file, known_display, looks_of, opened
+
+PORT, OUT = 8760, Path("sessions")
+
+
+def main() -> None:
+    """Do what is asked for."""
+    asked = _parser().parse_args()
+    asked.does(asked)
+
+
+# --- commands
+
+
+def show(asked: argparse.Namespace) -> None:
+    """Show a protocol to animals, until Ctrl-C."""
+    plan = load_protocol(asked.protocol)
+    print(listing(plan, trials(plan)))
+    known = known_display(asked.display, plan.display.calibrated)
+    with bound(asked.port, asked.listen) as listens, opened(plan) as made:
+        ways = _recorded(asked, made, plan)
+        with _session(asked, plan, made, RealClock(), display=_plain(known)) as session:
+            store = display_file(asked.display)
+            room = Show(session, asked.display, store)
+            session.attach(room.send, Outlet(room.tell).send)
+            door = _door(asked, listens)
+            session.link = _address(asked, listens, door, "show")
+            inputs = _inputs(asked, door, session.hear, ways)
+            served = session_app(
+                door, room, lambda: inputs(session), lambda error: server.fail(error)
+            )
+            server = AppServer(served, listens, _started(asked, listens, door))
+            _serve(server)
+
+
+def dry(asked: argparse.Namespace) -> None:
+    """Run a protocol without a display, as fast as it goes."""
+    plan = load_protocol(asked.protocol)
+    print(listing(plan, trials(plan)))
+    with opened(plan) as made:
+        clock = Dry(again_and_again(_recorded(asked, made, plan)))
+        with _session(asked, plan, made, clock, dry=True) as session:
+            clock.hear, session.patient = session.hear, False
+            session.start()
+            asyncio.run(session.run())
+
+
+def list_trials(asked: argparse.Namespace) -> None:
+    """Say what a protocol will show."""
+    plan = load_protocol(asked.protocol)
+    print(listing(plan, trials(plan)))
+
+
+def replay(asked: argparse.Namespace) -> None:
+    """Show a session again, or check that it can be."""
+    record = open_record(asked.session)
+    plan = protocol_of(record.header["protocol"], Path(record.header["folder"]))
+    with opened(plan) as made:
+        if made.film != record.header["film"]:
+            raise FinloopError(
+                f"{asked.session} was made from another film, or with other parameters "
+                f"({record.header['film']}; here it is {made.film})",
+                "the results of the stages that it was made from",
+                "run the pipeline on that film with the parameters in the session's file",
+            )
+        if asked.check:
+            told = plan_again(record, made.scene, plan)
+            print(f"replay: {told.ticks} ticks planned again, {told.different} differ")
+            if told.different:
+                sys.exit(1)
+        if asked.check and not asked.draw:
+            return
+        feed = made.feed(
+            record.header["looks"], plan.fish, display=record.header["display"], mode="replay",
+            digest=True, name="replay", keys=[],
+        )  # fmt: skip
+        _replay(asked, Replay(feed, frames_of(record), asked.quick))
+
+
+def _replay(asked: argparse.Namespace, room: Replay) -> None:
+    with bound(asked.port) as listens:
+        door = Door(listens.getsockname()[1])
+
+        def end() -> None:
+            server.should_exit = True
+
+        served = replay_app(door, room, end, lambda error: server.fail(error))
+        server = AppServer(served, listens, _started(asked, listens, door))
+        _serve(server)
+    print(
+        f"replay: {room.shown} frames drawn, pixels of {room.compared} compared, "
+        f"{len(room.different)} differ"
+    )
+    if room.different:
+        sys.exit(1)
+
+
+def page(asked: argparse.Namespace) -> None:
+    """Make a page that plays a protocol by itself, if its motions are known beforehand."""
+    plan = load_protocol(asked.protocol)
+    with opened(plan) as made:
+        motion = whole_motion(made.scene, plan, trials(plan))
+        text = alone_page(
+            plan.name, made.scene.rate_hz, made.tank.floor, made.pictures.of(motion), motion,
+            looks_of(plan), loops=False,
+        )  # fmt: skip
+    save_bytes(asked.out, text.encode())
+    print(f"stimulus: {asked.out} plays by itself")
+
+
+def recover(asked: argparse.Namespace) -> None:
+    """Make a session's file from the journal that was left."""
+    _finish(asked.journal, asked.journal.with_suffix(".parquet"), recovered=True)
+
+
+def calibrate(asked: argparse.Namespace) -> None:
+    """Calibrate a display, until it is stored."""
+    known = known_display(asked.display, False)
+    with bound(asked.port, asked.listen) as listens, opened() as made:
+        feed = made.feed(
+            [], 0, display=_plain(known), mode="calibrate", digest=False, name=asked.display,
+            keys=[],
+        )  # fmt: skip
+        path = display_file(asked.display)
+        room = Calibration(feed, path, lambda: print(f"calibrate: stored in {path}"))
+        door = _door(asked, listens)
+        served = calibration_app(door, room, lambda error: server.fail(error))
+        server = AppServer(served, listens, _started(asked, listens, door))
+        _serve(server)
+
+
+# --- parts
+
+
+@contextmanager
+def _session(
+    asked: argparse.Namespace, plan: Protocol, made: Opened, clock: Any, **facts: Any
+) -> Iterator[Session]:
+    """A session with its log, which becomes a file when it ends, however it ends."""
+    order = trials(plan)
+    stamp = datetime.now().strftime("%Y-%m-%dT%H-%M-%S")
+    name = re.sub(r"[^\w-]+", "-", plan.name).strip("-") or "session"
+    path = asked.out / f"{stamp}_{name}.parquet"
+    journal = path.with_suffix(".journal")
+    looks = looks_of(plan)
+    feed = made.feed(
+        looks, plan.fish, display=facts.get("display"), mode="session",
+        digest=getattr(asked, "digest", False), name=getattr(asked, "display", "none"),
+        keys=plan.keys,
+    )  # fmt: skip
+    log = Log(
+        journal,
+        made.header(
+            plan, order, **({"display": None, "folder": str(asked.protocol.parent)} | facts)
+        ),
+    )
+    try:
+        session = Session(made.scene, plan, order, feed, log, clock)
+        session.name = str(path)
+        yield session
+    finally:
+        log.close()
+        _finish(journal, path)
+
+
+def _finish(journal: Path, path: Path, recovered: bool = False) -> None:
+    save_journal(journal, path, SESSION)
+    save_bytes(path.with_suffix(".md"), summary(open_record(path), recovered).encode())
+    journal.unlink()
+    print(f"stimulus: the session is in {path}, in words in {path.with_suffix('.md')}")
+
+
+def _recorded(asked: argparse.Namespace, made: Opened, plan: Protocol) -> list[tuple[float, str]]:
+    """What a recorded track says, as a tracker would, and when."""
+    if asked.animal is None:
+        return []
+    if plan.animals is None:
+        raise FinloopError(
+            f"--animal {asked.animal}, and {asked.protocol} has no live animals",
+            "a protocol with `animals`",
+            "add animals: {unit: px} to it, or leave --animal out",
+        )
+    scene, spoiled = made.scene, Spoiled(asked.loss, asked.jitter, asked.gap)
+    line = line_of(asked.animal, PX, load_table(DATA / "features/features.parquet", FEATURES))
+    tracker = calibration(plan.animals, scene.mm_per_px)
+    return list(messages(line, None, scene.tank, spoiled, tracker, mm_per_px=scene.mm_per_px))
+
+
+def _inputs(
+    asked: argparse.Namespace, door: Door, hear: Callable[[Any, str], None],
+    ways: list[tuple[float, str]],
+) -> Callable[[Session], list[Coroutine[Any, Any, None]]]:  # fmt: skip
+    """Tasks that bring what trackers say, by UDP, by OSC, or from a recorded track."""
+
+    async def listen(opens: Any, port: int) -> None:
+        transport = await opens(bound(port, asked.listen, socket.SOCK_DGRAM), hear, door.token)
+        try:
+            await asyncio.Event().wait()
+        finally:
+            transport.close()
+
+    async def play(session: Session) -> None:
+        for due, text in again_and_again(ways):
+            await session.clock.until(due)
+            hear(text, "recorded")
+
+    def tasks(session: Session) -> list[Coroutine[Any, Any, None]]:
+        made = [listen(open_udp, asked.udp)] if asked.udp else []
+        made += [listen(open_osc, asked.osc)] if asked.osc else []
+        return made + ([play(session)] if ways else [])
+
+    return tasks
+
+
+def _plain(display: Any) -> dict[str, Any] | None:
+    return None if display is None else json.loads(display.model_dump_json())
+
+
+def _door(asked: argparse.Namespace, listens: socket.socket) -> Door:
+    port = listens.getsockname()[1]
+    return Door(port, None if asked.listen == HOST else secrets.token_urlsafe(16))
+
+
+def _address(asked: Any, listens: socket.socket, door: Door, page: str = "") -> str:
+    host, port = listens.getsockname()
+    host = socket.gethostname() if host == "0.0.0.0" else host
+    return f"http://{host}:{port}/{page}" + (f"?token={door.token}" if door.token else "")
+
+
+def _started(asked: argparse.Namespace, listens: socket.socket, door: Door) -> Callable[[], None]:
+    def said() -> None:
+        url = _address(asked, listens, door)
+        print(f"stimulus: open {url} (Ctrl-C ends it)", file=sys.stderr)
+        if asked.open and has_screen():
+            webbrowser.open(url)
+
+    return said
+
+
+def _serve(server: AppServer) -> None:
+    try:
+        server.serve_on()
+    except KeyboardInterrupt:
+        print("\nstimulus: ended", file=sys.stderr)
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="python -m stages.stimulus", description="A stimulus for animals; docs/stimulus.md."
+    )
+    commands = parser.add_subparsers(required=True, metavar="command")
+
+    def command(does: Callable[[argparse.Namespace], None], *what: str) -> Any:
+        name = does.__name__.partition("_")[0]
+        one = commands.add_parser(name, help=(does.__doc__ or "").rstrip("."))
+        one.set_defaults(does=does)
+        for each in what:
+            one.add_argument(each, type=Path)
+        return one
+
+    command(list_trials, "protocol")
+    shows, dries = command(show, "protocol"), command(dry, "protocol")
+    again, calibrates = command(replay, "session"), command(calibrate)
+    command(recover, "journal")
+    command(page, "protocol", "out")
+    for one in (shows, dries):
+        one.add_argument("--out", type=Path, default=OUT, help=f"folder; default {OUT}/")
+        animal = one.add_argument_group("a recorded track as the live animal")
+        animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
+        animal.add_argument("--loss", type=_share, default=0.0, help="share of messages lost")
+        animal.add_argument("--jitter", type=_seconds, default=0.0, help="of their arrival, s")
+        animal.add_argument("--gap", type=_seconds, default=0.0, help="s without any, each 10 s")
+    for one in (shows, calibrates):
+        one.add_argument("--display", default="display", help="its name; default display")
+        one.add_argument("--listen", default=HOST, help="this machine's address for others")
+    for one in (shows, calibrates, again):
+        one.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free")
+        one.add_argument("--no-open", dest="open", action="store_false", help="open no browser")
+    shows.add_argument("--udp", type=int, help="port for trackers")
+    shows.add_argument("--osc", type=int, help="port for trackers")
+    shows.add_argument("--digest", action="store_true", help="of every frame's pixels; slow")
+    again.add_argument("--check", action="store_true", help="plan again and compare; no display")
+    again.add_argument("--draw", action="store_true", help="with --check: then draw as well")
+    again.add_argument("--quick", action="store_true", help="as fast as it is drawn")
+    return parser
+
+
+def _share(text: str) -> float:
+    return _within(text, 0.99)
+
+
+def _seconds(text: str) -> float:
+    return _within(text, 60.0)
+
+
+def _within(text: str, most: float) -> float:
+    number = float(text)
+    if not 0 <= number <= most:
+        raise argparse.ArgumentTypeError(f"{text} is not 0 … {most:g}")
+    return number
+
+
+if __name__ == "__main__":
+    run(main)

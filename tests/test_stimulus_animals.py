@@ -1,0 +1,777 @@
+"""Live animals: what trackers say, by any way and however hostile, and where animals are and were."""
+
+import asyncio
+import gc
+import itertools
+import json
+import math
+import queue
+import runpy
+import socket
+import threading
+import tracemalloc
+
+import cv2
+import numpy as np
+import pytest
+from conftest import ROOT
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pythonosc.osc_bundle_builder import IMMEDIATELY, OscBundleBuilder
+from pythonosc.osc_message_builder import OscMessageBuilder
+from websockets.sync.server import serve
+
+import finloop
+from finloop.base.errors import FinloopError
+from finloop.base.line import MM, PX, TANK, Line
+from finloop.drawn import TRUTH
+from finloop.io.table import load_table
+from finloop.live.door import bound
+from finloop.stimulus.animals import Animals
+from finloop.stimulus.inputs import json_of, open_osc, open_udp, osc_of
+from finloop.stimulus.parts import Animals as Settings
+from finloop.stimulus.recorded import NAME, Spoiled, messages
+from finloop.stimulus.rules import RuleSpec, Tank, aim
+from finloop.stimulus.tracker import LONGEST, MOST_AT_ONCE, Pair, calibration, parsed
+
+WIDTH, HEIGHT, LENGTH = 400, 300, 40.0
+
+
+def into(x, y):
+    return min(max(x, 10.0), WIDTH - 11.0), min(max(y, 10.0), HEIGHT - 11.0)
+
+
+TANK_OF = Tank(WIDTH, HEIGHT, LENGTH, into)
+GOOD = [
+    {"t": 1.5, "id": "1", "x": 20, "y": 30.5}, {"t": -3, "id": 7, "x": 20, "y": 30, "heading": 35.0},
+    {"t": 0, "id": "fish A.2: left-most", "x": 0, "y": -1e6, "heading": None, "token": "x"},
+    [{"t": 0, "id": 1, "x": 1, "y": 2}, {"t": 0, "id": 2, "x": 3, "y": 4}],
+    [{"t": 0, "id": n, "x": 1, "y": 2} for n in range(MOST_AT_ONCE)],
+]  # fmt: skip
+BAD = [
+    "", "null", "[]", "{}", "1", '"x"', "[" * 900, "{" * 400, "\x00", "NaN", "[null]", "[[]]",
+    '{"t":NaN,"id":1,"x":1,"y":1}', '{"t":1,"id":1,"x":Infinity,"y":1}', '{"t":1,"id":1,"x":1e999,"y":1}',
+    '{"t":1e12,"id":1,"x":1,"y":1}', '{"t":"1","id":1,"x":1,"y":1}', '{"t":1,"id":1.5,"x":1,"y":1}',
+    '{"t":1,"id":true,"x":1,"y":1}', '{"t":1,"id":-1,"x":1,"y":1}', '{"t":1,"id":"","x":1,"y":1}',
+    '{"t":1,"id":"a\\nb","x":1,"y":1}', '{"t":1,"id":"' + "a" * 41 + '","x":1,"y":1}', '{"t":1,"id":"<b>","x":1,"y":1}',
+    '{"t":1,"id":[1],"x":1,"y":1}', '{"t":1,"id":1,"x":1}', '{"t":1,"id":1,"x":1,"y":1,"z":1}',
+    '{"t":1,"id":1,"x":1,"y":1,"heading":"up"}', '{"t":1,"id":1,"x":' + "9" * 5000 + ',"y":1}',
+    '{"t":1,"id":"\\ud800","x":1,"y":1}', json.dumps([{"t": 0, "id": 1, "x": 1, "y": 2}] * (MOST_AT_ONCE + 1)),
+    '{"t":1,"id":1,"x":1,"y":1}' + " " * LONGEST,
+]  # fmt: skip
+
+
+def told(t, x=200.0, y=150.0, id="1", **more):
+    return json.dumps({"t": t, "id": id, "x": x, "y": y} | more)
+
+
+def animals_of(**how):
+    return Animals(Settings(**how), TANK_OF, None)
+
+
+def verdicts(animals, text, arrived, source="a"):
+    return [one.verdict for one in animals.hear(text, source, arrived)]
+
+
+# --- messages
+
+
+def test_what_is_meant_is_understood_and_nothing_else():
+    for wish in GOOD:
+        text = json.dumps(wish)
+        assert parsed(text) == parsed(text.encode()) != None  # noqa: E711
+        assert len(parsed(text)) == (len(wish) if isinstance(wish, list) else 1)
+    for text in BAD:
+        assert parsed(text) is None, text
+        assert parsed(text.encode(errors="replace")) is None, text
+    for text in (None, b"\xff\xfe{", "\ud800"):
+        assert parsed(text) is None
+    animals = animals_of()
+    assert {*itertools.chain(*(verdicts(animals, text, 1.0) for text in [*BAD, None]))} == {
+        "malformed"
+    }
+    assert animals.known(1.0) == []
+
+
+def test_without_animals_in_the_protocol_nothing_is_wanted():
+    animals = Animals(None, TANK_OF, None)
+    assert (
+        verdicts(animals, told(1), 1.0) == ["unwanted"]
+        and not animals.hear(told(1), "a", 1.0)[0].taken
+    )
+    assert animals.at(1.0) == [] and animals.past("1", 1.0) is None
+
+
+# --- verdicts
+
+
+def test_an_animal_is_there_until_it_was_not_heard_of_for_a_while():
+    animals = animals_of(gap_s=0.5)
+    assert verdicts(animals, told(7.0, 100, 90), 50.0) == ["taken"]
+    (one,) = animals.at(50.5)
+    assert (one.id, one.x, one.y, one.heading_rad, one.speed, one.heard_s) == (
+        "1",
+        100,
+        90,
+        None,
+        0,
+        50,
+    )
+    assert animals.at(50.51) == [] and [one.id for one in animals.known(110)] == ["1"]
+    assert animals.known(111) == []
+    assert verdicts(animals, told(9.0, id=1), 52.0) == ["taken"]  # 1 and "1" are the same
+    assert len(animals.at(52.0)) == 1
+
+
+def test_what_is_not_later_is_late_and_changes_nothing():
+    animals = animals_of()
+    verdicts(animals, told(1.0, 100), 11.0)
+    before = animals.at(11.1)
+    for t in (1.0, 0.96, 0.3):
+        assert verdicts(animals, told(t, 300), 11.05) == ["late"]
+    for n in range(10):  # a tracker that hangs says the same for ever
+        assert verdicts(animals, told(1.0, 300), 12.0 + n) == ["late"]
+    assert animals.at(11.1) == before
+
+
+@pytest.mark.parametrize("zero", [-5000.0, -2.5, 3.0, 1e9])
+def test_a_clock_that_jumps_is_a_new_base_and_the_past_stays(zero):
+    animals, place = animals_of(), {}
+    for n in range(50):
+        place[100 + n / 25] = (100.0 + n, 90.0)
+        assert verdicts(animals, told(n / 25, *place[100 + n / 25]), 100 + n / 25) == ["taken"]
+    assert verdicts(animals, told(2 + zero, 150.0, 90.0), 102.0) == ["clock"]
+    assert animals.hear(told(2.04 + zero, 151.0, 90.0), "a", 102.04)[0] == ("taken", "1")
+    for time, wanted in place.items():
+        assert animals.past("1", time) == pytest.approx(wanted, abs=1e-4)
+    assert animals.past("1", 102.02) == pytest.approx((150.5, 90))
+
+
+def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
+    animals = animals_of(gap_s=0.5)
+    assert verdicts(animals, told(1.0, 100), 11.0, "a") == ["taken"]
+    assert verdicts(animals, told(5.0, 300), 11.4, "b") == ["rival"]
+    assert animals.at(11.4)[0].x == 100
+    assert verdicts(animals, told(1.5, 110), 11.5, "a") == ["taken"]
+    assert verdicts(animals, told(1.2, 300), 12.2, "b") == ["taken"]  # by a clock of its own
+    assert verdicts(animals, told(2.3, 120), 12.3, "a") == ["rival"]
+    assert animals.past("1", 11.5) == pytest.approx((110, 150)) and animals.past("1", 12.2) == (
+        300,
+        150,
+    )
+
+
+def test_more_animals_than_can_be_known_are_a_crowd_till_one_is_lost():
+    animals = animals_of(gap_s=0.5)
+    for n in range(MOST_AT_ONCE):
+        assert verdicts(animals, told(0, id=n), 10 + 0.001 * n) == ["taken"]
+    assert verdicts(animals, told(0, id="new"), 10.5) == ["crowd"]
+    assert verdicts(animals, told(0, id=0), 10.5) == ["late"]
+    assert verdicts(animals, told(0, id="new"), 10.502) == ["taken"]
+    assert verdicts(animals, told(0.01, id=0), 10.503) == ["taken"]  # as a new one
+    assert len(animals.known(10.51)) == MOST_AT_ONCE
+
+
+def test_an_animal_outside_is_moved_in_and_one_at_a_wall_is_not():
+    animals = animals_of()
+    for t, x, y, verdict in (
+        (1, 2, 150, "taken"), (2, 395, 297, "taken"), (3, -1, 150, "outside"), (4, 900, -1e6, "outside"), (5, 200, 300, "outside"),
+    ):  # fmt: skip
+        assert (
+            verdicts(animals, told(t, x, y), t) == [verdict]
+            and animals.hear(told(t + 0.1, x, y), "a", t + 0.1)[0].taken
+        )
+        assert animals.at(t)[0][1:3] == ((x, y) if verdict == "taken" else into(x, y))
+    round_tank = Tank(WIDTH, HEIGHT, LENGTH, lambda x, y: (200.0, 150.0))
+    animals = Animals(Settings(), round_tank, None)
+    assert verdicts(animals, told(1, 239, 150), 1) == ["taken"]
+    assert verdicts(animals, told(2, 241, 150), 2) == ["outside"]
+
+
+# --- motion
+
+
+@pytest.mark.parametrize("angle", np.linspace(-3, 3, 5))
+def test_heading_and_speed_are_those_of_the_way(angle):
+    animals = animals_of()
+    for n in range(40):
+        t = n / 25
+        x, y = 200 + 60 * (t - 0.8) * math.cos(angle), 150 - 60 * (t - 0.8) * math.sin(angle)
+        animals.hear(told(t, x, y), "a", 5 + t)
+    (one,) = animals.at(5 + t)
+    assert one.heading_rad == pytest.approx(angle) and one.speed == pytest.approx(60)
+    for n in range(20):  # it rests, and the tracker trembles
+        animals.hear(told(t + (n + 1) / 25, x + (n % 2), y), "a", 5 + t + (n + 1) / 25)
+    (one,) = animals.at(5 + t + 0.8)
+    assert one.heading_rad == pytest.approx(angle) and one.speed < 6
+    animals.hear(told(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
+    (one,) = animals.at(8 + t)
+    assert one.heading_rad is None and one.speed == 0
+
+
+def test_a_heading_that_is_said_counts_for_more():
+    animals = animals_of()
+    for n in range(20):
+        animals.hear(told(n / 25, 100 + 10 * n, heading=90.0), "a", n / 25)
+    assert animals.at(n / 25)[0].heading_rad == pytest.approx(math.pi / 2)
+
+
+# --- clocks and the past
+
+
+def swum(t):
+    return 200 + 120 * math.sin(0.9 * t), 150 + 90 * math.sin(1.3 * t)
+
+
+def heard_late(seed, seconds=30, rate=25.0, jitter=0.05, drift=1.0, latency=0.02, zero=77.0):
+    """t of a tracker whose clock drifts, the true time, the arrival; in the order of arrival."""
+    rng = np.random.default_rng(seed)
+    true = np.arange(round(seconds * rate)) / rate
+    arrived = true + latency + jitter * rng.random(len(true))
+    order = np.argsort(arrived)
+    return zip(zero + drift * true[order], true[order], arrived[order], strict=True)
+
+
+@pytest.mark.parametrize("drift", [1.0, 1.001, 0.999])
+def test_jitter_of_50_ms_and_a_clock_that_drifts_hardly_move_the_past(drift):
+    plain, errors, ages = animals_of(), [], []
+    for t, true, arrived in heard_late(3, drift=drift):
+        plain.hear(told(t, *swum(true)), "a", arrived)
+        if true > 5:
+            when = arrived - 2.0
+            errors.append(math.dist(plain.past("1", when), swum(when - 0.02)))
+            ages.append(math.dist(plain.past("1", when), swum(when - 0.045)))
+    # The fish swims up to 160 px/s: 1 px is 6 ms. Of the jitter, 25 ms on the average, hardly any is left.
+    assert np.percentile(errors, 90) < 1.5 < np.median(ages)
+
+
+def test_after_a_minute_of_drift_the_clocks_still_agree():
+    for drift in (1.002, 0.998):
+        animals = animals_of()
+        for t, true, arrived in heard_late(5, seconds=120, jitter=0.0, drift=drift):
+            animals.hear(told(t, *swum(true)), "a", arrived)
+        errors = [
+            math.dist(animals.past("1", when), swum(when - 0.02))
+            for when in np.arange(118, 119.9, 0.1)
+        ]
+        assert max(errors) < 3.5  # of 0.24 s of drift, 39 px
+
+
+def test_the_copy_of_an_animal_is_where_it_was_exactly():
+    animals, rule = animals_of(), RuleSpec(rule="copy", delay_s=2.0)
+    for n in range(500):
+        t = n / 32  # exact in binary
+        animals.hear(told(8 + t, *swum(t)), "a", t)
+        wanted = into(*swum(t - 2)) if t >= 2 else None
+        assert aim(rule, (0.0, 0.0, 0.0), animals, t, TANK_OF) == wanted
+    for share in (0.25, 0.5):
+        x, y = (1 - share) * np.array(swum(5)) + share * np.array(swum(5 + 1 / 32))
+        assert animals.past("1", 5 + share / 32) == pytest.approx((x, y))
+
+
+def test_a_place_in_a_gap_or_before_all_is_not_known():
+    animals = animals_of(gap_s=0.5)
+    for t, x in ((0.0, 10), (0.4, 50), (2.0, 100), (2.1, 110)):
+        animals.hear(told(t, x), "a", 20 + t)
+    assert animals.past("1", 20.2) == pytest.approx((30, 150)) and animals.past("1", 20.4) == (
+        50,
+        150,
+    )
+    assert animals.past("1", 19.99) is None and animals.past("1", 21.0) is None
+    assert animals.past("1", 22.0) == (100, 150)
+    assert animals.past("1", 22.6) == (110, 150) and animals.past("1", 22.61) is None
+    assert animals.past("2", 20.2) is None
+
+
+def test_the_same_messages_at_the_same_times_are_the_same_animals():
+    def all_of(seed):
+        animals, seen = animals_of(), []
+        for n, text in enumerate(hostile(600, seed)):
+            seen.append(
+                (
+                    animals.hear(text, "ab"[n % 2], 0.03 * n),
+                    animals.at(0.03 * n),
+                    animals.past("1", 0.03 * n - 1),
+                )
+            )
+        return seen
+
+    assert all_of(1) == all_of(1) != all_of(2)
+
+
+def test_a_minute_of_a_quick_camera_is_remembered_and_no_more_is_held():
+    animals = animals_of()
+
+    def hear(begin, end, rate):
+        for n in range(begin * rate, end * rate):
+            animals.hear(told(n / rate, 100 + n % 7), "a", n / rate)
+
+    hear(0, 80, 120)
+    for ago in range(0, 7200, 300):
+        n = 80 * 120 - 1 - ago
+        assert animals.past("1", n / 120) == (100 + n % 7, 150)
+    tracemalloc.start()
+    try:
+        hear(80, 140, 120)
+        hear(140, 145, 1000)
+        assert tracemalloc.get_traced_memory()[0] < 20_000
+    finally:
+        tracemalloc.stop()
+    assert animals.past("1", 90) is not None and animals.past("1", 70) is None
+
+
+# --- calibration
+
+
+def pairs(*points):
+    return tuple(Pair(tracker=one, tank=other) for one, other in points)
+
+
+def view(x, y):
+    """A camera that looks aslant at the tank."""
+    w = 1 + 0.0005 * x + 0.001 * y
+    return (20 + 0.9 * x - 0.1 * y) / w, (5 + 0.2 * x + 0.8 * y) / w
+
+
+CORNERS = [(0.0, 0.0), (500.0, 0.0), (500.0, 400.0), (0.0, 400.0), (250.0, 100.0)]
+
+
+def turn(x, y):
+    return 50 + 0.6 * x + 0.3 * y, 200 - 0.3 * x + 0.6 * y
+
+
+def shear(x, y):
+    return 50 + 0.6 * x + 0.4 * y, 20 + 0.1 * x + 0.7 * y
+
+
+def flip(law):
+    return lambda x, y: law(x, 400 - y)
+
+
+KINDS = [
+    (2, turn, "down"),
+    (3, shear, "down"),
+    (4, view, "down"),
+    (5, view, "down"),
+    (2, flip(turn), "up"),
+    (3, flip(shear), "up"),
+    (5, flip(view), "up"),
+]
+
+
+@pytest.mark.parametrize("count, law, y_axis", KINDS)
+def test_points_settle_where_places_are_and_headings_follow(count, law, y_axis):
+    points = pairs(*((one, law(*one)) for one in CORNERS[:count]))
+    known = calibration(Settings(points=points, y_axis=y_axis), None)
+    assert known.error_px < 1e-6
+    for x, y in [(10.0, 20.0), (333.0, 222.0), (100.0, 390.0)]:
+        assert known.place(x, y) == pytest.approx(law(x, y))
+        for heading in (-170.0, -20.0, 45.0, 90.0):
+            angle, step = math.radians(heading), 1e-4
+            there = law(
+                x + step * math.cos(angle),
+                y + (1 if y_axis == "up" else -1) * step * math.sin(angle),
+            )
+            way = math.atan2(law(x, y)[1] - there[1], there[0] - law(x, y)[0])
+            assert math.remainder(
+                known.heading_rad(x, y, heading) - way, math.tau
+            ) == pytest.approx(0, abs=1e-4)
+            back = known.back(*known.place(x, y), known.heading_rad(x, y, heading))
+            assert back == pytest.approx((x, y, heading))
+
+
+def test_points_that_do_not_fit_tell_how_far_they_are_off():
+    points = pairs(*((one, view(*one)) for one in CORNERS))
+    off = points[4].model_copy(update={"tank": (points[4].tank[0] + 10, points[4].tank[1])})
+    assert 1 < calibration(Settings(points=(*points[:4], off)), None).error_px < 10
+
+
+def test_mm_are_px_by_the_scale_of_the_film():
+    animals = Animals(Settings(unit="mm"), TANK_OF, 0.25)
+    animals.hear(told(1.0, 25, 50, heading=90.0), "a", 1.0)
+    assert animals.at(1.0)[0][1:4] == pytest.approx((100, 200, math.pi / 2))
+
+
+A, B, C, D = [(point, point) for point in CORNERS[:4]]
+
+
+@pytest.mark.parametrize("wrong, said", [
+    ({"unit": "mm"}, "neither the film's scale nor points"), ({"y_axis": "up"}, "upwards"),
+    ({"unit": "mm", "y_axis": "up"}, "upwards"), ({"points": pairs(A)}, "one pair"), ({"points": pairs(A, A)}, "2 points of the tank are the same"),
+    ({"points": pairs(A, B, ((250, 0), (250, 0)))}, "tracker lie on one line"),
+    ({"points": pairs(A, B, ((250, 0), (250, 1)), D)}, "4 points of the tracker"),
+    ({"points": pairs(A, B, (C[0], D[1]), (D[0], C[1]))}, "wrong order"),
+])  # fmt: skip
+def test_what_is_wrong_with_a_calibration_is_said_at_once(wrong, said):
+    with pytest.raises(FinloopError, match=said):
+        Animals(Settings(**wrong), TANK_OF, None)
+
+
+# --- hostile messages
+
+
+def hostile(count, seed=0):
+    """Messages at random: bad ones, good ones, good ones with bytes changed."""
+    rng, texts = np.random.default_rng(seed), [json.dumps(one) for one in GOOD]
+    for n in range(count):
+        kind, good = rng.integers(5), texts[rng.integers(len(texts))]
+        if kind == 0:
+            yield BAD[rng.integers(len(BAD))]
+        elif kind == 1:
+            yield told(rng.normal(n / 25, 0.1), *rng.normal(200, 150, 2), id=str(rng.integers(3)))
+        elif kind == 2:
+            yield rng.bytes(int(rng.integers(1, 700)))
+        elif kind == 3:
+            yield told(10.0 ** rng.integers(9) * rng.normal(), id=int(rng.integers(10**6)))
+        else:
+            text = bytearray(good.encode())
+            for _ in range(int(rng.integers(1, 4))):
+                text[rng.integers(len(text))] = rng.integers(32, 127)
+            yield text.decode()
+
+
+def test_ten_thousand_hostile_messages_neither_crash_nor_grow(capfd, caplog):
+    animals, counts = animals_of(), []
+    gc.collect()
+    gc.freeze()  # what is there already is not looked through again
+    try:
+        for part in range(1, 6):
+            for n, text in enumerate(hostile(2000, part)):
+                now = 100 * part + n / 25
+                assert animals.hear(text, f"source {n % 40}", now)
+                if n % 9 == 0:
+                    for one in animals.at(now)[:2]:
+                        animals.past(one.id, now - 3)
+            gc.collect()
+            counts.append(len(gc.get_objects()))
+            assert len(animals.known(now)) == MOST_AT_ONCE
+    finally:
+        gc.unfreeze()
+    assert max(counts) - min(counts) < 200, counts
+    assert capfd.readouterr() == ("", "") and not caplog.records
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from(["t", "id", "x", "y", "token", "heading"]), inner, max_size=6),
+    max_leaves=8,
+)  # fmt: skip
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.text() | st.binary() | JSON.map(json.dumps))
+def test_no_message_breaks_anything(text):
+    animals = animals_of()
+    assert all(isinstance(one.verdict, str) for one in animals.hear(text, "a", 1.0))
+    for token in (None, "secret"):
+        content = text if isinstance(text, bytes) else text.encode(errors="surrogatepass")
+        assert isinstance(json_of(content, token), str | None)
+        assert all(isinstance(one, str | None) for one in osc_of(content, token))
+        assert all(
+            isinstance(one, str | None) for one in osc_of(b"/finloop/animal\0" + content, token)
+        )
+
+
+# --- UDP and OSC
+
+
+def osc(*arguments, address="/finloop/animal"):
+    builder = OscMessageBuilder(address)
+    for one in arguments:
+        builder.add_arg(one, "d" if isinstance(one, float) else None)
+    return builder.build()
+
+
+def bundle(*contents):
+    builder = OscBundleBuilder(IMMEDIATELY)
+    for one in contents:
+        builder.add_content(one)
+    return builder.build().dgram
+
+
+def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
+    text = told(1.25, 100.125)
+    assert json_of(text.encode(), None) == text
+    trigger = '{"do": "trigger", "name": "go"}'
+    assert json_of(trigger.encode(), None) == trigger
+    for good in (
+        told(1.25, token="secret"),
+        json.dumps([json.loads(told(1.25, token="secret")), json.loads(told(1.25, id=2))]),
+    ):
+        handed = json_of(good.encode(), "secret")
+        assert "secret" not in handed and parsed(handed) == [
+            one.model_copy(update={"token": None}) for one in parsed(good)
+        ]
+    assert json_of(b'{"do": "trigger", "name": "go", "token": "secret"}', "secret") == trigger
+    for wrong in ("Secret", "", "secret ", None, 1, ["secret"], "s\u00e9cret", "\ud800"):
+        assert json_of(told(1, token=wrong).encode(), "secret") is None
+    assert json_of(text.encode(), "secret") is None and json_of(b"\xff", None) is None
+    for bad in BAD:
+        assert json_of(bad.encode(errors="replace"), "secret") is None
+
+
+def test_osc_is_the_same_as_json():
+    def heard(*arguments, token=None):
+        (text,) = osc_of(osc(*arguments).dgram, token)
+        return text if text is None else parsed(text)
+
+    assert heard(1.25, "1", 100.5, 50) == parsed(told(1.25, 100.5, 50))
+    assert heard(1.25, 3, 100.5, 50.0, -20.0) == parsed(
+        told(1.25, 100.5, 50.0, id=3, heading=-20.0)
+    )
+    assert heard(told(1.25)) == parsed(told(1.25))
+    assert heard("secret", 1.25, "1", 100.5, 50, token="secret") == parsed(told(1.25, 100.5, 50))
+    trigger = '{"do": "trigger", "name": "go"}'
+    assert osc_of(osc("secret", trigger).dgram, "secret") == [trigger]
+    for wrong in (
+        (),
+        (1.0,),
+        (1.0, "1", 2.0),
+        (1.0, "1", 2.0, 3.0, 4.0, 5.0),
+        (True, "1", 2.0, 3.0),
+        (b"blob", "1", 2.0, 3.0),
+    ):
+        assert heard(*wrong) is None
+    for wrong in (
+        ("Secret", 1.0, "1", 2.0, 3.0),
+        (1.0, "1", 2.0, 3.0),
+        (1, told(1)),
+        (told(1, token="secret"),),
+        (),
+    ):
+        assert heard(*wrong, token="secret") is None
+    assert heard(math.nan, "1", 2.0, 3.0) is None and heard("1", "1", 2.0, 3.0) is None
+    assert osc_of(osc(1.0, "1", 2.0, 3.0, address="/finloop/animals").dgram, None) == [None]
+
+
+def test_an_osc_bundle_is_its_messages():
+    two = [osc(1.0, "1", 100.0, 50.0), osc(1.0, "2", 110.0, 50.0)]
+    assert [parsed(one)[0].id for one in osc_of(bundle(*two), None)] == ["1", "2"]
+    assert osc_of(bundle(two[0], osc(address="/other")), None) == [
+        osc_of(two[0].dgram, None)[0],
+        None,
+    ]
+    for bad in (
+        bundle(),
+        bundle(*(two * MOST_AT_ONCE)),
+        b"#bundle\0",
+        bundle(*two)[:-3],
+        b"#bundle\0" + bytes(8) + b"\xff" * 40,
+    ):
+        assert None in osc_of(bad, None)
+    deep = two[0].dgram
+    for _ in range(400):
+        deep = b"#bundle\0" + bytes(8) + len(deep).to_bytes(4) + deep
+    assert osc_of(deep, None) == [None]
+
+
+def hostile_osc(count):
+    rng = np.random.default_rng(1)
+    good = [
+        osc(1.0, "1", 2.0, 3.0).dgram,
+        osc(told(1)).dgram,
+        bundle(osc(1.0, "1", 2.0, 3.0), osc(told(1))),
+    ]
+    for n in range(count):
+        content = bytearray(good[n % 3])
+        for _ in range(int(rng.integers(1, 5))):
+            content[rng.integers(len(content))] = rng.integers(256)
+        yield bytes(content[: rng.integers(1, len(content) + 1)])
+
+
+async def flooded(opens, contents, wanted):
+    """What is heard of datagrams, as (text, source), and the port that they came from.
+
+    wanted: how many texts each is. Some at a time, as the system drops what is not taken at once.
+    """
+    heard, count = [], 0
+    with (
+        bound(0, kind=socket.SOCK_DGRAM) as listens,
+        socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
+    ):
+        transport = await opens(listens, lambda text, source: heard.append((text, source)), None)
+        for n, one in enumerate(contents):
+            out.sendto(one, listens.getsockname())
+            count += wanted[n]
+            while n % 20 == 19 and len(heard) < count:
+                await asyncio.sleep(0)
+        while len(heard) < count:
+            await asyncio.sleep(0)
+        transport.close()
+        return heard, out.getsockname()[1]
+
+
+@pytest.mark.parametrize("name", ["udp", "osc"])
+def test_ten_thousand_hostile_datagrams_over_the_wire(name, capfd, caplog):
+    if name == "udp":
+        opens, contents = (
+            open_udp,
+            [
+                one.encode(errors="replace") if isinstance(one, str) else one
+                for one in hostile(10_000)
+            ],
+        )
+        texts = [[json_of(one, None)] for one in contents]
+    else:
+        opens, contents = open_osc, list(hostile_osc(10_000))
+        texts = [osc_of(one, None) for one in contents]
+    heard, port = asyncio.run(asyncio.wait_for(flooded(opens, contents, [*map(len, texts)]), 30))
+    source = f"{name}://127.0.0.1:{port}"
+    assert heard == [(text, source) for one in texts for text in one]
+    assert 100 < sum(text is None for text, _ in heard) < len(heard) - 100
+    assert capfd.readouterr() == ("", "") and not caplog.records
+
+
+def test_over_the_wire_a_token_is_asked_for_too():
+    content = [told(1).encode(), told(2, token="wrong").encode(), told(3, token="secret").encode()]
+
+    async def story():
+        heard = []
+        with (
+            bound(0, kind=socket.SOCK_DGRAM) as listens,
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as out,
+        ):
+            transport = await open_udp(listens, lambda text, _: heard.append(text), "secret")
+            for one in content:
+                out.sendto(one, listens.getsockname())
+            while len(heard) < 3:
+                await asyncio.sleep(0)
+            transport.close()
+        return heard
+
+    assert asyncio.run(asyncio.wait_for(story(), 10)) == [None, None, told(3)]
+
+
+# --- a recorded track
+
+
+def line_of(unit=PX, scale=(1.0, 1.0), heading=True, seconds=30.0):
+    t = np.arange(round(seconds * 25)) / 25
+    x, y = np.array([swum(one) for one in t]).T
+    return Line("swum", x * scale[0], y * scale[1], unit, 3.0 + t, 20 * t if heading else None)
+
+
+def test_a_recorded_track_is_said_as_a_live_animal_would_be():
+    said = list(messages(line_of(), None, TANK_OF))
+    assert [due for due, _ in said] == pytest.approx(np.arange(750) / 25)
+    animals = animals_of()
+    for due, text in said:
+        assert verdicts(animals, text, 40 + due) in (["taken"], ["outside"])
+        (one,) = animals.at(40 + due)
+        assert one.id == NAME and (one.x, one.y) == pytest.approx(swum(due))
+        assert math.remainder(one.heading_rad - math.radians(20 * due), math.tau) == pytest.approx(
+            0, abs=1e-9
+        )
+
+
+def test_a_track_is_taken_at_another_rate_and_unit():
+    wanted = [
+        (due, json.loads(text)) for due, text in messages(line_of(heading=False), None, TANK_OF)
+    ]
+    for line, scale in (
+        (line_of(TANK, (1 / 399, 1 / 299), False), None),
+        (line_of(MM, (0.5, 0.5), False), 0.5),
+    ):
+        said = [
+            (due, json.loads(text)) for due, text in messages(line, 12.5, TANK_OF, mm_per_px=scale)
+        ]
+        assert [due for due, _ in said] == pytest.approx([due for due, _ in wanted[::2]])
+        for (_, one), (_, other) in zip(said, wanted[::2], strict=True):
+            assert one == pytest.approx(other) and "heading" not in one
+    with pytest.raises(FinloopError, match="scale"):
+        list(messages(line_of(MM), None, TANK_OF))
+    with pytest.raises(FinloopError, match="no times"):
+        list(messages(line_of()._replace(time_s=None), 25.0, TANK_OF))
+
+
+@pytest.mark.parametrize("count, law, y_axis", KINDS)
+def test_a_recorded_track_speaks_for_any_tracker(count, law, y_axis):
+    points = pairs(*((one, law(*one)) for one in CORNERS[:count]))
+    animals = animals_of(points=points, y_axis=y_axis)
+    for due, text in itertools.islice(
+        messages(line_of(), None, TANK_OF, calibration=animals.calibration), 100
+    ):
+        animals.hear(text, "a", due)
+        assert animals.at(due)[0][1:3] == pytest.approx(swum(due))
+
+
+def test_a_spoiled_track_loses_delays_and_breaks_off_as_wanted():
+    line, plain = line_of(seconds=200.0), list(messages(line_of(seconds=200.0), None, TANK_OF))
+    said = list(messages(line, None, TANK_OF, Spoiled(loss=0.2)))
+    assert set(said) < set(plain) and 0.77 < len(said) / len(plain) < 0.83
+    said = list(messages(line, None, TANK_OF, Spoiled(jitter_s=0.05)))
+    late = [due - json.loads(text)["t"] for due, text in said]
+    assert len(said) == len(plain) and 0 <= min(late) < 0.001 and 0.049 < max(late) <= 0.05
+    assert [due for due, _ in said] == sorted(due for due, _ in said)
+    assert [text for _, text in said] != [text for _, text in plain]  # some overtake others
+    said = list(messages(line, None, TANK_OF, Spoiled(gap_s=2.0)))
+    gaps = np.diff([due for due, _ in said])
+    assert (gaps > 0.05).sum() == 16 and gaps.max() == pytest.approx(2.04, abs=0.041)
+    whole = Spoiled(0.2, 0.05, 2.0, seed=3)
+    assert list(messages(line, None, TANK_OF, whole)) == list(messages(line, None, TANK_OF, whole))
+    assert list(messages(line, None, TANK_OF, whole._replace(seed=4))) != list(
+        messages(line, None, TANK_OF, whole)
+    )
+
+
+def test_fish_follow_a_spoiled_track_as_well_as_it_can_be_known():
+    animals, misses, lost = animals_of(), [], 0
+    for due, text in messages(line_of(seconds=60.0), None, TANK_OF, Spoiled(0.2, 0.05, 2.0, 1)):
+        animals.hear(text, "a", due)
+        past = animals.past(NAME, due - 3)
+        if due > 6 and past is None:
+            lost += 1
+        elif due > 6:
+            misses.append(math.dist(past, swum(due - 3)))
+    assert np.median(misses) < 1 and np.percentile(misses, 95) < 6 and lost / len(misses) < 0.25
+
+
+# --- the example
+
+
+def test_the_camera_tracker_finds_the_drawn_carp(tmp_path):
+    example = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))
+    film = finloop.draw_carp(
+        tmp_path,
+        frames=40,
+        fish=2,
+        width_px=400,
+        height_px=300,
+        body_length_px=50.0,
+        frame_rate_hz=10.0,
+        colour=False,
+    )
+    truth = load_table(film.folder / "truth.parquet", TRUTH)
+    video = cv2.VideoCapture(str(film.folder / "clip.mp4"))
+    ground = example["background_of"](video)
+    frames = [(n / 25, cv2.cvtColor(video.read()[1], cv2.COLOR_BGR2GRAY)) for n in range(40)]
+    said = list(example["tracked"](frames, ground, np.full(ground.shape, 20), 2))
+    ways = {number: [] for number in (1, 2)}
+    for n, animals in enumerate(said):
+        places = truth.loc[truth["frame"] == n, ["x_px", "y_px"]].to_numpy()
+        assert parsed(json.dumps(animals)) and [one["t"] for one in animals] == [n / 25] * 2
+        for one in animals:
+            far = np.hypot(*(places - [one["x"], one["y"]]).T)
+            ways[one["id"]].append((far.min(), int(far.argmin())))
+    for way in ways.values():
+        off, fish = zip(*way, strict=True)
+        assert np.median(off) < 2 and max(off) < 8 and len(set(fish)) == 1
+    assert ways[1][0][1] != ways[2][0][1]
+
+
+def test_the_camera_tracker_sends_json_by_udp_and_by_a_websocket():
+    way_to = runpy.run_path(str(ROOT / "examples/camera_tracker.py"))["way_to"]
+    with bound(0, kind=socket.SOCK_DGRAM) as listens:
+        listens.settimeout(10)
+        with way_to(f"udp://127.0.0.1:{listens.getsockname()[1]}") as send:
+            send(told(1))
+        assert json_of(listens.recv(2000), None) == told(1)
+    came = queue.Queue()
+    with serve(lambda one: came.put(one.recv()), "127.0.0.1", 0) as server:
+        runs = threading.Thread(target=server.serve_forever)
+        runs.start()
+        with way_to(f"ws://127.0.0.1:{server.socket.getsockname()[1]}/animals") as send:
+            send(told(2))
+            assert came.get(timeout=10) == told(2)
+        server.shutdown()
+        runs.join(10)

@@ -1,0 +1,393 @@
+"""The experimenter's page, in a real browser, before a server that says what a test wants."""
+
+import json
+import queue
+import re
+import threading
+from http import HTTPStatus
+from importlib.resources import files
+from typing import get_args
+
+import pytest
+from browser import Visit, chromium
+from playwright.sync_api import expect
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.server import serve
+
+from finloop.live.door import _policy
+from finloop.stimulus.animals import Verdict
+
+PAGE = files("finloop.stimulus").joinpath("page/experimenter.html").read_text(encoding="utf-8")
+WHOLE = {
+    "protocol": "shoal or dot", "seed": 7, "file": "session-1.parquet", "link": "http://10.0.0.2:8751/show",
+    "tank": [1200, 800], "calibrated": True, "gap_s": 0.5, "mm_per_px": 0.25, "demands": ["a calibrated display"],
+    "trials": [[1, 1, 1, "fish", 60.0], [2, 1, 1, "dot", 60.0], [3, 2, 2, "dot", 60.0], [4, 2, 2, "fish", 60.0]],
+}  # fmt: skip
+STATE = {
+    "phase": "running", "now": 93.4, "trial": 1, "left_s": 45.2, "done": {"1": "done"}, "start": " ",
+    "display": {"name": "lab", "width": 1920, "height": 1080, "ratio": 1.0, "renderer": "ANGLE (lab)", "calibrated": True, "refresh_hz": 59.94, "hidden": False},
+    "displays": 1, "frames": 5520, "dropped": 3, "late": 1,
+    "latency": {"planned_ms": [1.84, 4.06], "drawn_ms": [14.2, 27.9], "tick_ms": None},
+    "fish": [[600.0, 200.0, 0.5, 120.0, 1.0]],
+    "animals": [["larva 1", 300.0, 500.0, 1.57, 0.02], ["larva 2", 900.0, 600.0, None, 4.0]],
+    "heard": {"rival": 4, "taken": 1210}, "messages": ["10.0 s: older", "91.0 s: newer"],
+}  # fmt: skip
+
+
+ARRIVES = """now => new Promise((done, fail) => {
+    const look = left => state && state.now === now ? done() : left ? setTimeout(look, 5, left - 1) : fail(now);
+    look(1000);
+})"""  # the page's policy forbids what playwright would wait with
+
+
+class Desk:
+    """A server of the page alone. `say`: a state, to the page that came last; `wishes`: of pages."""
+
+    def __init__(self):
+        self.wishes, self.came = queue.Queue(), queue.Queue()
+        self.server = serve(self._attend, "127.0.0.1", 0, process_request=self._answer)
+        self.address = "{}:{}".format(*self.server.socket.getsockname())
+        self.runs = threading.Thread(target=self.server.serve_forever)
+        self.runs.start()
+
+    def _answer(self, connection, request):
+        if request.path.startswith("/experimenter"):
+            assert request.headers["Origin"] == f"http://{self.address}"
+            return None
+        answer = connection.respond(HTTPStatus.OK, PAGE)
+        del answer.headers["Content-Type"]
+        answer.headers["Content-Type"] = "text/html; charset=utf-8"
+        answer.headers["Content-Security-Policy"] = _policy(PAGE, self.address)
+        return answer
+
+    def _attend(self, connection):
+        self.came.put(connection)
+        try:
+            for text in connection:
+                self.wishes.put(json.loads(text))
+        except ConnectionClosed:
+            pass
+
+    def next(self):
+        return self.wishes.get(timeout=5)
+
+    def close(self):
+        self.server.shutdown()
+        self.runs.join(5)
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with chromium() as one:
+        yield one
+
+
+@pytest.fixture(scope="module")
+def desk(browser):
+    one = Desk()
+    yield one
+    one.close()
+
+
+class Opened(Visit):
+    """The page, told a state; `tell` tells another, with some changes."""
+
+    def __init__(self, desk, page, query=""):
+        self.desk, self.now = desk, 93.4
+        super().__init__(page)
+        page.goto(f"http://{desk.address}/{query}")
+        self.connection = desk.came.get(timeout=5)
+
+    def tell(self, whole=None, **changes):
+        self.now += 0.1  # a state is told by its time, of the page's own making
+        state = STATE | {"now": round(self.now, 2)} | changes
+        self.connection.send(json.dumps(state if whole is None else whole | state))
+        self.page.evaluate(ARRIVES, state["now"])
+
+    def _asked(self, request):
+        if not request.url.startswith(f"http://{self.desk.address}/"):
+            super()._asked(request)
+
+
+@pytest.fixture
+def opened(browser, desk):
+    context = browser.new_context(viewport={"width": 1400, "height": 950})
+    one = Opened(desk, context.new_page())
+    one.tell(WHOLE)
+    yield one
+    assert one.bad == []
+    assert desk.wishes.empty()
+    context.close()
+
+
+def text(opened, name):
+    return opened.page.locator(f"#{name}").inner_text()
+
+
+def test_it_is_one_script_and_one_style_and_nothing_within_tags():
+    assert len(re.findall("<script", PAGE)) == len(re.findall("<style", PAGE)) == 1
+    assert "<script>" in PAGE and "<style>" in PAGE
+    assert not re.search(r"<[^>]+\s(?:style|on\w+)=", PAGE.partition("<script>")[0])
+    assert "innerHTML" not in PAGE and "http://" not in PAGE.replace("^https?", "")
+
+
+def test_a_state_is_shown(opened):
+    page = opened.page
+    assert text(opened, "protocol") == "shoal or dot" and "seed 7" in text(opened, "facts")
+    assert text(opened, "what") == "Trial 2 of 4: dot" and text(opened, "left") == "0:45"
+    assert page.locator("#part").evaluate("bar => bar.value") == pytest.approx(
+        1 - 45.2 / 60, abs=1e-3
+    )
+    states = page.locator("#trials tr").evaluate_all("rows => rows.map(row => row.dataset.state)")
+    assert states == ["done", "running", "", ""]
+    assert page.locator("#trials tr[aria-current]").inner_text().split()[:2] == ["2", "dot"]
+    assert "1920 × 1080 px" in text(opened, "display") and "59.94 Hz" in text(opened, "display")
+    assert "ANGLE (lab)" in text(opened, "display")
+    assert page.locator("#heard tr.warn").all_inner_texts() == [
+        text(opened, "heard").split("\n")[1]
+    ]
+    assert "1.8\t4.1" in text(opened, "latency") and "14.2\t27.9" in text(opened, "latency")
+    assert "3 dropped (0.05 %)" in text(opened, "frames") and "1 late" in text(opened, "frames")
+    assert text(opened, "heard").split("\n") == [
+        "taken\t1,210",
+        "refused: another tracker names the same animal\t4",
+    ]
+    assert text(opened, "log").split("\n") == ["91.0 s: newer", "10.0 s: older"]
+    assert text(opened, "summary") == "1 fish shown, 2 live animals, 1 lost"
+    assert "Trial 2, dot, runs." in page.locator("#told").inner_text()
+    opened.tell(trial=1, phase="pause", left_s=None, done={"1": "done", "2": "skipped"})
+    assert text(opened, "what") == "Next: trial 3, dot" and text(opened, "left") == ""
+    states = page.locator("#trials tr").evaluate_all("rows => rows.map(row => row.dataset.state)")
+    assert states == ["done", "skipped", "next", ""]
+    assert "2 of 4, 1 of them not whole; 2:00 of trials to come" in text(opened, "count")
+    opened.tell(
+        phase="done", left_s=None, done={"1": "done", "2": "aborted"}, heard={}, messages=[]
+    )
+    assert text(opened, "what") == "The session has ended"
+    assert page.locator("#unheard").is_visible() and page.locator("#quiet").is_visible()
+
+
+def test_every_verdict_on_an_input_is_put_in_words(opened):
+    opened.tell(heard=dict.fromkeys(get_args(Verdict), 1))
+    words = opened.page.locator("#heard th").all_inner_texts()
+    assert len(words) == len(get_args(Verdict)) and words[0] == "taken"
+    assert all(" " in word for word in words[1:]), words
+
+
+def test_what_is_amiss_with_the_display_is_said(opened):
+    display = STATE["display"]
+    opened.tell(
+        display=display | {"calibrated": False, "refresh_hz": None, "hidden": True}, displays=2
+    )
+    warnings = opened.page.locator("#display dd.warn").all_inner_texts()
+    assert len(warnings) == 3 and "the protocol demands it" in warnings[0]
+    assert not opened.page.locator("#nodisplay").is_visible()
+    opened.tell(display=None, displays=0)
+    link = opened.page.locator("#nodisplay a")
+    assert link.is_visible() and link.get_attribute("href") == WHOLE["link"]
+    opened.tell(WHOLE | {"link": "javascript:alert(1)"}, display=None, displays=0)
+    assert link.get_attribute("href") is None
+
+
+@pytest.mark.parametrize(
+    ("phase", "enabled"),
+    [
+        ("ready", {"start", "abort"}),
+        ("planning", {"skip", "stop", "abort"}),
+        ("waiting", {"start", "skip", "stop", "abort"}),
+        ("running", {"skip", "stop", "abort"}),
+        ("pause", {"skip", "stop", "abort"}),
+        ("done", set()),
+    ],
+)
+def test_only_what_can_be_done_now_can_be_pressed(opened, phase, enabled):
+    opened.tell(phase=phase, trial=-1 if phase == "ready" else 1)
+    names = ("start", "skip", "stop", "abort")
+    assert {name for name in names if opened.page.locator(f"#{name}").is_enabled()} == enabled
+
+
+def test_buttons_and_keys_say_what_they_mean(opened, desk):
+    page = opened.page
+    for how in ("click", "key"):
+        for name, key, phase in (
+            ("start", "s", "waiting"),
+            ("skip", "k", "pause"),
+            ("stop", "e", "running"),
+        ):
+            opened.tell(WHOLE, phase=phase)
+            page.locator("body").press(key) if how == "key" else page.click(f"#{name}")
+            assert desk.next() == {"do": name}
+    assert page.locator("#stop").get_attribute("aria-pressed") == "true"
+    opened.tell(phase="waiting")
+    page.locator("body").press(" ")  # starts the trial, as before the display
+    assert desk.next() == {"do": "key", "key": " "}
+    page.uncheck("#keys")
+    page.locator("body").press("s")
+    page.click("#start")
+    assert desk.next() == {"do": "start"} and desk.wishes.empty()
+
+
+def test_what_cannot_be_undone_is_asked_once_more(opened, desk):
+    page, dialog = opened.page, opened.page.locator("#ask")
+    for name, key in (("abort", "a"), ("skip", "k")):
+        page.click(f"#{name}")
+        assert dialog.is_visible() and "trial 2" in dialog.inner_text()
+        page.keyboard.press("Enter")  # what is focused first does no harm
+        expect(dialog).to_be_hidden()
+        page.locator("body").press(key)
+        page.keyboard.press("Escape")
+        expect(dialog).to_be_hidden()
+        assert desk.wishes.empty()
+        page.click(f"#{name}")
+        page.click("#yes")
+        assert desk.next() == {"do": name}
+    page.click("#skip")
+    opened.tell(trial=2, left_s=60.0)  # another trial runs by now
+    expect(dialog).to_be_hidden()
+    page.click("#abort")
+    assert "trial 3" in dialog.inner_text()
+    page.click("#no")
+
+
+def test_a_note_is_sent_and_keys_typed_in_it_are_only_text(opened, desk):
+    page = opened.page
+    page.locator("body").press("n")
+    page.keyboard.type(" a fish jumped: sake  ")
+    page.keyboard.press("Control+Enter")
+    assert desk.next() == {"do": "note", "text": "a fish jumped: sake"}
+    assert page.input_value("#note") == "" and "noted at" in text(opened, "said")
+    page.click("#add")  # nothing to add
+    page.fill("#note", "x")
+    page.click("#add")
+    assert desk.next() == {"do": "note", "text": "x"}
+
+
+def test_hostile_texts_are_shown_as_text(opened):
+    bad = "<img src=x onerror=\"document.title='hacked'\"><b>&amp;"
+    whole = WHOLE | {
+        "protocol": bad, "file": bad, "link": bad, "demands": [bad],
+        "trials": [[1, 1, 1, bad, 60.0], [2, 1, 1, bad, 60.0]],
+    }  # fmt: skip
+    opened.tell(
+        whole, display=STATE["display"] | {"name": bad}, heard={bad: 1}, messages=[bad],
+        animals=[[bad, 1.0, 2.0, None, 0.1]], done={"1": bad}, start=bad,
+    )  # fmt: skip
+    for name in ("protocol", "facts", "what", "display", "heard", "log", "trials"):
+        assert bad in text(opened, name), name
+    opened.tell(phase=bad, display=None)
+    assert text(opened, "phase") == bad and bad in text(opened, "nodisplay")
+    assert opened.page.locator("img, main b").count() == 0
+    assert "hacked" not in opened.page.title() or opened.page.title().startswith("<img")
+
+
+def ink(opened, x, y, reach):
+    """How much of each tone there is around a place of the tank, px of the canvas."""
+    return opened.page.evaluate(
+        """([x, y, reach]) => {
+            const map = document.getElementById("map"), scale = map.width / whole.tank[0];
+            const of = (w, h) => Object.assign(document.createElement("canvas"), {width: w, height: h}).getContext("2d", {willReadFrequently: true});
+            const at = of(map.width, map.height);
+            at.drawImage(map, 0, 0);
+            const tones = {};
+            for (const [name, tone] of [["fish", "--accent"], ["animal", "--taken"], ["lost", "--bad"]]) {
+                const probe = of(1, 1);
+                probe.fillStyle = colour(tone); probe.fillRect(0, 0, 1, 1);
+                tones[name] = [...probe.getImageData(0, 0, 1, 1).data];
+            }
+            const side = Math.round(2 * reach * scale);
+            const seen = at.getImageData(Math.round((x - reach) * scale), Math.round((y - reach) * scale), side, side).data;
+            const count = {fish: 0, animal: 0, lost: 0};
+            for (let i = 0; i < seen.length; i += 4) for (const name in tones)
+                count[name] += [0, 1, 2].every(part => Math.abs(seen[i + part] - tones[name][part]) < 12);
+            return count;
+        }""",
+        [x, y, reach],
+    )
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_map_shows_who_is_where(opened, scheme):
+    opened.page.emulate_media(color_scheme=scheme)
+    opened.tell()
+    fish, animal, lost = (ink(opened, x, y, 45) for x, y in ((600, 200), (300, 500), (900, 600)))
+    assert fish["fish"] > 300 and fish["animal"] == fish["lost"] == 0
+    assert animal["animal"] > 60 and animal["fish"] == animal["lost"] == 0
+    assert lost["lost"] > 30 and lost["fish"] == lost["animal"] == 0
+    ahead, behind = (ink(opened, 300, 500 + dy, 6) for dy in (-24, 24))  # its heading is up
+    assert ahead["animal"] > 4 and behind["animal"] == 0
+
+
+def test_the_way_of_the_last_seconds_is_drawn_and_no_jump(opened):
+    there = {"animals": [], "heard": {}}
+    for step in range(12):
+        opened.tell(fish=[[300.0 + 15 * step, 400.0, 0.0, 60.0, 1.0]], **there)
+    way = opened.page.evaluate("trails.get('fish 0').map(([x, y]) => x)")
+    assert way == [300.0 + 15 * step for step in range(12)]
+    opened.tell(fish=[[1000.0, 400.0, 0.0, 60.0, 1.0]], **there)
+    assert opened.page.evaluate("trails.get('fish 0').length") == 1
+    opened.now += 10
+    opened.tell(fish=[[1001.0, 400.0, 0.0, 60.0, 1.0]], **there)
+    assert opened.page.evaluate("trails.get('fish 0').length") == 1
+    opened.tell(fish=[], **there)
+    assert opened.page.evaluate("trails.size") == 0
+
+
+def test_a_session_that_does_not_answer_is_told_and_found_again(opened, desk):
+    page = opened.page
+    assert not page.locator("#alarm").is_visible()
+    page.evaluate("heardAt = performance.now() - 7000; alarm()")  # it is silent
+    expect(page.locator("#alarm")).to_contain_text("No connection to the session for 7 s")
+    opened.tell()
+    expect(page.locator("#alarm")).to_be_hidden()
+    opened.connection.close(1013, "too many")
+    expect(page.locator("#alarm")).to_contain_text("close one")
+    assert not page.locator("#abort").is_enabled() and not page.locator("#add").is_enabled()
+    opened.connection = desk.came.get(timeout=5)
+    opened.tell(WHOLE)
+    expect(page.locator("#alarm")).to_be_hidden()
+    assert page.locator("#abort").is_enabled()
+
+
+@pytest.mark.parametrize(
+    ("start", "said"),
+    [
+        (" ", "the space bar"),
+        ("Enter", "the enter key"),
+        ("g", "the key g"),
+        ("go", "the message go"),
+    ],
+)
+def test_what_a_trial_waits_for_is_said(opened, start, said):
+    opened.tell(phase="waiting", start=start, left_s=None)
+    assert text(opened, "phase") == f"waits for {said}"
+    assert opened.page.locator("#start").inner_text() == "Begin trial 2"
+
+
+def test_a_session_that_never_answers_is_told(browser, desk):
+    page = browser.new_page()
+    one = Opened(desk, page)
+    assert not page.locator("#alarm").is_visible()
+    one.connection.close(1008, "no token")
+    expect(page.locator("#alarm")).to_contain_text("does not answer")
+    desk.came.get(timeout=5)  # it has tried again
+    page.close()
+
+
+def test_the_token_of_the_address_is_shown_to_the_socket(browser, desk):
+    page = browser.new_page()
+    one = Opened(desk, page, "?token=abc")
+    assert one.connection.request.path == "/experimenter?token=abc"
+    page.close()
+
+
+@pytest.mark.parametrize("width", [360, 820, 1400])
+def test_nothing_sticks_out_at_any_width(opened, width):
+    opened.page.set_viewport_size({"width": width, "height": 800})
+    opened.tell(
+        WHOLE | {"protocol": "p" * 80, "trials": [[1, 1, 1, "c" * 80, 60.0]] * 200}, trial=150
+    )
+    opened.tell(phase="waiting", trial=150, start="m" * 80)
+    assert opened.page.evaluate("document.documentElement.scrollWidth") <= width
+    row = opened.page.locator("#trials tr[aria-current]").bounding_box()
+    box = opened.page.locator("#rolls").bounding_box()
+    assert box["y"] <= row["y"] <= box["y"] + box["height"]  # the trial that runs is in view

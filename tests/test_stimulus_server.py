@@ -1,0 +1,286 @@
+"""The pages and inputs of a session over the wire: strangers, hostile messages, a real browser."""
+
+import asyncio
+import gc
+import json
+import threading
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from browser import chromium
+from conftest import wait_for
+from toy_stimulus import feed_of, plan_of, session_of
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+from finloop.io.journal import save_journal
+from finloop.live.door import AppServer, Door, bound
+from finloop.stimulus.apps import replay_app, session_app
+from finloop.stimulus.desk import ask, told
+from finloop.stimulus.log import SESSION
+from finloop.stimulus.replay import frames_of, open_record, plan_again
+from finloop.stimulus.serve import said
+from finloop.stimulus.show import RealClock, Replay, Show
+
+CONDITIONS = {
+    "known": {"seconds": 0.8, "motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}},
+    "live": {
+        "seconds": 0.8,
+        "motion": {"rule": {"rule": "approach"}},
+        "look": {"as": "silhouette"},
+    },
+}
+READY = {"do": "ready", "width": 1280, "height": 720, "ratio": 1, "renderer": "r", "agent": "a"}
+
+
+@contextmanager
+def served(app_of):
+    """A server in a thread; yields its address."""
+    with bound(0) as listens:
+        up, found = threading.Event(), []
+        port = listens.getsockname()[1]
+        server = AppServer(app_of(port, lambda error: server.fail(error)), listens, up.set)
+
+        def serve():
+            try:
+                server.serve_on()
+            except Exception as error:
+                found.append(error)
+
+        runs = threading.Thread(target=serve)
+        runs.start()
+        assert up.wait(10)
+        try:
+            yield f"127.0.0.1:{port}", server
+        finally:
+            server.should_exit = True
+            runs.join(10)
+            assert not runs.is_alive() and not found, found
+
+
+@contextmanager
+def running(folder, token=None, digest=False, **plan):
+    """A session that is served; its file is there when the block ends."""
+    plan = plan_of(plan.pop("conditions", CONDITIONS), **plan)
+    session, _ = session_of(folder, plan, RealClock())
+    session.feed.facts["digest"] = digest
+    room = Show(session, "toy", folder / "display.json")
+    session.attach(room.send, lambda to, text: room.tell(text))
+    with served(lambda port, fail: session_app(Door(port, token), room, list, fail)) as (
+        address,
+        _,
+    ):
+        yield address, session
+    session.log.close()
+    save_journal(folder / "toy.journal", folder / "toy.parquet", SESSION)
+
+
+def way_in(address, path, origin=True, **how):
+    origin = f"http://{address}" if origin is True else origin
+    return connect(f"ws://{address}/{path}", origin=origin, compression=None, **how)
+
+
+# --- strangers
+
+
+def test_only_its_own_pages_and_programs_are_let_in(tmp_path):
+    with running(tmp_path) as (address, _):
+        for path in ("experimenter", "display"):
+            for origin in (None, "http://elsewhere.example", f"https://{address}"):
+                with pytest.raises(InvalidStatus):
+                    with way_in(address, path, origin):
+                        pass
+            with way_in(address, path):
+                pass
+        with way_in(address, "animals", None):  # a program has no origin
+            pass
+        with pytest.raises(InvalidStatus):
+            with way_in(address, "animals", "http://elsewhere.example"):
+                pass
+
+
+def test_whoever_comes_from_another_machine_shows_the_token(tmp_path):
+    with running(tmp_path, token="secret") as (address, _):
+        for path in ("animals", "animals?token=", "animals?token=secre", "animals?token=s%C3%A9"):
+            with pytest.raises(InvalidStatus):
+                with way_in(address, path, None):
+                    pass
+        with way_in(address, "animals?token=secret", None):
+            pass
+        with way_in(address, "display?token=secret"):
+            pass
+
+
+# --- hostile messages
+
+
+def hostile(count, seed):
+    """Good messages of all kinds, good ones with bytes changed, random bytes."""
+    rng = np.random.default_rng(seed)
+    good = [READY, {"do": "ping", "sent": 1.5}, {"do": "key", "key": " "}, {"do": "hidden", "on": True},
+            {"do": "display", "display": {}}, {"do": "note", "text": "<b>"}, {"do": "trigger", "name": "x"},
+            {"t": 1.5, "id": "1", "x": 3.0, "y": 4.0}, [{"t": 2, "id": 1, "x": 3, "y": 4}], [[[[[]]]]], None, {}]  # fmt: skip
+    for number in range(count):
+        if rng.integers(4) == 0:
+            yield rng.bytes(int(rng.integers(1, 400)))
+            continue
+        text = bytearray(json.dumps(good[rng.integers(len(good))] | {"t": number}
+                         if False else good[rng.integers(len(good))]).encode())  # fmt: skip
+        for _ in range(int(rng.integers(0, 4))):
+            text[rng.integers(len(text))] = rng.integers(32, 127)
+        yield text.decode()
+
+
+def test_no_message_of_a_page_breaks_the_session(tmp_path):
+    plan = plan_of(CONDITIONS)
+    session, _ = session_of(tmp_path, plan, RealClock())
+    counts = []
+    gc.collect()
+    gc.freeze()
+    try:
+        for turn in range(6):
+            for text in hostile(2000, turn):
+                said(text if isinstance(text, str) else None)
+                session.frames(text if isinstance(text, bytes) else text.encode())
+                session.hear(text, "a")
+                wanted = (
+                    json.loads(text).get("do") if isinstance(text, str) and _object(text) else ""
+                )
+                if wanted not in ("start", "stop", "abort", "skip"):
+                    ask(session, text if isinstance(text, str) else None)
+            session.log.keep()
+            gc.collect()
+            counts.append(len(gc.get_objects()))
+    finally:
+        gc.unfreeze()
+    assert session.phase == "ready" and session.numbers.bad > 1000
+    assert session.numbers.heard["malformed"] > 1000
+    assert max(counts[3:]) - max(counts[:3]) < 300, counts
+    assert json.dumps(told(session))
+    session.log.close()
+
+
+def _object(text):
+    try:
+        return isinstance(json.loads(text), dict)
+    except ValueError:
+        return False
+
+
+def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
+    with running(tmp_path) as (address, session):
+        with way_in(address, "experimenter", max_queue=None) as desk:
+            desk.send('{"do":"start"}')
+            for path in ("display", "animals", "experimenter"):
+                with way_in(address, path, max_queue=None) as way:
+                    for text in hostile(400, 7):
+                        if "start" not in str(text) and "abort" not in str(text):
+                            way.send(text)
+                with way_in(address, path, max_queue=None) as way:
+                    way.send(b"\xff\xfe{", text=True)  # no UTF-8
+                    with pytest.raises(ConnectionClosed):
+                        while True:
+                            way.recv(timeout=5)
+                with way_in(address, path, max_queue=None) as way:
+                    with pytest.raises(ConnectionClosed):
+                        way.send("x" * 200_000)
+                        while True:
+                            way.recv(timeout=5)
+            assert wait_for(lambda: session.phase == "done", 20)
+    assert session.done == {1: "done", 2: "done"}
+    record = open_record(tmp_path / "toy.parquet")
+    assert plan_again(record, session.scene, session.plan).different == 0
+    assert "Traceback" not in capfd.readouterr().err
+
+
+# --- the experimenter, triggers
+
+
+def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
+    triggers = [{"at": "start", "to": "socket", "text": "begin {trial} {condition}"},
+                {"at": "end", "to": "socket", "text": "end {trial}"}]  # fmt: skip
+    with running(tmp_path, start={"message": "go"}, triggers=triggers) as (address, session):
+        with way_in(address, "animals", None) as way, way_in(address, "experimenter") as desk:
+            assert json.loads(desk.recv())["phase"] == "ready"
+            desk.send('{"do":"start"}')
+            heard = []
+            for _ in range(2):
+                assert wait_for(lambda: session.phase == "waiting", 10)
+                way.send('{"do":"trigger","name":"stop"}')
+                way.send('{"do":"trigger","name":"go"}')
+                heard += [way.recv(timeout=10), way.recv(timeout=10)]
+            assert wait_for(lambda: session.phase == "done", 10)
+    assert heard == ["begin 1 known", "end 1", "begin 2 live", "end 2"]
+
+
+def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
+    long = {"a": {"seconds": 600.0, "motion": {"wander": True}}}
+    with running(tmp_path, conditions={"b": long["a"] | {"seconds": 30.0}}) as (address, session):
+        with way_in(address, "experimenter") as desk:
+            desk.send('{"do":"start"}')
+            assert wait_for(lambda: session.phase == "running", 30)
+            desk.send(json.dumps({"do": "note", "text": "the fish sleeps"}))
+            desk.send('{"do":"abort"}')
+            assert wait_for(lambda: session.phase == "done", 10)
+    texts = [row["text"] for row in open_record(tmp_path / "toy.parquet").rows("event", "trial")]
+    assert any("the fish sleeps" in text for text in texts)
+    assert any('"what": "abort", "number": 1' in text for text in texts)
+
+
+# --- a real browser
+
+
+def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
+    with chromium() as browser:
+        long = {name: one | {"seconds": 2.0} for name, one in CONDITIONS.items()}
+        with running(tmp_path, digest=True, conditions=long) as (address, session):
+            page = browser.new_page(viewport={"width": 640, "height": 480})
+            bad = []
+            page.on("pageerror", lambda error: bad.append(str(error)))
+            page.goto(f"http://{address}/show")
+            assert wait_for(lambda: session.display is not None, 20)
+            with (
+                way_in(address, "experimenter", max_queue=None) as desk,
+                way_in(address, "animals", None) as way,
+            ):
+                desk.send('{"do":"start"}')
+                number = 0
+                while session.phase != "done":
+                    place = 100 + 80 * (number // 10 % 2)
+                    way.send(json.dumps({"t": number / 30, "id": 1, "x": place, "y": place}))
+                    number += 1
+                    page.wait_for_timeout(30)
+            assert wait_for(lambda: session.numbers.frames > 8, 20)
+            page.close()
+        record = open_record(tmp_path / "toy.parquet")
+        frames = list(frames_of(record))
+        drawn = [one for one in frames if len(one.states)]
+        assert len(drawn) > 8 and all(one.digest for one in frames)
+        assert len({one.digest for one in drawn}) > 4  # it moves
+        assert plan_again(record, session.scene, session.plan).different == 0
+        feed = feed_of(session.scene, session.plan, mode="replay", digest=True)
+        room, done = Replay(feed, frames_of(record), quick=True), threading.Event()
+        with served(lambda port, fail: replay_app(Door(port), room, done.set, fail)) as (
+            address,
+            _,
+        ):
+            page = browser.new_page(viewport={"width": 640, "height": 480})
+            page.goto(f"http://{address}/")
+            assert wait_for(lambda: (page.wait_for_timeout(20), done.is_set())[1], 60)
+            page.close()
+        assert not bad and room.compared == room.shown == len(frames) and room.different == []
+
+
+def test_a_wait_on_the_real_clock_ends_in_time():
+    clock = RealClock()
+
+    async def waited():
+        late = []
+        for _ in range(5):
+            due = clock.now() + 0.01
+            await clock.until(due)
+            late.append(clock.now() - due)
+        return late
+
+    assert min(asyncio.run(waited())) >= 0

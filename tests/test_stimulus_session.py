@@ -1,0 +1,374 @@
+"""A session: what is shown is logged whole, survives a cut, and is planned again bit for bit."""
+
+import asyncio
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from toy_stimulus import feed_of, header_of, plan_of, run_dry, scene, session_of
+
+from finloop.base.errors import FinloopError
+from finloop.io.journal import read_journal, save_journal
+from finloop.stimulus.course import Cue, Reaction, again, planned
+from finloop.stimulus.drawn import ALPHA, LOOK, PARTNER, PICTURE, X, Y
+from finloop.stimulus.feed import message
+from finloop.stimulus.log import FRAME_FIELDS, SESSION, Log, frames_of
+from finloop.stimulus.replay import frames_of as frames_in
+from finloop.stimulus.replay import open_record, plan_again
+from finloop.stimulus.show import Dry
+from finloop.stimulus.summary import reactions_ms, summary, table_of, tick_errors_ms
+
+RULE = {"motion": {"rule": {"rule": "approach"}}}
+GOALS = {"motion": {"goals": [[0.2, 0.2], [0.8, 0.8]]}}
+ALL = {
+    "fish": {"seconds": 1.0} | GOALS,
+    "dot": {"seconds": 1.0, "look": {"as": "dot"}} | GOALS,
+    "back": {"seconds": 1.0, "change": {"reversed": True}} | GOALS,
+    "live": {"seconds": 1.5} | RULE,
+    "yoked": {"seconds": 1.5, "motion": {"again": "live"}},
+}
+
+
+def walk(seed, seconds=30.0, rate=40.0, loss=0.0, jitter=0.0, gaps=False):
+    """What a tracker says of an animal that darts about, some of it lost, late, or in no order."""
+    rng, place = np.random.default_rng(seed), np.array([200.0, 200.0])
+    messages = []
+    for number in range(int(seconds * rate)):
+        t = number / rate
+        if rng.random() < 0.03:
+            place = rng.uniform(0, 700, 2)
+        if rng.random() < loss or (gaps and t % 5 < 2):
+            continue
+        text = {"t": round(t, 4), "id": "1", "x": round(place[0], 2), "y": round(place[1], 2)}
+        messages.append((t + rng.uniform(0, jitter), json.dumps(text)))
+    return sorted(messages)
+
+
+# --- courses
+
+
+def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
+    record, session, _ = run_dry(tmp_path, plan_of(ALL), walk(1))
+    ticks = table_of(record)
+    ticks = ticks[ticks["kind"] == "tick"]
+    made = session._motions
+    np.testing.assert_array_equal(made["fish"], made["dot"])
+    np.testing.assert_array_equal(made["back"], made["fish"][::-1])
+    np.testing.assert_array_equal(made["yoked"], made["live"][: len(made["yoked"])])
+    shown = {name: Cue(session.plan.conditions[name], 1, "hybrid", look).shown(made[name], scene())
+             for name, look in (("fish", 0), ("dot", 1))}  # fmt: skip
+    assert (shown["fish"][..., LOOK] == 0).all() and (shown["dot"][..., LOOK] == 1).all()
+    rest = [n for n in range(shown["fish"].shape[2]) if n != LOOK]
+    np.testing.assert_array_equal(shown["fish"][..., rest], shown["dot"][..., rest])
+
+
+def test_fish_go_to_their_goals_one_after_the_other():
+    made, plan = scene(), plan_of({"a": {"seconds": 40.0} | GOALS}, fish=2)
+    states = planned(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+    size = np.array([made.tank.width - 1, made.tank.height - 1])
+    for fish in range(2):
+        first = [np.hypot(*(states[:, fish, [X, Y]] - share * size).T) for share in (0.2, 0.8)]
+        there = [np.flatnonzero(one < 1.5 * made.length_px) for one in first]
+        assert len(there[0]) and len(there[1]) and there[0][0] < there[1][0]
+
+
+def test_a_motion_that_was_broken_off_stays_as_it_ended():
+    made, plan = scene(), plan_of({"a": {"seconds": 2.0} | GOALS})
+    cue = Cue(plan.conditions["a"], 1, "hybrid")
+    whole = planned(made, cue, 3)
+    short = again(made, cue, whole[:20])
+    assert len(short) == len(whole)
+    np.testing.assert_array_equal(short[:20], whole[:20])
+    assert (short[20:] == whole[19]).all()
+
+
+def test_fading_changes_nothing_but_alpha(tmp_path):
+    made, plan = scene(), plan_of({"a": {"seconds": 1.5} | RULE}, fade_s=0.4)
+    told = []
+    for fade in (0.0, 0.4):
+        from finloop.stimulus.animals import Animals
+
+        animals = Animals(plan.animals, made.tank, None)
+        reaction = Reaction(made, Cue(plan.conditions["a"], 1, "hybrid", 0, fade), 1, animals)
+        told.append(np.stack([reaction.tick(n / made.rate_hz) for n in range(made.ticks(1.5))]))
+    plain, faded = told
+    assert (plain[..., ALPHA] == 1).all() and faded[0, 0, ALPHA] == faded[-1, 0, ALPHA] == 0
+    rest = [n for n in range(plain.shape[2]) if n != ALPHA]
+    np.testing.assert_array_equal(plain[..., rest], faded[..., rest])
+
+
+def test_more_fish_than_there_is_room_for_are_refused(monkeypatch):
+    made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
+    monkeypatch.setattr("finloop.animate.swim._PLACES", 0)  # no place is looked for
+    with pytest.raises(FinloopError, match="room for 0 fish"):
+        planned(made, Cue(plan.conditions["a"], 2, "hybrid"), 3)
+
+
+# --- closed loop
+
+
+def greatest(states):
+    """The greatest step of a fish's place from tick to tick."""
+    return float(np.hypot(*np.diff(states[:, 0, [X, Y]], axis=0).T).max())
+
+
+def test_spoiled_messages_make_no_fish_jump(tmp_path):
+    made = scene()
+    free = planned(made, Cue(plan_of({"a": {"seconds": 60.0} | GOALS}).conditions["a"], 1,
+                             "hybrid"), 1)  # fmt: skip
+    plan = plan_of({"live": {"seconds": 25.0} | RULE})
+    _, session, _ = run_dry(tmp_path, plan, walk(2, 26), made, "clean")
+    _, other, _ = run_dry(
+        tmp_path, plan, walk(2, 26, loss=0.2, jitter=0.05, gaps=True), made, "spoiled"
+    )
+    assert other.numbers.heard["late"] > 5 and other.numbers.heard["taken"] > 100
+    for one in (session, other):
+        assert greatest(one._motions["live"]) <= greatest(free) * 1.001
+
+
+def test_a_fish_comes_to_a_still_animal_sooner_than_left_alone(tmp_path):
+    still = [(t / 30, json.dumps({"t": t / 30, "id": 1, "x": 150.0, "y": 150.0}))
+             for t in range(1200)]  # fmt: skip
+    plan, made = plan_of({"live": {"seconds": 30.0} | RULE}), scene()
+    near = []
+    for messages in (still, []):
+        _, session, _ = run_dry(tmp_path, plan, messages, made, f"s{len(messages)}")
+        way = session._motions["live"][:, 0, [X, Y]] - 150
+        near.append(np.hypot(*way.T).min())
+    assert near[0] < 2 * made.length_px < near[1]
+
+
+# --- the log
+
+
+def test_all_that_was_kept_survives_a_cut_anywhere(tmp_path):
+    log = Log(tmp_path / "a.journal", {"format": 1})
+    sizes = []
+    for number in range(6):
+        log.event(float(number), "mark", number=number)
+        log.frame(np.arange(FRAME_FIELDS) + number, np.full((2, 20), number, np.float32))
+        log.keep()
+        sizes.append((tmp_path / "a.journal").stat().st_size)
+    whole = (tmp_path / "a.journal").read_bytes()  # never closed, as after a power failure
+    for cut in [*sizes, *(size - 1 for size in sizes), *(size + 9 for size in sizes[:-1])]:
+        path = tmp_path / "cut.journal"
+        path.write_bytes(whole[:cut])
+        with read_journal(path) as (_, parts):
+            rows = sum(part.num_rows for part in parts)
+        kept = sum(size <= cut for size in sizes)
+        assert 4 * kept <= rows < 4 * (kept + 1), cut
+    log.close()
+    with pytest.raises(FinloopError, match="exists already"):
+        Log(tmp_path / "a.journal", {})
+
+
+def test_a_session_that_was_cut_off_is_recovered_and_summed_up(tmp_path):
+    plan = plan_of(ALL)
+    run_dry(tmp_path, plan, walk(1))
+    whole = (tmp_path / "toy.journal").read_bytes()
+    cut = tmp_path / "cut.journal"
+    cut.write_bytes(whole[: len(whole) * 2 // 3])
+    save_journal(cut, tmp_path / "cut.parquet", SESSION)
+    record = open_record(tmp_path / "cut.parquet")
+    assert 0 < len(table_of(record)) < len(table_of(open_record(tmp_path / "toy.parquet")))
+    assert "| never |" in summary(record) or "| end |" in summary(record)
+
+
+def test_what_is_no_session_is_refused_in_plain_words(tmp_path):
+    plan = plan_of({"a": {"seconds": 0.5} | GOALS})
+    run_dry(tmp_path, plan)
+    whole = (tmp_path / "toy.parquet").read_bytes()
+    (tmp_path / "cut.parquet").write_bytes(whole[:-20])
+    with pytest.raises(FinloopError, match="cannot be read"):
+        open_record(tmp_path / "cut.parquet")
+    with pytest.raises(FinloopError, match="cannot be read"):
+        open_record(tmp_path / "none.parquet")
+    pq.write_table(pq.read_table(tmp_path / "toy.parquet").select(["kind"]),
+                   tmp_path / "other.parquet")  # fmt: skip
+    with pytest.raises(FinloopError, match="is no session"):
+        open_record(tmp_path / "other.parquet")
+    made = scene()
+    log = Log(tmp_path / "new.journal", header_of(made, plan, format=99, finloop="9.9"))
+    log.close()
+    save_journal(tmp_path / "new.journal", tmp_path / "new.parquet", SESSION)
+    with pytest.raises(FinloopError, match=r"format 99, made by finloop 9\.9"):
+        open_record(tmp_path / "new.parquet")
+    (tmp_path / "junk.journal").write_bytes(b"not a journal")
+    with pytest.raises(FinloopError, match="journal"), read_journal(tmp_path / "junk.journal"):
+        pass
+
+
+def test_displayed_frames_come_back_bit_for_bit(tmp_path):
+    rng, width = np.random.default_rng(0), 20
+    log, told = Log(tmp_path / "a.journal", {"format": 1}), []
+    for number in range(500):
+        count = int(rng.integers(0, 4))
+        states = rng.normal(size=(count, width)).astype(np.float32)
+        log.frame(np.array([number, 0.1, number / 60, 0, 0, 0, count, number * 3.0]), states)
+        told.append((number, number / 60, number * 3, states.tobytes()))
+        if rng.random() < 0.05:
+            log.keep()
+    log.close()
+    save_journal(tmp_path / "a.journal", tmp_path / "a.parquet", SESSION)
+    with pytest.raises(KeyError):
+        open_record(tmp_path / "a.parquet").header["protocol"]
+    back = [(one.number, one.shown_s, one.digest, one.states.tobytes())
+            for one in frames_in(open_record(tmp_path / "a.parquet"))]  # fmt: skip
+    assert back == told
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.binary(max_size=400) | st.lists(st.floats(width=32), max_size=60).map(
+    lambda numbers: np.array(numbers, "<f8").tobytes()))  # fmt: skip
+def test_no_record_of_frames_breaks_the_reader(content):
+    try:
+        frames = frames_of(content, 20)
+    except ValueError:
+        return
+    assert all(states.shape[1] == 20 and np.isfinite(states).all() for _, states in frames)
+
+
+# --- planned again
+
+
+def random_session(folder, seed, made):
+    rng = np.random.default_rng(seed)
+    names = rng.permutation(
+        ["approach", "keep distance", "follow", "lead", "avoid", "copy", "mirror"]
+    )
+    conditions = {f"c{n}": {"seconds": 0.5, "motion": {"rule": {"rule": str(name)}}}
+                  for n, name in enumerate(names[:2])}  # fmt: skip
+    conditions["known"] = {"seconds": 0.4} | GOALS
+    conditions["yoked"] = {"seconds": 0.4, "motion": {"again": "c0"}}
+    plan = plan_of(conditions, seed=int(seed), order="shuffled", fish=int(rng.integers(1, 3)))
+    messages = walk(seed, 8, loss=0.2, jitter=0.05)
+    return run_dry(folder, plan, messages, made, f"r{seed}"), plan
+
+
+def test_a_hundred_random_sessions_are_planned_again_bit_for_bit(tmp_path):
+    made, anew = scene(), 0
+    for seed in range(100):
+        (record, _, _), plan = random_session(tmp_path, seed, made)
+        told = plan_again(record, made, plan)
+        assert told.ticks > 20 and told.different == 0, seed
+        anew += int((table_of(record)["verdict"] == "anew").sum())
+    assert anew > 100
+
+
+def test_another_input_is_found_out(tmp_path):
+    made = scene()
+    (record, _, _), plan = random_session(tmp_path, 3, made)
+    table = pq.read_table(record.path)
+    texts = [text and text.replace('"x": ', '"x": 1') for text in table["text"].to_pylist()]
+    changed = table.set_column(table.schema.get_field_index("text"), "text", [texts])
+    pq.write_table(changed.cast(table.schema), tmp_path / "changed.parquet")
+    assert plan_again(open_record(tmp_path / "changed.parquet"), made, plan).different > 0
+
+
+# --- times
+
+
+def test_the_summary_tells_what_was_shown_and_how_soon(tmp_path):
+    plan = plan_of(ALL, order="blocks", repeats=2)
+    record, session, _ = run_dry(tmp_path, plan, walk(1))
+    text, table = summary(record), table_of(record)
+    for name in ALL:
+        assert text.count(f"| {name} |") == 2
+    assert "numpy 2" in text and "taken" in text and "seed 5" in text
+    assert session.done == dict.fromkeys(range(1, 11), "done")
+    planned_ms, _ = reactions_ms(table, record.header["rate_hz"])
+    assert len(planned_ms) and (planned_ms == 0).all()  # nothing lasts on this clock
+    errors = tick_errors_ms(table)
+    assert len(errors) > 50 and np.abs(errors).max() < 1e-6
+
+
+def test_input_to_frame_is_the_first_frame_in_which_it_shows(tmp_path):
+    plan, clock = plan_of({"live": {"seconds": 3.0} | RULE}), Dry()
+    session, _ = session_of(tmp_path, plan, clock)
+    rate, width = session.scene.rate_hz, session.scene.width
+    session.patient = False
+    session.start()
+
+    async def played():
+        running = asyncio.create_task(session.run())
+        while session._tick < 5:
+            await asyncio.sleep(0)
+        session.hear('{"t": 1.0, "id": 1, "x": 30.0, "y": 30.0}', "a")
+        seq, due, heard = session._seq, session._due, clock.now()
+        for number, at in enumerate((due - 1.2 / rate, due - 0.9 / rate, due)):
+            facts = np.array([number, at, at, at + 0.004, seq, 0, 0, 0])
+            session.frames(facts.tobytes())
+        await running
+        return due, heard
+
+    due, heard = asyncio.run(played())
+    wanted = 1e3 * (due - 0.9 / rate + 0.004 - heard)
+    assert list(session.numbers.drawn) == pytest.approx([wanted])
+    session.log.close()
+    save_journal(tmp_path / "toy.journal", tmp_path / "toy.parquet", SESSION)
+    _, drawn = reactions_ms(table_of(open_record(tmp_path / "toy.parquet")), rate)
+    assert drawn == pytest.approx([wanted])
+    assert width > 20
+
+
+def test_a_clock_that_jumps_is_told(tmp_path):
+    session, _ = session_of(tmp_path, plan_of(ALL), Dry())
+    for wall in (100.0, 100.2, 400.0, 400.1, 50.0):
+        session.look(wall)
+    session.log.close()
+    jumps = [text for text in session.messages if "clock jumped" in text]
+    assert len(jumps) == 2 and "299.8" in jumps[0]
+
+
+def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
+    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), Dry())
+    came = {"name": "d", "calibrated": False}
+    session.display_came(came)
+    record = np.array([6, 0, 0, 0, 0, 0, 0, 0.0]).tobytes()
+    session.frames(record)
+    session.phase, session.at = "running", 0
+    session.display_left()
+    assert session.display is None and "display has gone" in session.messages[-1]
+    session.display_came(came)
+    session.frames(np.array([1, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
+    assert session._frame == 9  # the parity that the square shows stays
+    session.frames(b"nonsense")
+    assert session.numbers.bad == 1
+    session.log.close()
+
+
+# --- the feed
+
+
+def test_a_picture_is_sent_once_and_slots_are_used_again():
+    made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
+    feed = feed_of(made, plan, slots=(1024, 1024))
+    slots = feed.tank.slots
+    assert slots == 256
+    states = np.zeros((1, made.width), np.float32)
+
+    def sent(picture, partner=-1):
+        states[0, [PICTURE, PARTNER]] = picture, partner
+        return [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])
+                for one in feed.rows(1, 0, 0.0, states)[:-1]]  # fmt: skip
+
+    assert [one["picture"] for one in sent(3, 4)] == [3, 4]
+    assert sent(3, 4) == sent(4) == []
+    for picture in range(10, 10 + slots - 2):
+        assert len(sent(picture)) == 1
+    sent(3)
+    assert [(one["picture"], one["slot"]) for one in sent(9)] == [(9, 1)]  # that of 4, long unused
+    assert sent(3) == [] and len(sent(4)) == 1
+    kinds = [json.loads(one[4 : 4 + int.from_bytes(one[:4], "little")])["kind"]
+             for one in feed.begin()]  # fmt: skip
+    assert kinds.count("hello") == 1 and kinds.count("picture") == slots and kinds[-1] == "rows"
+
+
+def test_a_message_is_its_length_its_text_and_its_payload():
+    made = message("clear", b"abc", number=1)
+    length = int.from_bytes(made[:4], "little")
+    assert json.loads(made[4 : 4 + length]) == {"kind": "clear", "number": 1}
+    assert made[4 + length :] == b"abc"

@@ -1,0 +1,142 @@
+"""The program `stages.stimulus` on a film: listed, run dry, checked, recovered; what it refuses."""
+
+import json
+import shutil
+import sys
+
+import pytest
+import yaml
+from browser import WITHIN, chromium
+from tiny_run import TinyRun
+
+import stages.stimulus
+from finloop.base.errors import FinloopError
+from finloop.io.journal import save_journal
+from finloop.stimulus.display import Display, save_display
+from finloop.stimulus.replay import open_record
+from stages.scene import display_file, known_display, opened
+
+CONDITIONS = {
+    "goals": {"seconds": 1.0, "motion": {"goals": [[0.2, 0.5], [0.8, 0.5]]}},
+    "dot": {"seconds": 1.0, "motion": {"goals": [[0.2, 0.5], [0.8, 0.5]]}, "look": {"as": "dot"}},
+    "live": {"seconds": 1.5, "motion": {"rule": {"rule": "follow", "distance": 1.0}}},
+    "yoked": {"seconds": 1.5, "motion": {"again": "live"}},
+}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, tiny_run: TinyRun):
+    folder = tmp_path_factory.mktemp("stimulus")
+    tiny_run.bring(folder, ["animate", "export"])
+    shutil.copy2(tiny_run.folder / "params.yaml", folder / "params.yaml")
+    (folder / "conf").symlink_to(tiny_run.folder / "conf")
+    return folder
+
+
+@pytest.fixture
+def there(made, monkeypatch):
+    monkeypatch.chdir(made)
+    return made
+
+
+def protocol(folder, name="protocol.yaml", **more):
+    values = {"version": 1, "name": "tiny", "seed": 2, "display": {"calibrated": False}}
+    values |= {"animals": {"unit": "px"}, "conditions": CONDITIONS} | more
+    (folder / name).write_text(yaml.safe_dump(values))
+    return str(folder / name)
+
+
+def command(monkeypatch, *words):
+    monkeypatch.setattr(sys, "argv", ["stimulus", *map(str, words)])
+    stages.stimulus.main()
+
+
+def test_it_is_listed_run_dry_and_planned_again(there, tmp_path, monkeypatch, capsys):
+    path = protocol(tmp_path)
+    command(monkeypatch, "list", path)
+    listed = capsys.readouterr().out
+    assert all(name in listed for name in CONDITIONS)
+    spoil = ["--loss", "0.2", "--jitter", "0.05", "--gap", "0.5"]
+    command(monkeypatch, "dry", path, "--out", tmp_path, "--animal", "track:0", *spoil)
+    assert listed.strip() in capsys.readouterr().out
+    [session] = tmp_path.glob("*.parquet")
+    assert not list(tmp_path.glob("*.journal"))
+    words = session.with_suffix(".md").read_text()
+    assert "a dry run" in words and all(f"| {name} |" in words for name in CONDITIONS)
+    command(monkeypatch, "replay", session, "--check")
+    assert ", 0 differ" in capsys.readouterr().out
+
+
+def test_a_journal_that_was_left_becomes_a_session(there, tmp_path, monkeypatch, capsys):
+    kept = []
+
+    def cut(journal, path, schema):
+        kept.append(journal.read_bytes() if journal.exists() else b"")
+        return save_journal(journal, path, schema)
+
+    monkeypatch.setattr(stages.stimulus, "save_journal", cut)
+    command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path / "a")
+    journal = tmp_path / "left.journal"
+    journal.write_bytes(kept[0][: len(kept[0]) * 3 // 4])
+    command(monkeypatch, "recover", journal)
+    record = open_record(tmp_path / "left.parquet")
+    assert sum(1 for _ in record.rows("tick")) > 10 and not journal.exists()
+    assert "recovered" in (tmp_path / "left.md").read_text()
+    with pytest.raises(FinloopError, match="cannot be read"):
+        command(monkeypatch, "recover", tmp_path / "none.journal")
+
+
+def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
+    command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path)
+    monkeypatch.setattr("stages.scene._MADE_FROM", ("clip/facts.json",))
+    [session] = tmp_path.glob("*.parquet")
+    with pytest.raises(FinloopError, match="from another film"):
+        command(monkeypatch, "replay", session, "--check")
+
+
+def test_a_display_must_be_calibrated_where_the_protocol_says_so(there, tmp_path, monkeypatch):
+    path = protocol(tmp_path, display={"calibrated": True})
+    with pytest.raises(FinloopError, match="the display wall is not calibrated"):
+        command(monkeypatch, "show", path, "--display", "wall", "--port", "0")
+    with pytest.raises(FinloopError, match="letters, digits"):
+        display_file("../wall")
+    wall = Display(width_px=1280, height_px=720, ratio=1.0, refresh_hz=60.0, px_per_mm=3.5)
+    save_display(display_file("wall"), wall)
+    try:
+        assert known_display("wall", True) == wall
+        display_file("wall").write_text(json.dumps({"version": 2}))
+        with pytest.raises(FinloopError, match="another version"):
+            known_display("wall", True)
+    finally:
+        display_file("wall").unlink()
+
+
+def test_a_track_wants_a_protocol_with_animals(there, tmp_path, monkeypatch):
+    known = {"goals": CONDITIONS["goals"]}
+    path = protocol(tmp_path, animals=None, conditions=known)
+    with pytest.raises(FinloopError, match="no live animals"):
+        command(monkeypatch, "dry", path, "--animal", "track:0", "--out", tmp_path)
+
+
+def test_the_length_of_a_fish_on_the_display_settles_its_scale(there, tmp_path):
+    from finloop.stimulus.protocol import load_protocol
+
+    path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
+    from pathlib import Path
+
+    with opened(load_protocol(Path(path))) as scene:
+        assert scene.scene.mm_per_px * scene.scene.length_px == pytest.approx(35.0)
+
+
+def test_the_page_that_stands_alone_plays_the_edit_list(there):
+    with chromium() as browser:
+        page = browser.new_page(viewport={"width": 640, "height": 480})
+        bad = []
+        page.on("pageerror", lambda error: bad.append(str(error)))
+        page.on("request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None)
+        page.goto((there / "data/export/stimulus.html").absolute().as_uri())
+        pictures = []
+        for _ in range(3):
+            page.wait_for_timeout(400)
+            pictures.append(page.screenshot())
+        assert not bad and len(set(pictures)) == 3  # it moves

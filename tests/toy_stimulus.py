@@ -1,0 +1,74 @@
+"""A session of the made-up fish that lasts no time, for the tests of the stimulus."""
+
+import asyncio
+
+import numpy as np
+from toy_film import bodies_of, rich_film
+from toy_tank import Drops, toy_players
+
+from finloop.animate.edit_list import FRAME
+from finloop.io.journal import save_journal
+from finloop.render.gallery import Gallery, Shelf
+from finloop.stimulus.course import Scene
+from finloop.stimulus.feed import Feed, Tank
+from finloop.stimulus.log import FORMAT, SESSION, Log
+from finloop.stimulus.order import trials
+from finloop.stimulus.pictures import PagePictures
+from finloop.stimulus.protocol import protocol_of
+from finloop.stimulus.replay import open_record
+from finloop.stimulus.session import Session
+from finloop.stimulus.show import Dry
+
+LIVE = {"unit": "px"}
+
+
+def scene():
+    return Scene(toy_players(), bodies_of(rich_film()))
+
+
+def plan_of(conditions, **more):
+    values = {"version": 1, "name": "toy", "seed": 5, "display": {"calibrated": False}}
+    return protocol_of(values | {"animals": LIVE} | more | {"conditions": conditions})
+
+
+def feed_of(made, plan, slots=(64, 64), **facts):
+    height, width = made.waters.tank.arena.shape
+    count, middle = len(made.bodies.poses.codes), (15.0, 15.0)
+    shelf = Shelf(Drops(count), np.full((count, 2), middle))
+    gallery = Gallery({FRAME: shelf}, made.bodies)
+    looks = [look.message for look in plan.looks]
+    more = {"rate": made.rate_hz, "posture": made.posture, "looks": looks, "fish": plan.fish}
+    more |= {"mm_per_px": None, "display": None, "mode": "session", "digest": False, "keys": []}
+    floor = np.full((height, width), 200, np.uint8)
+    return Feed(Tank(floor, *slots), more | {"name": "toy"} | facts, PagePictures(gallery))
+
+
+def header_of(made, plan, **more):
+    return {
+        "format": FORMAT, "finloop": "0", "begun": "now", "software": {"numpy": "2"},
+        "protocol": plan.model_dump(mode="json", by_alias=True), "film": "toy",
+        "rate_hz": made.rate_hz, "looks": [look.message for look in plan.looks], "display": None, "folder": ".",
+    } | more  # fmt: skip
+
+
+def session_of(folder, plan, clock, made=None, name="toy", **more):
+    made = made or scene()
+    log = Log(folder / f"{name}.journal", header_of(made, plan, **more))
+    sent = []
+    session = Session(made, plan, trials(plan), feed_of(made, plan), log, clock)
+    session.attach(sent.append, lambda to, text: None)
+    return session, sent
+
+
+def run_dry(folder, plan, messages=(), made=None, name="toy", before=lambda session: None):
+    """The record of a session without display; messages: (time, text) of a tracker."""
+    clock = Dry(iter(messages))
+    session, sent = session_of(folder, plan, clock, made, name)
+    clock.hear, session.patient = session.hear, False
+    before(session)
+    session.start()
+    asyncio.run(session.run())
+    session.log.close()
+    path = folder / f"{name}.parquet"
+    save_journal(folder / f"{name}.journal", path, SESSION)
+    return open_record(path), session, sent
