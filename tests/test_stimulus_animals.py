@@ -140,11 +140,31 @@ def test_a_clock_that_jumps_is_a_new_base_and_the_past_stays(zero):
     for n in range(50):
         place[100 + n / 25] = (100.0 + n, 90.0)
         assert verdicts(animals, told(n / 25, *place[100 + n / 25]), 100 + n / 25) == ["taken"]
+    if zero < 0:  # a clock that was put back looks like a straggler at first
+        assert verdicts(animals, told(1.99 + zero, 500.0, 90.0), 101.99) == ["late"]
     assert verdicts(animals, told(2 + zero, 150.0, 90.0), 102.0) == ["clock"]
     assert animals.hear(told(2.04 + zero, 151.0, 90.0), "a", 102.04)[0] == ("taken", "1")
     for time, wanted in place.items():
         assert animals.past("1", time) == pytest.approx(wanted, abs=1e-4)
     assert animals.past("1", 102.02) == pytest.approx((150.5, 90))
+
+
+def test_messages_held_up_by_a_stall_leave_the_past_where_it_was():
+    animals = animals_of()
+    for n in range(150):  # the last two seconds of them come at once
+        at = n / 25 if n < 100 else 6.0
+        assert verdicts(animals, told(n / 25, 100.0 + n, 90.0), at) == ["taken"]
+    for n in (10, 50, 90, 120, 149):
+        assert animals.past("1", n / 25) == pytest.approx((100.0 + n, 90.0))
+
+
+def test_a_straggler_moves_nothing():
+    animals = animals_of()
+    for n in range(100):
+        verdicts(animals, told(n / 25, 100.0 + n, 90.0), n / 25)
+    assert verdicts(animals, told(2.5, 500.0, 90.0), 4.0) == ["late"]
+    assert verdicts(animals, told(4.0, 200.0, 90.0), 4.0) == ["taken"]
+    assert animals.past("1", 3.0) == pytest.approx((175.0, 90.0))
 
 
 def test_the_first_tracker_keeps_an_animal_while_it_is_heard():
@@ -207,6 +227,13 @@ def test_heading_and_speed_are_those_of_the_way(angle):
     animals.hear(told(t + 3, 300, 50), "a", 8 + t)  # lost, and elsewhere: that is no motion
     (one,) = animals.at(8 + t)
     assert one.heading_rad is None and one.speed == 0
+
+
+def test_the_speed_of_an_animal_that_is_heard_of_seldom_is_that_of_its_last_way():
+    animals = animals_of(gap_s=1.0)
+    for n in range(4):
+        animals.hear(told(0.8 * n, 100 + 40 * n), "a", 0.8 * n)
+    assert animals.at(2.4)[0].speed == pytest.approx(50)
 
 
 def test_a_heading_that_is_said_counts_for_more():
@@ -380,6 +407,13 @@ def test_points_settle_where_places_are_and_headings_follow(count, law, y_axis):
             assert back == pytest.approx((x, y, heading))
 
 
+def test_the_zero_of_a_tracker_may_lie_behind_its_camera():
+    far = pairs(*(((x + 1000, y + 1000), view(x, y)) for x, y in CORNERS))
+    known = calibration(Settings(points=far), None)
+    assert known.place(1333.0, 1222.0) == pytest.approx(view(333.0, 222.0))
+    assert math.dist(known.place(-2000.0, -2000.0), (0, 0)) > 1e6
+
+
 def test_points_that_do_not_fit_tell_how_far_they_are_off():
     points = pairs(*((one, view(*one)) for one in CORNERS))
     off = points[4].model_copy(update={"tank": (points[4].tank[0] + 10, points[4].tank[1])})
@@ -401,6 +435,7 @@ A, B, C, D = [(point, point) for point in CORNERS[:4]]
     ({"points": pairs(A, B, ((250, 0), (250, 0)))}, "tracker lie on one line"),
     ({"points": pairs(A, B, ((250, 0), (250, 1)), D)}, "4 points of the tracker"),
     ({"points": pairs(A, B, (C[0], D[1]), (D[0], C[1]))}, "wrong order"),
+    ({"points": pairs(A, B, (C[0], (20, 380)), (D[0], (480, 400)))}, "wrong order"),
 ])  # fmt: skip
 def test_what_is_wrong_with_a_calibration_is_said_at_once(wrong, said):
     with pytest.raises(FinloopError, match=said):
@@ -506,6 +541,11 @@ def test_a_datagram_is_the_text_and_a_token_is_asked_for_where_there_is_one():
     for wrong in ("Secret", "", "secret ", None, 1, ["secret"], "s\u00e9cret", "\ud800"):
         assert json_of(told(1, token=wrong).encode(), "secret") is None
     assert json_of(text.encode(), "secret") is None and json_of(b"\xff", None) is None
+    assert (
+        json_of(text.encode().ljust(LONGEST), None)
+        and json_of(text.encode().ljust(LONGEST + 1), None) is None
+    )
+    assert json_of(b"[" * LONGEST, "secret") is None
     for bad in BAD:
         assert json_of(bad.encode(errors="replace"), "secret") is None
 
@@ -648,7 +688,9 @@ def test_over_the_wire_a_token_is_asked_for_too():
 def line_of(unit=PX, scale=(1.0, 1.0), heading=True, seconds=30.0):
     t = np.arange(round(seconds * 25)) / 25
     x, y = np.array([swum(one) for one in t]).T
-    return Line("swum", x * scale[0], y * scale[1], unit, 3.0 + t, 20 * t if heading else None)
+    return Line(
+        "swum", x * scale[0], y * scale[1], unit, 3.0 + t, 20 * t % 360 if heading else None
+    )
 
 
 def test_a_recorded_track_is_said_as_a_live_animal_would_be():
@@ -678,6 +720,10 @@ def test_a_track_is_taken_at_another_rate_and_unit():
         assert [due for due, _ in said] == pytest.approx([due for due, _ in wanted[::2]])
         for (_, one), (_, other) in zip(said, wanted[::2], strict=True):
             assert one == pytest.approx(other) and "heading" not in one
+    for due, text in messages(line_of(), 40.0, TANK_OF):  # between 359° and 1° is 0°
+        assert math.remainder(json.loads(text)["heading"] - 20 * due, 360) == pytest.approx(
+            0, abs=1e-6
+        )
     with pytest.raises(FinloopError, match="scale"):
         list(messages(line_of(MM), None, TANK_OF))
     with pytest.raises(FinloopError, match="no times"):

@@ -511,7 +511,7 @@ def test_late_rows_find_the_fish_where_it_waits_and_no_old_ones_are_swum(stage):
       m.rows({seq: 2, tick: 1, due: 0.1}, state(10), -1);
       const out = [at(m, 0.3)];
       [2, 3, 4].forEach(k => m.rows({seq: 1 + k, tick: k, due: k / 10}, state(10 * k), 0.45));  // all of them late
-      return [...out, at(m, 0.45), at(m, 0.5), at(m, 0.55)].map(one => one[0]);""")  # fmt: skip
+      return [...out, at(m, 0.45), at(m, 0.475), at(m, 0.5)].map(one => one[0]);""")  # fmt: skip
     assert (held, there, end) == (10, 10, 40) and between == pytest.approx(25)
 
 

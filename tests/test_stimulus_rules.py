@@ -243,7 +243,7 @@ def test_before_a_wall_the_fish_flees_along_it_to_the_side_it_looks_to():
 def test_a_fish_in_a_corner_gets_out_of_it_and_one_before_it_does_not_get_in(corner):
     end = np.array(POOL.into(*corner))
     inwards = np.sign(np.array([199.5, 149.5]) - end)
-    for start, near in ((0, 40), (30, 55), (60, 60)):  # in the corner, and before it
+    for start, near in ((0, 40), (30, 55), (40, 80)):  # in the corner, and before it
         own, other = end + start * inwards, end + (start + near) * inwards * [1, 0.9]
         for heading in np.linspace(-3, 3, 7):
             place = aim(

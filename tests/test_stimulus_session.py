@@ -346,7 +346,7 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
 def test_a_picture_is_sent_once_and_slots_are_used_again():
     made, plan = scene(), plan_of({"a": {"seconds": 1.0} | GOALS})
     feed = feed_of(made, plan, slots=(1024, 1024))
-    slots = feed.tank.slots
+    slots = feed.slots
     assert slots == 256
     states = np.zeros((1, made.width), np.float32)
 

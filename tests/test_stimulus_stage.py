@@ -133,9 +133,13 @@ def test_the_page_that_stands_alone_plays_the_edit_list(there):
         page = browser.new_page(viewport={"width": 640, "height": 480})
         bad = []
         page.on("pageerror", lambda error: bad.append(str(error)))
-        page.on("request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None)
+        page.on(
+            "request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None
+        )
         page.goto((there / "data/export/stimulus.html").absolute().as_uri())
         pictures = []
+        page.wait_for_timeout(500)
+        page.keyboard.press("Space")
         for _ in range(3):
             page.wait_for_timeout(400)
             pictures.append(page.screenshot())

@@ -172,6 +172,7 @@ class _Track:
         self._offset = 0.0  # the session's time less the tracker's
         self._t = -math.inf  # the last of the tracker's times
         self._back = 0.0  # since when its way is without a break, the tracker's time
+        self._refused: float | None = None  # a time of a clock that may have been put back
         self._anchor = (0.0, 0.0)  # where the heading was taken from its way last
 
     def keep_time(self, t: float, arrived_s: float, source: str) -> bool | None:
@@ -180,13 +181,21 @@ class _Track:
         The clock of another tracker is another one, too; what was heard before is kept.
         """
         difference = arrived_s - t
-        jumped = bool(self._bins) and t != self._t and abs(difference - self._offset) > _JUMP_S
-        if source != self.source or jumped or not self._bins:
+        away = difference - self._offset
+        known, other = bool(self._bins), source != self.source
+        # A message in order that is late by more was held up, with others behind it. If it is the
+        # clock that was put back, the least of the last bins knows that in a few seconds.
+        ahead = known and t > self._t and away < -_JUMP_S
+        behind = known and t < self._t and away > _JUMP_S
+        again = behind and self._refused is not None and t > self._refused
+        if known and not other and t <= self._t and not again:
+            self._refused = t if behind else self._refused  # one alone is a straggler
+            return None
+        jumped, self._refused = ahead or again, None
+        if other or jumped or not known:
             self._past.shift(self._offset - difference, t)
             self._bins.clear()
             self.source, self._back = source, t
-        elif t <= self._t:
-            return None
         number = math.floor(arrived_s / _BIN_S)
         if self._bins and self._bins[-1][0] == number:
             difference = min(difference, self._bins.pop()[1])

@@ -68,8 +68,8 @@ def told(session: Session, whole: bool = True) -> dict[str, Any]:
     told: dict[str, Any] = {
         "phase": session.phase, "now": round(now, 2), "trial": session.at,
         "left_s": session.left_s(now), "done": session.done, "start": waits or "auto",
-        "display": session.display, "displays": session.displays, "frames": numbers.frames,
-        "dropped": numbers.dropped, "late": numbers.late,
+        "display": session.display, "displays": session.displays, "stopping": session.stopping,
+        "frames": numbers.frames, "dropped": numbers.dropped, "late": numbers.late,
         "latency": {
             name: None if math.isnan((pair := percentiles(values))[0])
             else [round(part, 2) for part in pair]

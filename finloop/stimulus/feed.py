@@ -26,6 +26,8 @@ from finloop.stimulus.pictures import PagePicture
 
 MEMORY = 256 * 2**20  # bytes of all slots
 FEWEST, MOST = 256, 1024  # slots; WebGL 2 promises 256
+EARLY_S = 0.5
+"""How long before they are due ticks are sent, where they are known."""
 
 
 class Tank(NamedTuple):
@@ -40,11 +42,14 @@ class Tank(NamedTuple):
         """Of the floor; a picture has one more."""
         return 1 if self.floor.ndim == 2 else 3
 
-    @property
-    def slots(self) -> int:
-        """As many as memory allows."""
-        one = self.slot_width * self.slot_height * (self.channels + 1)
-        return max(FEWEST, min(MOST, MEMORY // one))
+    def slots(self, fish: int, rate_hz: float) -> int:
+        """As many as memory allows, and at least as are needed at a time.
+
+        Two pictures a fish and tick, of those that travel before they are displayed and just after.
+        """
+        one = self.slot_width * self.slot_height * 4
+        needed = round(2 * fish * (EARLY_S * rate_hz + 2))
+        return max(FEWEST, needed, min(MOST, MEMORY // one))
 
 
 def message(kind: str, payload: bytes = b"", **facts: Any) -> bytes:
@@ -63,6 +68,7 @@ class Feed:
         self, tank: Tank, facts: dict[str, Any], picture: Callable[[int], PagePicture]
     ) -> None:
         self.tank, self.facts = tank, facts
+        self.slots = tank.slots(facts["fish"], facts["rate"])
         self._picture = picture
         self._slots: OrderedDict[int, int] = OrderedDict()  # picture: slot, the newest last
         self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
@@ -72,7 +78,7 @@ class Feed:
         height, width = self.tank.floor.shape[:2]
         hello = message(
             "hello", self.tank.floor.tobytes(), width=width, height=height,
-            channels=self.tank.channels, slots=self.tank.slots,
+            channels=self.tank.channels, slots=self.slots,
             slot_width=self.tank.slot_width, slot_height=self.tank.slot_height, **self.facts,
         )  # fmt: skip
         pictures = [self._sent(number, slot) for number, slot in self._slots.items()]
@@ -106,7 +112,7 @@ class Feed:
             if number in self._slots:
                 self._slots.move_to_end(number)
                 continue
-            free = len(self._slots) < self.tank.slots
+            free = len(self._slots) < self.slots
             slot = len(self._slots) if free else self._slots.popitem(last=False)[1]
             self._slots[number] = slot
             made.append(self._sent(number, slot))

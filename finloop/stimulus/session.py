@@ -16,15 +16,14 @@ from typing import Any, Protocol
 
 from finloop.stimulus.animals import Animals, Heard
 from finloop.stimulus.course import Reaction, Scene, States, again, cue_of, planned, yoked
-from finloop.stimulus.feed import Feed
+from finloop.stimulus.feed import EARLY_S, Feed
 from finloop.stimulus.log import FRAME_FIELDS, Log, digest_of, frames_of
 from finloop.stimulus.numbers import Numbers
 from finloop.stimulus.order import Trial, trigger_text
 from finloop.stimulus.protocol import Protocol as Plan
 from finloop.stimulus.trigger import trigger_of
 
-_EARLY_S = 0.5  # that ticks are sent early, where they are known
-_AHEAD_S, _AHEAD = 0.008, 0.25  # and where they are planned, ticks: so long before they are due
+_AHEAD_S, _AHEAD = 0.008, 0.25  # s, ticks, that ticks are planned before the page needs them
 _FIRST_S = 0.3  # from the beginning of a trial to its first tick: its pictures travel
 _JUMP_S = 0.5  # of the wall clock against the session's
 
@@ -71,7 +70,7 @@ class Session:
         self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
         self._begun = asyncio.Event()
         self._permit = asyncio.Event()
-        self._stop = self._abort = self._skip = False
+        self.stopping = self._abort = self._skip = False
         self._wall: float | None = None
 
     def attach(self, send: Callable[[bytes], None], out: Callable[[str, str], str | None]) -> None:
@@ -87,13 +86,13 @@ class Session:
 
     def stop(self) -> None:
         """End after this trial."""
-        self._stop = True
+        self.stopping = True
         self._note("stop")
         self.start()
 
     def abort(self) -> None:
         """End now."""
-        self._stop = self._abort = True
+        self.stopping = self._abort = True
         self._note("abort")
         self.start()
 
@@ -206,7 +205,7 @@ class Session:
         await self._begun.wait()
         self._note("begin", wall=datetime.now().astimezone().isoformat())
         for number, trial in enumerate(self.trials):
-            if self._stop:
+            if self.stopping:
                 break
             self.at = number
             self._skip = False
@@ -220,7 +219,7 @@ class Session:
             self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
             await asyncio.to_thread(self.log.keep)
             self.phase = "pause"
-            if not self._stop and trial is not self.trials[-1]:
+            if not self.stopping and trial is not self.trials[-1]:
                 await self._wait(self.clock.now() + self.plan.pause_s)
         self.phase = "done"
         self._note("end", wall=datetime.now().astimezone().isoformat())
@@ -301,7 +300,8 @@ class Session:
 
     def _early_s(self, known: bool) -> float:
         """How long before it is due a tick is planned, or sent where it is known."""
-        return _EARLY_S if known else min(_AHEAD_S, _AHEAD / self.scene.rate_hz)
+        tick_s = 1 / self.scene.rate_hz  # the page goes there from the tick before
+        return EARLY_S if known else tick_s + min(_AHEAD_S, _AHEAD * tick_s)
 
     async def _wait(self, time_s: float) -> None:
         """Wait, but no longer than till someone ends it."""

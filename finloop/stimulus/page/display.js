@@ -89,7 +89,7 @@ const TAKE = {
     emptied = 0;
     motion.rows(text, new Float32Array(data), clock.at(now));
   },
-  clear() { motion.clear(); begun = false; emptied = 0; },
+  clear() { motion.clear(); emptied = 0; },
   frame({number: of}, data) {
     const now = performance.now();
     states.fill(0);

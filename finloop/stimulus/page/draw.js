@@ -84,7 +84,8 @@ class Drawer {
     gl.activeTexture(gl.TEXTURE0);
     gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, slot, width + 2 * PAD, height + 2 * PAD, 1, gl.RGBA,
       gl.UNSIGNED_BYTE, texels(pixels, width, height, parts));
-    this.pictures.delete(this.atSlot.get(slot));
+    const before = this.atSlot.get(slot);  // unless it has moved to another slot since
+    if (this.pictures.get(before)?.slot === slot) this.pictures.delete(before);
     this.atSlot.set(slot, number);
     this.pictures.set(number, {
       slot, width, height, there, size: line[3], reach: reachOf(there, pixels, width, height, parts),
