@@ -31,10 +31,12 @@ from playwright.sync_api import Page, sync_playwright
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
+from finloop.io.picture import load_picture
+from finloop.stimulus.drawn import PICTURE, X, Y
 from finloop.stimulus.replay import Record, frames_of, open_record
 from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
 
-GPU = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 RATE_HZ = 60.0  # of the tracker
 MESSAGES = 10_000
 Row = tuple[str, str, str, float]
@@ -116,6 +118,13 @@ def run_through(live: Live, meanwhile: Callable[[float], None], step_s: float) -
         return told
 
 
+def finish(live: Live) -> None:
+    """End a session whose trials are done."""
+    live.page.close()
+    live.program.send_signal(2)
+    live.program.wait(60)
+
+
 def record_of(live: Live) -> Record:
     """The file of a session that has ended."""
     return open_record(next(live.folder.glob("*.parquet")))
@@ -140,8 +149,6 @@ class Swimmer:
 
 
 def size_of_tank() -> tuple[float, float]:
-    from finloop.io.picture import load_picture
-
     height, width = load_picture(Path("data/extract/background.png")).shape[:2]
     return float(width), float(height)
 
@@ -155,9 +162,7 @@ def closed_loop(fish: int, seconds: float) -> Iterator[Row]:
     }  # fmt: skip
     with session(protocol) as live:
         run_through(live, Swimmer(live, size_of_tank()), 1 / RATE_HZ)
-        live.page.close()
-        live.program.send_signal(2)
-        live.program.wait(60)
+        finish(live)
         yield from timing(what, record_of(live))
 
 
@@ -194,9 +199,7 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
         run_through(live, lambda now: memory.append(live.program.memory_info().rss / 2**20), 1.0)
         took = time.perf_counter() - begin
         heap = live.page.evaluate("performance.memory ? performance.memory.usedJSHeapSize : 0")
-        live.page.close()
-        live.program.send_signal(2)
-        live.program.wait(60)
+        finish(live)
         record = record_of(live)
         yield what, "took", "s", took
         yield from timing(what, record)
@@ -209,15 +212,46 @@ def long_show(fish: int, minutes: float) -> Iterator[Row]:
 
 
 def steps_of(record: Record) -> np.ndarray:
-    """How far (n,) a fish's place moved from a frame to the next, px a second."""
+    """How fast (n,) a single fish moved from each displayed frame to the next, px/s."""
     steps, last = [], None
     for frame in frames_of(record):
-        here = frame.states[:, :2] if len(frame.states) else None
-        if last is not None and here is not None and len(here) == len(last[1]):
-            gap = frame.shown_s - last[0]
-            steps += list(np.hypot(*(here - last[1]).T) / gap)
-        last = None if here is None else (frame.shown_s, here)
+        seen = len(frame.states) and frame.states[0, PICTURE] >= 0
+        here = (frame.shown_s, frame.states[0, [X, Y]].astype(float)) if seen else None
+        if last is not None and here is not None:
+            steps.append(float(np.hypot(*(here[1] - last[1]))) / (here[0] - last[0]))
+        last = here
     return np.array(steps)
+
+
+def spoiled() -> Iterator[Row]:
+    """Whether fish jump that follow an animal of which much is lost, late, or not told for long."""
+    seconds, steps = 60.0, {}
+    conditions = {
+        "wander": {"seconds": seconds, "motion": {"wander": True}},
+        "follow": {"seconds": seconds, "motion": {"rule": {"rule": "follow"}}},
+    }
+    options = ["--animal", "track:0", "--loss", "0.2", "--jitter", "0.05", "--gap", "2"]
+    for name, condition in conditions.items():
+        protocol = {
+            "name": name,
+            "seed": 1,
+            "animals": {"unit": "px"},
+            "conditions": {name: condition},
+        }
+        with session(protocol, *options) as live:
+            run_through(live, lambda now: None, 1.0)
+            finish(live)
+            steps[name] = steps_of(record_of(live))
+    for name, values in steps.items():
+        what = f"one fish, {name}, 20 % lost, 50 ms jitter, gaps of 2 s"
+        for share in (50, 99.9, 100):
+            value = float(np.percentile(values, share) / steps["wander"].max())
+            yield (
+                what,
+                f"step between frames / greatest of wander, percentile {share:g}",
+                "1",
+                value,
+            )
 
 
 def hostile_texts(count: int, seed: int) -> Iterator[bytes]:
@@ -265,9 +299,7 @@ def flood() -> Iterator[Row]:
             told = json.loads(way.recv())
             heard = told["heard"]
             way.send('{"do":"abort"}')
-        live.page.close()
-        live.program.send_signal(2)
-        live.program.wait(60)
+        finish(live)
         yield what, "memory that they took", "MiB", growth
         yield what, "positions refused", "1", sum(
             count for name, count in heard.items() if name == "malformed")  # fmt: skip
@@ -278,11 +310,12 @@ def main() -> None:
     """Print and write the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--part", choices=["loop", "long", "flood"])
+    parser.add_argument("--part", choices=["loop", "long", "flood", "spoiled"])
     asked = parser.parse_args()
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
         "flood": flood,
+        "spoiled": spoiled,
         "long": lambda: long_show(8, asked.minutes),
     }
     rows = [row for name in ([asked.part] if asked.part else parts) for row in parts[name]()]

@@ -54,7 +54,7 @@ class Opened:
         scene = self.scene
         more = {
             "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px,
+            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical(),
         }  # fmt: skip
         return Feed(self.tank, more | facts, self.pictures)
 

@@ -16,7 +16,7 @@ from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import message
 from finloop.stimulus.log import frames_of
 from finloop.stimulus.page import DRAWING, alone_page, display_page, script
-from finloop.stimulus.pictures import PagePicture
+from finloop.stimulus.pictures import PagePicture, typical
 
 STEPS, LENGTH = 24, 80.0
 HEIGHT, WIDTH = 240, 320
@@ -102,6 +102,7 @@ LOOKS = {
     "plain": PLAIN, "none": PLAIN | {"contrast": 0}, "half": PLAIN | {"contrast": 0.5},
     "double": PLAIN | {"contrast": 2}, "most": PLAIN | {"contrast": 4}, "larger": PLAIN | {"size": 1.25},
     "black": PLAIN | {"as": "silhouette", "colour": [0, 0, 0]}, "dot": PLAIN | {"as": "dot"},
+    "dark": PLAIN | {"as": "silhouette"},
     "orange": PLAIN | {"as": "silhouette", "colour": [200, 100, 50]},
     "large dot": PLAIN | {"as": "dot", "size": 2, "colour": [0, 0, 0]},
     "small dot": PLAIN | {"as": "dot", "size": 0.5, "colour": [0, 0, 0]},
@@ -357,6 +358,23 @@ def test_a_silhouette_has_the_outline_and_one_colour(colour):
     assert np.abs(drawn - wanted).max() <= 1
 
 
+def test_dots_and_silhouettes_of_a_session_are_alike_whatever_the_picture(white):
+    facts = typical(white.pictures.values())
+    one = fish_of()
+    assert facts["area"] * one.line[3] ** 2 == pytest.approx(
+        one.pixels[..., 1].sum() / 255, rel=0.1
+    )
+    for name in ("dot", "dark"):
+        white.page.evaluate("facts => { drawer.spec.typical = facts; }", facts)
+        drawn = [
+            white.draw(state_of(S_BEND, number=number, look=look(name))) for number in (10, 11)
+        ]
+        white.page.evaluate("drawer.spec.typical = null")
+        assert drawn[0].min() == drawn[1].min() == pytest.approx(facts["dark"][0], abs=1)
+        if name == "dot":
+            np.testing.assert_array_equal(*drawn)
+
+
 def test_a_dot_covers_the_area_of_the_fish_and_is_as_dark_as_its_darkest(white):
     one = fish_of()
     dot = white.draw(state_of(S_BEND, look=look("dot")))[..., 0]
@@ -510,9 +528,11 @@ def test_late_rows_find_the_fish_where_it_waits_and_no_old_ones_are_swum(stage):
       m.rows({seq: 1, tick: 0, due: 0}, state(0), -1);
       m.rows({seq: 2, tick: 1, due: 0.1}, state(10), -1);
       const out = [at(m, 0.3)];
-      [2, 3, 4].forEach(k => m.rows({seq: 1 + k, tick: k, due: k / 10}, state(10 * k), 0.45));  // all of them late
-      return [...out, at(m, 0.45), at(m, 0.475), at(m, 0.5)].map(one => one[0]);""")  # fmt: skip
-    assert (held, there, end) == (10, 10, 40) and between == pytest.approx(25)
+      [2, 3, 4].forEach(k => m.rows({seq: 1 + k, tick: k, due: k / 10}, state(k < 4 ? 999 : 40), 0.45 + k / 1000));
+      return [...out, at(m, 0.454), at(m, 0.479), at(m, 0.504)].map(one => one[0]);""")  # fmt: skip
+    assert (
+        (held, end) == (10, 40) and 10 <= there < 50 and between == pytest.approx((there + 40) / 2)
+    )
 
 
 def test_a_fish_that_comes_or_goes_does_not_slide(stage):
@@ -753,8 +773,10 @@ def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     ]
     server.hello(digest=False)
     begin = server.page.evaluate("clock.at(performance.now())")
-    server.rows(7, 50, begin + 0.1, state_of(S_BEND, 120))
-    wait(server.page, "states[0] === 120")
+    server.rows(7, 50, begin + 0.3, state_of(S_BEND, 120))
+    wait(server.page, "states[0] === 120 && !records.length")
+    places = [states[0, 0] for _, states in server.frames if len(states)]
+    assert any(100 < x < 120 for x in places)  # it swam there from where it was
     assert server.seen.bad == []
 
 
@@ -841,6 +863,7 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     page.keyboard.press("i")
     page.keyboard.press(" ")
     wait(page, "!runs && played === 4")  # swum to its end, once
+    assert page.evaluate("frames * refresh.period") < 2000  # ms
     assert (
         page.evaluate("states[0]") == 140
         and "frames dropped" in page.locator("#info").text_content()

@@ -74,7 +74,12 @@ class Feed:
         self._last: dict[int, bytes] = {}  # rows by tick, of the last ticks
 
     def begin(self) -> list[bytes]:
-        """All that a page needs that has just come."""
+        """All that a page needs that has just come.
+
+        One picture at least: with the first one it gets ready to draw, which takes a while.
+        """
+        if not self._slots:
+            self._slots[0] = 0
         height, width = self.tank.floor.shape[:2]
         hello = message(
             "hello", self.tank.floor.tobytes(), width=width, height=height,
@@ -104,9 +109,9 @@ class Feed:
         return message("clear")
 
     def pictures(self, states: NDArray[np.float32]) -> list[bytes]:
-        """The pictures of states that the page lacks."""
+        """The pictures of states (…, F) that the page lacks."""
         made = []
-        for number in np.unique(states[:, [PICTURE, PARTNER]]).astype(int).tolist():
+        for number in np.unique(states[..., [PICTURE, PARTNER]]).astype(int).tolist():
             if number < 0:
                 continue
             if number in self._slots:

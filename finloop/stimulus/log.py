@@ -28,6 +28,7 @@ from finloop.base.arrays import Floats
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.io.journal import Journal
 from finloop.stimulus.drawn import FIELDS
+from finloop.stimulus.tracker import LONGEST
 
 FORMAT = 1
 """Of the log; another one cannot be read by this version."""
@@ -48,7 +49,7 @@ SESSION = Schema(
     Column("posture", "float32", "1", nullable=True, length=ANY),
     *columns("string", "1", "source", "text", "verdict", nullable=True),
 )
-_MOST_TEXT = 4096  # characters that are kept of an input
+_MOST_TEXT = LONGEST  # characters that are kept of an input: all of what can be taken
 
 
 class Log:

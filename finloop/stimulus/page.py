@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from finloop.base.arrays import Picture
 from finloop.base.errors import FinloopError
 from finloop.stimulus.drawn import PARTNER, PICTURE, POSTURE, States
-from finloop.stimulus.pictures import PagePicture
+from finloop.stimulus.pictures import PagePicture, typical
 
 DRAWING = ("strip.js", "shaders.js", "view.js", "draw.js", "motion.js")
 """What draws and moves the fish, on either page."""
@@ -100,6 +100,7 @@ def _packed(
         "rate": rate, "width": width, "height": height,
         "channels": 1 if floor.ndim == 2 else floor.shape[2], "posture": motion.shape[2] - POSTURE,
         "fish": motion.shape[1], "ticks": len(motion), "looks": looks, "loops": loops,
+        "typical": typical(pictures.values()) if pictures else None,
         "slot_width": max((size[1] for size in sizes), default=1),
         "slot_height": max((size[0] for size in sizes), default=1),
         "pictures": [

@@ -1,6 +1,7 @@
 """Pictures of the film for the display's page: pixels, and how the animal lies in them."""
 
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -11,6 +12,8 @@ from finloop.base.arrays import Floats, Picture
 from finloop.render.gallery import Gallery
 from finloop.stimulus.drawn import PARTNER, PICTURE, States
 
+_SAMPLE = 100  # pictures that a typical one is taken of
+_LIGHT = np.array([0.2126, 0.7152, 0.0722])  # of red, green, blue (ITU-R BT.709)
 _SMALLER = 0.75  # drawn smaller than that, a picture is shrunk beforehand: else it would flicker
 
 
@@ -23,6 +26,26 @@ class PagePicture(NamedTuple):
     pixels: Picture
     line: tuple[float, float, float, float]
     posture: Floats
+
+
+def typical(pictures: Iterable[PagePicture]) -> dict[str, Any]:
+    """What dots and silhouettes have of all fish alike, so that they neither pulse nor flicker.
+
+    area: of a fish, as a share of its squared size; dark: red, green, blue of its darkest
+    twentieth; medians of the pictures.
+    """
+    areas, colours = [], []
+    for one in pictures:
+        alpha = one.pixels[..., -1].astype(float)
+        areas.append(alpha.sum() / 255 / one.line[3] ** 2)
+        solid = one.pixels[alpha > 127].astype(float)
+        solid = solid[:, :-1] * 255 / solid[:, -1:]
+        light = solid @ _LIGHT if solid.shape[1] == 3 else solid[:, 0]
+        some = np.argsort(light, kind="stable")[: max(1, round(len(light) / 20))]
+        if len(some):
+            colours.append(np.broadcast_to(np.minimum(solid[some].mean(axis=0), 255), 3))
+    dark = np.median(colours, axis=0) if colours else np.zeros(3)
+    return {"area": float(np.median(areas)), "dark": [round(float(part), 1) for part in dark]}
 
 
 class PagePictures:
@@ -38,6 +61,11 @@ class PagePictures:
         sides = [index["height_px"].max(), index["width_px"].max()]
         height, width = (int(np.ceil(side * self._shrink)) + 1 for side in sides)
         return height, width
+
+    def typical(self) -> dict[str, Any]:
+        """`typical` of pictures from all over the film."""
+        count = len(self._gallery.shelves[FRAME].centres_px)
+        return typical(self(number) for number in range(0, count, max(1, count // _SAMPLE)))
 
     def of(self, states: States) -> dict[int, PagePicture]:
         """All pictures that states (…, F) name."""

@@ -11,6 +11,7 @@ takes nothing for some seconds is let go, and comes back by itself.
 import asyncio
 import contextlib
 import gc
+import sys
 import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Annotated, Any, Literal
@@ -28,6 +29,7 @@ from finloop.stimulus.feed import Feed, message
 
 MOST_PAGES, MOST_TRACKERS = 8, 64
 _WAITING = 4096  # messages that wait for a page; then it is let go
+_SWITCH_S = 0.0005  # after which a thread that writes the log gives way
 
 
 class _Message(BaseModel):
@@ -267,6 +269,8 @@ def app(
     async def lives(_: Starlette) -> AsyncIterator[None]:
         gc.collect()
         gc.freeze()  # what is there already is not looked through again, which takes time
+        switches = sys.getswitchinterval()
+        sys.setswitchinterval(_SWITCH_S)
         running = [asyncio.create_task(one) for one in tasks()]
         for task in running:
             task.add_done_callback(done)
@@ -275,6 +279,7 @@ def app(
             task.cancel()
         if running:
             await asyncio.wait(running)
+        sys.setswitchinterval(switches)
         gc.unfreeze()
 
     routes = [*map(page_of, pages), *map(socket_of, sockets)]

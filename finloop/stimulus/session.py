@@ -141,9 +141,10 @@ class Session:
             return
         states = reaction.react(arrived)
         if states is not None:
-            self._emit(self._tick, self._due, states, True)
+            now = self.clock.now()
+            self._emit(self._tick, self._due, states, now, cut=True)
             self._waits[self._seq] = arrived, self._due - 1 / self.scene.rate_hz
-            self.numbers.planned.append(1e3 * (self.clock.now() - arrived))
+            self.numbers.planned.append(1e3 * (now - arrived))
 
     # --- display
 
@@ -239,7 +240,10 @@ class Session:
             self._skip = True
             return None
         self._motions[trial.condition] = states
-        return cue.shown(states, self.scene)
+        shown = cue.shown(states, self.scene)
+        for content in self.feed.pictures(shown[: self.scene.ticks(EARLY_S)]):
+            self._send(content)  # before the trial begins
+        return shown
 
     async def _permission(self) -> None:
         """Wait for the key or message that begins the trial, if one is wanted."""
@@ -282,11 +286,11 @@ class Session:
                 break
             now = self.clock.now()
             if source is not None:
-                self._emit(tick, due, source[tick])
+                self._emit(tick, due, source[tick], now)
             else:
                 assert self._reaction is not None
                 self._tick, self._due = tick, due
-                self._emit(tick, due, self._reaction.tick(now), planned_s=now)
+                self._emit(tick, due, self._reaction.tick(now), now)
             if tick > rate * early:
                 self.numbers.ticks.append(1e3 * (now - (due - early)))
         else:
@@ -308,15 +312,11 @@ class Session:
         while not (self._abort or self._skip) and self.clock.now() < time_s:
             await self.clock.until(min(time_s, self.clock.now() + 0.1))
 
-    def _emit(
-        self, tick: int, due: float, states: States, cut: bool = False,
-        planned_s: float | None = None,
-    ) -> None:  # fmt: skip
-        """Send a tick, and log it."""
+    def _emit(self, tick: int, due: float, states: States, now: float, cut: bool = False) -> None:
+        """Send a tick that is planned now, and log it."""
         self._seq += 1
         for message in self.feed.rows(self._seq, tick, due, states, cut):
             self._send(message)
-        now = self.clock.now() if planned_s is None else planned_s
         self.log.entry(
             "tick", now, number=tick, intended_s=due, seq=self._seq, digest=digest_of(states),
             verdict="anew" if cut else None,

@@ -107,8 +107,9 @@ const TAKE = {
 };
 
 // What of a hello cannot change without everything being made anew.
-function shapeOf({width: w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate}) {
-  return {w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate};
+function shapeOf({width: w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate,
+  typical}) {
+  return {w, height, channels, posture, slots, slot_width, slot_height, looks, fish, rate, typical};
 }
 
 function width() { return STATE.posture + hello.posture; }

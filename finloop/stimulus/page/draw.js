@@ -210,7 +210,8 @@ class Drawer {
     const kind = AS[look.as];
     let radius = 0;
     if (kind === AS.dot) {
-      const area = one => one.area * (size / one.size) ** 2;
+      const typical = this.spec.typical;  // else a dot would pulse with the beat of the tail
+      const area = one => typical ? typical.area * size ** 2 : one.area * (size / one.size) ** 2;
       radius = Math.sqrt((area(own) + (other ? weight * (area(other) - area(own)) : 0)) / Math.PI);
       this._disc(radius, fish);
     } else {
@@ -219,7 +220,8 @@ class Drawer {
       this._skin(other ? [own, other] : [own], sides, size, fish);
     }
     const across = (one, side) => one ? one.size / size * (states[from + side] > 0.5 ? -1 : 1) : 1;
-    const tint = look.colour || own.dark.map((part, c) => other ? part + weight * (other.dark[c] - part) : part);
+    const dark = this.spec.typical && this.spec.typical.dark;
+    const tint = look.colour || dark || own.dark.map((part, c) => other ? part + weight * (other.dark[c] - part) : part);
     this.strips.set([
       own.slot, other ? other.slot : 0, weight, alpha,
       own.width, own.height, other ? other.width : 0, other ? other.height : 0,
