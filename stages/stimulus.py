@@ -29,7 +29,7 @@ from finloop.io.table import load_table
 from finloop.live.door import HOST, AppServer, Door, bound
 from finloop.stimulus.apps import calibration_app, replay_app, session_app
 from finloop.stimulus.course import whole_motion
-from finloop.stimulus.inputs import open_osc, open_udp
+from finloop.stimulus.inputs import guarded, open_osc, open_udp
 from finloop.stimulus.listing import listing
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import trials
@@ -71,7 +71,8 @@ def show(asked: argparse.Namespace) -> None:
             session.attach(room.send, Outlet(room.tell).send)
             door = _door(asked, listens)
             session.link = _address(asked, listens, door, "show")
-            inputs = _inputs(asked, door, session.hear, ways)
+            hear = guarded(session.hear, lambda error: server.fail(error))
+            inputs = _inputs(asked, door, hear, ways)
             served = session_app(
                 door, room, lambda: inputs(session), lambda error: server.fail(error)
             )
@@ -313,9 +314,11 @@ def _parser() -> argparse.ArgumentParser:
         one.add_argument("--out", type=Path, default=OUT, help=f"folder; default {OUT}/")
         animal = one.add_argument_group("a recorded track as the live animal")
         animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
-        animal.add_argument("--loss", type=_share, default=0.0, help="share of messages lost")
-        animal.add_argument("--jitter", type=_seconds, default=0.0, help="of their arrival, s")
-        animal.add_argument("--gap", type=_seconds, default=0.0, help="s without any, each 10 s")
+        animal.add_argument("--loss", type=_up_to(0.99), default=0.0, help="share of messages lost")
+        animal.add_argument("--jitter", type=_up_to(60.0), default=0.0, help="of their arrival, s")
+        animal.add_argument(
+            "--gap", type=_up_to(60.0), default=0.0, help="s without any, all 10 s"
+        )
     for one in (shows, calibrates):
         one.add_argument("--display", default="display", help="its name; default display")
         one.add_argument("--listen", default=HOST, help="this machine's address for others")
@@ -331,18 +334,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _share(text: str) -> float:
-    return _within(text, 0.99)
+def _up_to(most: float) -> Callable[[str], float]:
+    def number(text: str) -> float:
+        if not 0 <= float(text) <= most:
+            raise argparse.ArgumentTypeError(f"{text} is not 0 … {most:g}")
+        return float(text)
 
-
-def _seconds(text: str) -> float:
-    return _within(text, 60.0)
-
-
-def _within(text: str, most: float) -> float:
-    number = float(text)
-    if not 0 <= number <= most:
-        raise argparse.ArgumentTypeError(f"{text} is not 0 … {most:g}")
     return number
 
 

@@ -465,7 +465,13 @@ TICKS, FRAMES = 12, 30
 def folder(tmp_path, monkeypatch):
     """What the stage reads: one fish of 30 frames, twelve sprites, an edit list of both."""
     monkeypatch.chdir(tmp_path)
-    prepare(tmp_path, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.webp_seconds=0.2")
+    prepare(
+        tmp_path,
+        *TINY_CARP,
+        "export.mode=nn",
+        "export.stimulus_seconds=0",
+        "export.webp_seconds=0.2",
+    )
     data = tmp_path / "data"
     save_facts(
         data / "clip/facts.json",
@@ -526,7 +532,14 @@ def test_the_stage_names_another_programs_animals_and_writes_its_formats_in_mm_t
     save_facts(folder / "data/clip/facts.json", facts)
     extra = find_spec("movement") is not None
     asked = ["export.tracks_netcdf=true", "export.tracks_nwb=true"] if extra else []
-    prepare(folder, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.webp_seconds=0.2", *asked)
+    prepare(
+        folder,
+        *TINY_CARP,
+        "export.mode=nn",
+        "export.stimulus_seconds=0",
+        "export.webp_seconds=0.2",
+        *asked,
+    )
     stages.export.main()
     out = folder / "data/export"
     px, mm = (
@@ -598,7 +611,9 @@ def test_the_stage_hands_everything_on(folder):
 
 
 def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
-    prepare(folder, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.webp_seconds=0.0")
+    prepare(
+        folder, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.webp_seconds=0.0"
+    )
     (folder / "data/export").mkdir()
     (folder / "data/export/loops.webm").write_text("of another mode")
     stages.export.main()

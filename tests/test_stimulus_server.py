@@ -194,6 +194,19 @@ def test_hostile_messages_over_the_wire_leave_a_trial_as_it_is(tmp_path, capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
+def test_the_first_page_is_the_display_and_others_are_mirrors(tmp_path):
+    with running(tmp_path) as (address, session):
+        with way_in(address, "display") as first, way_in(address, "display") as second:
+            for page in (first, second):
+                page.send(json.dumps(READY))
+                assert b'"hello"' in page.recv(timeout=10)
+            for number, page in ((3, second), (4, first)):
+                page.send(np.array([number, 0, 0, 0, 0, 0, 0, 0.0]).tobytes())
+            assert wait_for(lambda: session.numbers.frames, 10) and session.displays == 2
+    numbers = [row["number"] for row in open_record(tmp_path / "toy.parquet").rows("frame")]
+    assert numbers == [4]
+
+
 # --- the experimenter, triggers
 
 
@@ -201,7 +214,10 @@ def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
     triggers = [{"at": "start", "to": "socket", "text": "begin {trial} {condition}"},
                 {"at": "end", "to": "socket", "text": "end {trial}"}]  # fmt: skip
     with running(tmp_path, start={"message": "go"}, triggers=triggers) as (address, session):
-        with way_in(address, "animals", None) as way, way_in(address, "experimenter") as desk:
+        with (
+            way_in(address, "animals", None) as way,
+            way_in(address, "experimenter", max_queue=None) as desk,
+        ):
             assert json.loads(desk.recv())["phase"] == "ready"
             desk.send('{"do":"start"}')
             heard = []
@@ -217,7 +233,7 @@ def test_a_trial_waits_for_its_message_and_triggers_go_out(tmp_path):
 def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
     long = {"a": {"seconds": 600.0, "motion": {"wander": True}}}
     with running(tmp_path, conditions={"b": long["a"] | {"seconds": 30.0}}) as (address, session):
-        with way_in(address, "experimenter") as desk:
+        with way_in(address, "experimenter", max_queue=None) as desk:
             desk.send('{"do":"start"}')
             assert wait_for(lambda: session.phase == "running", 30)
             desk.send(json.dumps({"do": "note", "text": "the fish sleeps"}))

@@ -340,6 +340,47 @@ def test_a_display_that_goes_in_a_trial_is_told_and_frames_count_on(tmp_path):
     session.log.close()
 
 
+def test_frames_that_are_drawn_after_the_next_is_due_are_late(tmp_path):
+    session, _ = session_of(tmp_path, plan_of({"a": {"seconds": 1.0} | GOALS}), Dry())
+    session.display_came({"name": "d"})
+    for number, took in enumerate((4, 5, 17, 4, 40)):
+        at = 10 + number / 60
+        session.frames(np.array([number + 1, at, at, at + took / 1000, 0, 0, 0, 0]).tobytes())
+    session.log.close()
+    assert (session.numbers.frames, session.numbers.late) == (5, 2)
+
+
+def test_motions_are_kept_only_where_they_are_shown_again(tmp_path):
+    session, _ = session_of(tmp_path, plan_of(ALL), Dry())
+    session.patient = False
+    session.start()
+    asyncio.run(session.run())
+    session.log.close()
+    assert set(session._motions) == {"live"}
+
+
+def test_a_session_that_is_stopped_while_a_trial_waits_ends_without_it(tmp_path):
+    plan = plan_of({"a": {"seconds": 1.0} | GOALS}, start={"key": "space"}, repeats=2)
+    session, _ = session_of(tmp_path, plan, Dry())
+
+    async def played():
+        session.start()
+        running = asyncio.create_task(session.run())
+        for number in range(2):
+            while session.phase != "waiting":
+                await asyncio.sleep(0.001)
+            session.key("x")  # another one
+            assert session.phase == "waiting" and len(session.done) == number
+            session.key(" ") if number == 0 else session.stop()
+            while session.phase == "waiting":
+                await asyncio.sleep(0.001)
+        await running
+
+    asyncio.run(played())
+    session.log.close()
+    assert session.done == {1: "done"} and session.phase == "done"
+
+
 # --- the feed
 
 

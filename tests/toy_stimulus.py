@@ -1,6 +1,7 @@
 """A session of the made-up fish that lasts no time, for the tests of the stimulus."""
 
 import asyncio
+import gc
 
 import numpy as np
 from toy_film import bodies_of, rich_film
@@ -60,14 +61,16 @@ def session_of(folder, plan, clock, made=None, name="toy", **more):
     return session, sent
 
 
-def run_dry(folder, plan, messages=(), made=None, name="toy", before=lambda session: None):
+def run_dry(folder, plan, messages=(), made=None, name="toy"):
     """The record of a session without display; messages: (time, text) of a tracker."""
     clock = Dry(iter(messages))
     session, sent = session_of(folder, plan, clock, made, name)
     clock.hear, session.patient = session.hear, False
-    before(session)
+    session._wanted.update(plan.conditions)  # all motions are looked at afterwards
     session.start()
+    gc.freeze()  # what the other tests have made is not looked through after each trial
     asyncio.run(session.run())
+    gc.unfreeze()
     session.log.close()
     path = folder / f"{name}.parquet"
     save_journal(folder / f"{name}.journal", path, SESSION)

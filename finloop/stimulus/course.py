@@ -241,12 +241,15 @@ class Reaction:
         fade = round(cue.fade_s * scene.rate_hz)
         self._ramp = ramp(scene.ticks(cue.condition.seconds), fade)
         self.states: list[States] = []
+        self.keeps = True  # all states, for a trial that shows them again; else the last ones
 
     def tick(self, now_s: float) -> States:
         """The states (fish, F) of the next tick, planned at a time of the session."""
         if self.states:
             self._ask(now_s)
             self._tank.on()
+        if not self.keeps:
+            self.states.clear()
         self.states.append(self._shown())
         return self.states[-1]
 

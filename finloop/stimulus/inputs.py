@@ -29,6 +29,18 @@ Hear = Callable[[str | None, str], None]
 """Takes a text, None if there is none that holds, and who says it."""
 
 
+def guarded(hear: Hear, fail: Callable[[BaseException], None]) -> Hear:
+    """The same, but an error of its own is told; asyncio would end the input without a word."""
+
+    def heard(text: str | None, source: str) -> None:
+        try:
+            hear(text, source)
+        except Exception as error:
+            fail(error)
+
+    return heard
+
+
 async def open_udp(sock: socket.socket, hear: Hear, token: str | None) -> asyncio.BaseTransport:
     """Listen on a bound UDP socket to JSON texts; closing the transport ends it."""
     return await _open(sock, lambda content: [json_of(content, token)], "udp", hear)

@@ -110,7 +110,10 @@ class Screen:
 
 
 class Stage:
-    """What the display pages say goes here; the session, or a replay, overrides what it needs."""
+    """What the display pages say goes here; the session, or a replay, overrides what it needs.
+
+    The page that came first is the display; records of others' frames are not taken.
+    """
 
     feed: Feed
 
@@ -187,7 +190,8 @@ async def attend(stage: Stage, connection: WebSocket) -> None:
                     stage.bad()
                 break
             if content.get("bytes") is not None:
-                stage.frames(content["bytes"])
+                if stage.screens[:1] == [screen]:  # the others are mirrors
+                    stage.frames(content["bytes"])
             else:
                 wish = said(content.get("text"))
                 if wish is None:

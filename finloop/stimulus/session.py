@@ -7,6 +7,7 @@ moves, the last tick is planned anew at once, and the page goes on from what it 
 
 import asyncio
 import contextlib
+import gc
 import json
 import time
 from collections import deque
@@ -68,6 +69,8 @@ class Session:
         self._waits: dict[int, tuple[float, float]] = {}  # by seq: an input, and when it counts
         self._ends: float | None = None  # of the trial
         self._first = self._frame = 0  # numbers of a page's first frame, and of the last one
+        self._intended = 0.0  # when that was to be shown
+        self._wanted = {one.motion.again for one in plan.conditions.values()}  # motions to be kept
         self._begun = asyncio.Event()
         self._permit = asyncio.Event()
         self.stopping = self._abort = self._skip = False
@@ -158,11 +161,13 @@ class Session:
         for facts, drawn in frames:
             facts = facts.copy()
             facts[0] += self._first
-            self._frame = int(facts[0])
             self.log.frame(facts, drawn)
             _, intended, _, drawn_s, seq, dropped, _, _ = facts[:FRAME_FIELDS]
             self.numbers.frames += 1
             self.numbers.dropped += int(dropped)
+            period = (intended - self._intended) / (dropped + 1)
+            self.numbers.late += int(facts[0] == self._frame + 1 and drawn_s > intended + period)
+            self._frame, self._intended = int(facts[0]), float(intended)
             self.shown = drawn
             for waiting, (arrived, counts) in list(self._waits.items()):
                 if waiting <= seq and intended > counts:
@@ -213,13 +218,16 @@ class Session:
             self.phase = "planning"
             source = await self._prepare(trial)
             await self._permission()
-            if not (self._abort or self._skip):
+            if self.stopping:
+                break
+            if not self._skip:
                 self._report(trial, "start")
                 how = await self._show(trial, source)
                 self._report(trial, how)
             self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
             await asyncio.to_thread(self.log.keep)
             self.phase = "pause"
+            gc.collect()  # the fish of the last trial know each other: they go now, not in the next
             if not self.stopping and trial is not self.trials[-1]:
                 await self._wait(self.clock.now() + self.plan.pause_s)
         self.phase = "done"
@@ -239,7 +247,8 @@ class Session:
             self.trouble("left out, as no trial was shown of", condition=motion.again)
             self._skip = True
             return None
-        self._motions[trial.condition] = states
+        if trial.condition in self._wanted:
+            self._motions[trial.condition] = states
         shown = cue.shown(states, self.scene)
         for content in self.feed.pictures(shown[: self.scene.ticks(EARLY_S)]):
             self._send(content)  # before the trial begins
@@ -279,6 +288,7 @@ class Session:
             self._reaction = Reaction(
                 self.scene, cue_of(self.plan, trial), trial.seed, self.animals
             )
+            self._reaction.keeps = trial.condition in self._wanted
         for tick in range(ticks):
             due = begin + tick / rate
             await self.clock.until(due - early)
@@ -295,7 +305,7 @@ class Session:
                 self.numbers.ticks.append(1e3 * (now - (due - early)))
         else:
             await self._wait(begin + ticks / rate)
-        if self._reaction is not None:
+        if self._reaction is not None and self._reaction.keeps:
             self._motions[trial.condition] = yoked(self._reaction.states)
         self._reaction = self._ends = None
         self._waits.clear()

@@ -137,6 +137,9 @@ def _timing(table: pd.DataFrame, rate_hz: float) -> Iterator[str]:
         off = 1e3 * (trial["time_s"] - trial["intended_s"])
         yield f"- {len(frames)} displayed frames, every {gaps.median():.2f} ms (median)"
         yield f"- dropped in trials: {int(trial['dropped'].sum())} of {len(trial)} frames"
+        period = trial["intended_s"].diff() / (trial["dropped"] + 1)
+        late = (trial["drawn_s"] > trial["intended_s"] + period) & (trial["number"].diff() == 1)
+        yield f"- drawn after the next frame was due: {int(late.sum())} frames"
         yield f"- shown against intended: SD {off.std():.2f} ms"
         yield _spread("drawn after the browser began the frame", 1e3 * (
             frames["drawn_s"] - frames["time_s"]).to_numpy(float))  # fmt: skip
