@@ -69,8 +69,20 @@ class Opened:
             "trials": [one._asdict() for one in trials],
             "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
             "mm_per_px": self.scene.mm_per_px, "looks": looks_of(plan),
-            "animate": json.loads(json.dumps(asdict(load("animate")), default=str)), **facts,
+            "animate": _parameters(), **facts,
         }  # fmt: skip
+
+    def others(self, header: dict[str, Any]) -> list[str]:
+        """What is not as it was in a session with this header: its film, or parameters."""
+        film = ["film"] if self.film != header["film"] else []
+        now, then = _parameters(), header["animate"]
+        return film + [f"animate.{name}" for name in now if now[name] != then.get(name)]
+
+
+def _parameters() -> dict[str, Any]:
+    """The parameters that fish are planned by, as JSON has them."""
+    values: dict[str, Any] = json.loads(json.dumps(asdict(load("animate"))))
+    return values
 
 
 def looks_of(plan: Protocol) -> list[dict[str, Any]]:

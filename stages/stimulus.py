@@ -103,11 +103,10 @@ def replay(asked: argparse.Namespace) -> None:
     record = open_record(asked.session)
     plan = protocol_of(record.header["protocol"], Path(record.header["folder"]))
     with opened(plan) as made:
-        if made.film != record.header["film"]:
+        if others := made.others(record.header):
             raise FinloopError(
-                f"{asked.session} was made from another film, or with other parameters "
-                f"({record.header['film']}; here it is {made.film})",
-                "the results of the stages that it was made from",
+                f"{asked.session} was made from another {', '.join(others)}",
+                "the results of the stages, and the parameters of animate, that it was made from",
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if asked.check:
@@ -316,9 +315,7 @@ def _parser() -> argparse.ArgumentParser:
         animal.add_argument("--animal", help="track:8 of the film, or a file; see docs/paths.md")
         animal.add_argument("--loss", type=_up_to(0.99), default=0.0, help="share of messages lost")
         animal.add_argument("--jitter", type=_up_to(60.0), default=0.0, help="of their arrival, s")
-        animal.add_argument(
-            "--gap", type=_up_to(60.0), default=0.0, help="s without any, all 10 s"
-        )
+        animal.add_argument("--gap", type=_up_to(60.0), default=0.0, help="s without any, all 10 s")
     for one in (shows, calibrates):
         one.add_argument("--display", default="display", help="its name; default display")
         one.add_argument("--listen", default=HOST, help="this machine's address for others")

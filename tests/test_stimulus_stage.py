@@ -13,7 +13,7 @@ import stages.stimulus
 from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
 from finloop.stimulus.display import Display, save_display
-from finloop.stimulus.replay import open_record
+from finloop.stimulus.replay import Record, open_record
 from stages.scene import display_file, known_display, opened
 
 CONDITIONS = {
@@ -88,9 +88,15 @@ def test_a_journal_that_was_left_becomes_a_session(there, tmp_path, monkeypatch,
 
 def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
     command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path)
-    monkeypatch.setattr("stages.scene._MADE_FROM", ("clip/facts.json",))
     [session] = tmp_path.glob("*.parquet")
-    with pytest.raises(FinloopError, match="from another film"):
+    with monkeypatch.context() as patch:
+        patch.setattr("stages.scene._MADE_FROM", ("clip/facts.json",))
+        with pytest.raises(FinloopError, match=r"from another film\n"):
+            command(monkeypatch, "replay", session, "--check")
+    header = open_record(session).header
+    header["animate"]["goal_radius"] = 9.0
+    monkeypatch.setattr(stages.stimulus, "open_record", lambda path: Record(path, header))
+    with pytest.raises(FinloopError, match=r"from another animate\.goal_radius"):
         command(monkeypatch, "replay", session, "--check")
 
 
