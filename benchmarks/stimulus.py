@@ -9,6 +9,7 @@ the long session as long. A real display's figures are in the summary of any ses
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
 import argparse
+import asyncio
 import json
 import os
 import re
@@ -21,7 +22,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, get_args
 
 import numpy as np
 import pandas as pd
@@ -31,14 +32,26 @@ from playwright.sync_api import Page, sync_playwright
 from websockets.sync.client import connect
 from websockets.typing import Origin
 
+from finloop.io.journal import save_journal
 from finloop.io.picture import load_picture
 from finloop.stimulus.drawn import PICTURE, X, Y
-from finloop.stimulus.replay import Record, frames_of, open_record
+from finloop.stimulus.log import SESSION, Log
+from finloop.stimulus.order import trials
+from finloop.stimulus.protocol import Protocol, protocol_of
+from finloop.stimulus.replay import Record, frames_of, open_record, plan_again
+from finloop.stimulus.rules import RuleSpec
+from finloop.stimulus.session import Session
+from finloop.stimulus.show import Dry
 from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
+from stages.scene import Opened, opened
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 RATE_HZ = 60.0  # of the tracker
 MESSAGES = 10_000
+REHEARSAL = {
+    "version": 1, "name": "-", "seed": 0,
+    "conditions": {"-": {"seconds": 1.0, "motion": {"wander": True}}},
+}  # fmt: skip
 Row = tuple[str, str, str, float]
 
 
@@ -306,16 +319,60 @@ def flood() -> Iterator[Row]:
         yield from timing(what, record_of(live))
 
 
+def random_session(made: Opened, seed: int, folder: Path) -> tuple[Record, Protocol]:
+    """A session of two trials with spoiled input, without a display; seed: of all chance."""
+    rng = np.random.default_rng(seed)
+    rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
+    plan = protocol_of({
+        "version": 1, "name": "random", "seed": seed, "fish": int(rng.integers(1, 4)),
+        "display": {"calibrated": False}, "animals": {"unit": "px"},
+        "conditions": {str(rule): {"seconds": 2.0, "motion": {"rule": {"rule": str(rule)}}}
+                       for rule in rules},
+    })  # fmt: skip
+    messages, place = [], rng.uniform(0, 1, 2)
+    for number in range(300):
+        if rng.random() < 0.05:
+            place = rng.uniform(0, 1, 2)
+        x, y = place * (made.scene.tank.width, made.scene.tank.height)
+        text = json.dumps({"t": number / 50, "id": 1, "x": float(x), "y": float(y)})
+        if rng.random() > 0.2:
+            messages.append((number / 50 + rng.uniform(0, 0.05), text))
+    order, path = trials(plan), folder / f"{seed}.journal"
+    log, clock = Log(path, made.header(plan, order, display=None)), Dry(sorted(messages))
+    session = Session(made.scene, plan, order, made.feed([], plan.fish), log, clock)
+    clock.hear, session.patient = session.hear, False
+    session.start()
+    asyncio.run(session.run())
+    log.close()
+    save_journal(path, path.with_suffix(".parquet"), SESSION)
+    return open_record(path.with_suffix(".parquet")), plan
+
+
+def replays() -> Iterator[Row]:
+    """Whether random sessions are the same when they are planned again from their files."""
+    what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
+    with opened(protocol_of(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
+        for seed in range(100):
+            record, plan = random_session(made, seed, Path(name))
+            told = plan_again(record, made.scene, plan)
+            ticks, different = ticks + told.ticks, different + told.different
+            anew += sum(row["verdict"] == "anew" for row in record.rows("tick"))
+    yield what, "ticks", "1", ticks
+    yield what, "of them anew, as an animal had moved", "1", anew
+    yield what, "ticks that differ", "1", different
+
+
 def main() -> None:
     """Print and write the table."""
     parser = argparse.ArgumentParser()
     parser.add_argument("--minutes", type=float, default=10.0)
-    parser.add_argument("--part", choices=["loop", "long", "flood", "spoiled"])
+    parser.add_argument("--part", choices=["loop", "long", "flood", "spoiled", "replays"])
     asked = parser.parse_args()
     parts: dict[str, Callable[[], Iterator[Row]]] = {
         "loop": lambda: iter([*closed_loop(1, 60), *closed_loop(8, 60)]),
         "flood": flood,
         "spoiled": spoiled,
+        "replays": replays,
         "long": lambda: long_show(8, asked.minutes),
     }
     rows = [row for name in ([asked.part] if asked.part else parts) for row in parts[name]()]

@@ -249,7 +249,7 @@ def test_a_session_is_aborted_in_the_middle_and_loses_nothing(tmp_path):
 
 def test_a_session_in_a_browser_is_drawn_again_pixel_for_pixel(tmp_path):
     with chromium() as browser:
-        long = {name: one | {"seconds": 2.0} for name, one in CONDITIONS.items()}
+        long = {name: one | {"seconds": 1.2} for name, one in CONDITIONS.items()}
         with running(tmp_path, digest=True, conditions=long) as (address, session):
             page = browser.new_page(viewport={"width": 640, "height": 480})
             bad = []

@@ -248,14 +248,14 @@ def random_session(folder, seed, made):
     return run_dry(folder, plan, messages, made, f"r{seed}"), plan
 
 
-def test_a_hundred_random_sessions_are_planned_again_bit_for_bit(tmp_path):
+def test_random_sessions_are_planned_again_bit_for_bit(tmp_path):
     made, anew = scene(), 0
-    for seed in range(100):
+    for seed in range(25):  # `benchmarks.stimulus` plans a hundred of a film
         (record, _, _), plan = random_session(tmp_path, seed, made)
         told = plan_again(record, made, plan)
         assert told.ticks > 20 and told.different == 0, seed
         anew += int((table_of(record)["verdict"] == "anew").sum())
-    assert anew > 100
+    assert anew > 25
 
 
 def test_another_input_is_found_out(tmp_path):
