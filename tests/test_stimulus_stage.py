@@ -35,6 +35,7 @@ def made(tmp_path_factory, tiny_run: TinyRun):
 
 @pytest.fixture
 def there(made, monkeypatch):
+    monkeypatch.setattr("finloop.stimulus.course._REHEARSED", 5)
     monkeypatch.chdir(made)
     return made
 

@@ -1,7 +1,6 @@
 """A session of the made-up fish that lasts no time, for the tests of the stimulus."""
 
 import asyncio
-import gc
 
 import numpy as np
 from toy_film import bodies_of, rich_film
@@ -68,9 +67,7 @@ def run_dry(folder, plan, messages=(), made=None, name="toy"):
     clock.hear, session.patient = session.hear, False
     session._wanted.update(plan.conditions)  # all motions are looked at afterwards
     session.start()
-    gc.freeze()  # what the other tests have made is not looked through after each trial
     asyncio.run(session.run())
-    gc.unfreeze()
     session.log.close()
     path = folder / f"{name}.parquet"
     save_journal(folder / f"{name}.journal", path, SESSION)

@@ -1,5 +1,8 @@
 """The applications of a stimulus: of a session, of a replay, of a calibration."""
 
+import asyncio
+import contextlib
+import time
 from collections.abc import Callable, Coroutine
 from typing import Any
 
@@ -9,7 +12,7 @@ from finloop.live.door import Door
 from finloop.stimulus.desk import attend as attend_desk
 from finloop.stimulus.page import display_page, experimenter_page
 from finloop.stimulus.serve import MOST_PAGES, MOST_TRACKERS, app, attend
-from finloop.stimulus.session import beat
+from finloop.stimulus.session import Session
 from finloop.stimulus.show import Calibration, Replay, Show
 
 Tasks = list[Coroutine[Any, Any, None]]
@@ -48,3 +51,12 @@ def calibration_app(door: Door, room: Calibration, fail: Callable[[Any], None]) 
     """Of a calibration, of one display."""
     sockets = {"/display": (lambda one: attend(room, one), 1, False)}
     return app(door, {"/": display_page()}, sockets, list, fail)
+
+
+async def beat(session: Session, every_s: float = 0.5) -> None:
+    """Keep the log, again and again, until cancelled: no more than so much can be lost."""
+    with contextlib.suppress(asyncio.CancelledError):
+        while True:
+            await asyncio.sleep(every_s)
+            session.look(time.time())
+            await asyncio.to_thread(session.log.keep)

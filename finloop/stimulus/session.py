@@ -6,10 +6,8 @@ moves, the last tick is planned anew at once, and the page goes on from what it 
 """
 
 import asyncio
-import contextlib
 import gc
 import json
-import time
 from collections import deque
 from collections.abc import Callable
 from datetime import datetime
@@ -210,28 +208,34 @@ class Session:
         """All trials, from `start` on."""
         await self._begun.wait()
         self._note("begin", wall=datetime.now().astimezone().isoformat())
-        for number, trial in enumerate(self.trials):
-            if self.stopping:
-                break
-            self.at = number
-            self._skip = False
-            self.phase = "planning"
-            source = await self._prepare(trial)
-            await self._permission()
-            if self.stopping:
-                break
-            if not self._skip:
-                self._report(trial, "start")
-                how = await self._show(trial, source)
-                self._report(trial, how)
-            self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
-            await asyncio.to_thread(self.log.keep)
-            self.phase = "pause"
-            gc.collect()  # the fish of the last trial know each other: they go now, not in the next
-            if not self.stopping and trial is not self.trials[-1]:
-                await self._wait(self.clock.now() + self.plan.pause_s)
+        gc.freeze()  # what is there already is not looked through again after each trial
+        try:
+            for number, trial in enumerate(self.trials):
+                if self.stopping:
+                    break
+                self.at = number
+                await self._try(trial)
+                if not self.stopping and trial is not self.trials[-1]:
+                    await self._wait(self.clock.now() + self.plan.pause_s)
+        finally:
+            gc.unfreeze()
         self.phase = "done"
         self._note("end", wall=datetime.now().astimezone().isoformat())
+
+    async def _try(self, trial: Trial) -> None:
+        """One trial, from its planning on."""
+        self._skip, self.phase = False, "planning"
+        source = await self._prepare(trial)
+        await self._permission()
+        if self.stopping:
+            return
+        if not self._skip:
+            self._report(trial, "start")
+            self._report(trial, await self._show(trial, source))
+        self.done[trial.number] = "skipped" if self._skip else "aborted" * self._abort or "done"
+        await asyncio.to_thread(self.log.keep)
+        self.phase = "pause"
+        gc.collect()  # the fish of the last trial know each other: they go now, not in the next
 
     async def _prepare(self, trial: Trial) -> States | None:
         """The motion of a trial, if it can be known before it begins."""
@@ -335,12 +339,3 @@ class Session:
 
 def _verdicts(heard: list[Heard]) -> str:
     return " ".join(one.verdict for one in heard)
-
-
-async def beat(session: Session, every_s: float = 0.5) -> None:
-    """Keep the log, again and again, until cancelled: no more than so much can be lost."""
-    with contextlib.suppress(asyncio.CancelledError):
-        while True:
-            await asyncio.sleep(every_s)
-            session.look(time.time())
-            await asyncio.to_thread(session.log.keep)
