@@ -6,9 +6,10 @@ import json
 import math
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from finloop.live.message import Message
 from finloop.stimulus.drawn import ALPHA, HEADING, PICTURE, SIZE, X, Y
 from finloop.stimulus.listing import demands
 from finloop.stimulus.numbers import percentiles
@@ -18,24 +19,20 @@ from finloop.stimulus.session import Session
 _EVERY_S = 0.1
 
 
-class _Message(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
-
-
-class Button(_Message):
+class Button(Message):
     """Start, stop after this trial, abort now, leave this trial out."""
 
     do: Literal["start", "stop", "abort", "skip"]
 
 
-class Note(_Message):
+class Note(Message):
     """Words for the log."""
 
     do: Literal["note"]
     text: Annotated[str, Field(min_length=1, max_length=2000)]
 
 
-class Key(_Message):
+class Key(Message):
     """A key was pressed."""
 
     do: Literal["key"]

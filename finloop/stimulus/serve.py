@@ -16,7 +16,7 @@ import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import Response
@@ -24,6 +24,7 @@ from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from finloop.live.door import BUSY, MALFORMED, Door
+from finloop.live.message import Message
 from finloop.stimulus.display import Display
 from finloop.stimulus.feed import Feed, message
 
@@ -32,15 +33,11 @@ _WAITING = 4096  # messages that wait for a page; then it is let go
 _SWITCH_S = 0.0005  # after which a thread that writes the log gives way
 
 
-class _Message(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True)
-
-
 Pixels = Annotated[int, Field(ge=1, le=100_000)]
 Number = Annotated[float, Field(ge=-1e12, le=1e12, allow_inf_nan=False)]
 
 
-class Ready(_Message):
+class Ready(Message):
     """A display is there. width, height: px of its window; ratio: device px per CSS px."""
 
     do: Literal["ready"]
@@ -51,28 +48,28 @@ class Ready(_Message):
     agent: Annotated[str, Field(max_length=400)]
 
 
-class Ping(_Message):
+class Ping(Message):
     """For the clocks. sent: ms of the page's clock."""
 
     do: Literal["ping"]
     sent: Number
 
 
-class Key(_Message):
+class Key(Message):
     """A key was pressed before the display."""
 
     do: Literal["key"]
     key: Annotated[str, Field(min_length=1, max_length=40)]
 
 
-class Calibrated(_Message):
+class Calibrated(Message):
     """The display's calibration, to be stored."""
 
     do: Literal["display"]
     display: Display
 
 
-class Hidden(_Message):
+class Hidden(Message):
     """Whether the page is hidden behind another."""
 
     do: Literal["hidden"]

@@ -11,6 +11,7 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from finloop.stimulus.display import Display, save_display
+from finloop.stimulus.drawn import POSTURE
 from finloop.stimulus.feed import Feed
 from finloop.stimulus.log import FRAME_FIELDS, frames_of
 from finloop.stimulus.replay import Frame
@@ -149,7 +150,7 @@ class Replay(Stage):
     def frames(self, content: bytes) -> None:
         """Frames that were drawn again."""
         try:
-            width = self.feed.facts["posture"] + 11
+            width = POSTURE + self.feed.facts["posture"]
             for facts, states in frames_of(content, width):
                 self._compare(int(facts[0]), int(facts[FRAME_FIELDS - 1]), states.tobytes())
         except ValueError:

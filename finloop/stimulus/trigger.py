@@ -5,13 +5,16 @@ from collections.abc import Callable
 from typing import Annotated, Literal
 from urllib.parse import urlsplit
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
+
+from finloop.live.message import Message
 
 LONGEST = 1000  # bytes of a trigger that comes in
 
 
-class _Trigger(BaseModel):
-    model_config = ConfigDict(strict=True, extra="forbid")
+class _Trigger(Message):
+    """A device begins a trial."""
+
     do: Literal["trigger"]
     name: Annotated[str, Field(max_length=80)]
     token: Annotated[str, Field(max_length=200)] = ""
