@@ -17,9 +17,9 @@ import pandas as pd
 
 from benchmarks.pipeline import needed, prepare, stage
 from benchmarks.speed import paired
-from finloop.animate.edit_list import Goal
-from finloop.animate.listing import play
+from finloop.animate.shoal import play
 from finloop.animate.swim import Player, random_goals
+from finloop.edit.schema import Goal
 from stages.animate import bring
 from stages.settings import load
 

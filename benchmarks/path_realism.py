@@ -18,13 +18,13 @@ import numpy as np
 
 from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
-from finloop.animate.listing import edit_lists
 from finloop.animate.paths import lay
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.route import Route
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.animate.swim import Player
+from finloop.edit.build import edit_lists
 from finloop.features.table import FEATURES
 from finloop.io.table import load_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -55,7 +55,7 @@ def swum(player: Player, ticks: int, seed: int, route: Route | None = None) -> W
     if route is not None:
         way = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
         ticks = min(ticks, sum(way))
-    return edit_lists([made], ticks, player), ()
+    return edit_lists([made], ticks, player.sources), ()
 
 
 def routes_of(made: Material, plans: Planner, p: Settings) -> dict[str, list[Swimming]]:

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.animate.edit_list import HYBRID
-from finloop.animate.listing import play
+from finloop.animate.shoal import play
 from finloop.animate.swim import random_goals
+from finloop.edit.schema import HYBRID
 from stages.animate import bring
 from stages.play import opened
 from stages.settings import load

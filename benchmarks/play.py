@@ -24,7 +24,7 @@ from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.animate.edit_list import HYBRID
+from finloop.edit.schema import HYBRID
 from finloop.live.door import bound
 from finloop.live.message import SetGoal
 from finloop.live.server import Host, Server

@@ -18,9 +18,9 @@ import pandas as pd
 
 from benchmarks.pipeline import ROOT, prepare, stage
 from benchmarks.speed import paired, timed
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import FRAME, Goal
 from finloop.base.settings import settings
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import FRAME, Goal
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import USED, features
 from finloop.io.cutouts import open_cutouts

@@ -18,11 +18,11 @@ import numpy as np
 from benchmarks.company import summary
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
-from finloop.animate.listing import edit_lists
 from finloop.animate.planner import Planner, planner
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import shoal, tasks
 from finloop.animate.swim import random_goals
+from finloop.edit.build import edit_lists
 from stages.animate import material
 from stages.settings import load
 
@@ -41,7 +41,7 @@ def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
     begin = time.process_time()
     swims = shoal(player, todo, ticks)
     planned = time.process_time()
-    edit = edit_lists(swims, ticks, player)
+    edit = edit_lists(swims, ticks, player.sources)
     listed = time.process_time()
     where, length = places(edit), waters.motion.body_length_px
     near = np.concatenate([nearest(tick) for tick in where.transpose(1, 0, 2)]) / length

@@ -32,8 +32,6 @@ from typing import Any
 
 import pandas as pd
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import EDIT, FRAME, HYBRID, SPRITE
 from finloop.animate.planner import Material, planner
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
@@ -46,6 +44,8 @@ from finloop.calibrate.rule import film_rule, shortage
 from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS, mapped
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import EDIT, FRAME, HYBRID, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extraction import BACKGROUND_NAME, extract, said_of_lost
 from finloop.features.table import FEATURES, delta_of

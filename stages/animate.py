@@ -15,14 +15,15 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate import encounters, measures, path_measures
-from finloop.animate.edit_list import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fish
-from finloop.animate.pictures import drawn_steps, seams
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
-from finloop.animate.swim import Player, Swim
+from finloop.animate.swim import Player, considered
 from finloop.base.parallel import Workers, ordered_map
 from finloop.bpn.model import motion_model
 from finloop.distance.map import STEPS, MapFacts
+from finloop.edit.pictures import drawn_steps, seams
+from finloop.edit.schema import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fish
+from finloop.edit.stretch import Swim
 from finloop.features.table import FEATURES
 from finloop.gateways.find import GATEWAYS
 from finloop.given_path import given_lines
@@ -173,7 +174,7 @@ def animation(
     player, ticks, filmed = plans.players[mode], plans.waters.duration, plans.waters.film.filmed
     swum, edit = plans.plan(mode, goals)
     save_table(folder / f"{mode}.parquet", edit, EDIT)
-    weighed = [one.considered(ticks, filmed, fish) for fish, one in enumerate(swum)]
+    weighed = [considered(one, ticks, filmed, fish) for fish, one in enumerate(swum)]
     save_table(folder / f"{mode}_considered.parquet", pd.concat(weighed), CONSIDERED)
     paths = followed(mode, swum, plans)
     each = zip(by_fish(edit), [task.goals for task in plans.tasks(goals)], strict=True)

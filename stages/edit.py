@@ -7,9 +7,9 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import EDIT, RETARGET, SPRITE, Goal
 from finloop.base.errors import FinloopError
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import EDIT, RETARGET, SPRITE, Goal
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.edit_list import load_edit

@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Any
 from uuid import uuid4
 
-from finloop.animate.edit_list import FRAME, SPRITE
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.io.cutouts import open_cutouts
 from finloop.render.gallery import Gallery, shelves
 from stages.edit import DATA, Drawn, load_drawn

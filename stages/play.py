@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import finloop.live
-from finloop.animate.edit_list import FADE, FRAME, HYBRID, MODES, SPRITE
-from finloop.animate.pictures import fade_distance
 from finloop.animate.settings import Settings
+from finloop.edit.pictures import fade_distance
+from finloop.edit.schema import FADE, FRAME, HYBRID, MODES, SPRITE
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record

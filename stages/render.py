@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import Goal
+from finloop.edit.schema import Goal
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture

@@ -8,9 +8,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from finloop.animate import measures
-from finloop.animate.edit_list import EDIT
-from finloop.animate.pictures import drawn_steps, seams
 from finloop.distance.map import STEPS, MapFacts
+from finloop.edit.pictures import drawn_steps, seams
+from finloop.edit.schema import EDIT
 from finloop.features.table import FEATURES
 from finloop.given_motion import given_motion
 from finloop.io.atomic import whole_folder

@@ -12,9 +12,9 @@ from platform import platform, python_version
 from typing import Any
 
 import finloop
-from finloop.animate.edit_list import FRAME
 from finloop.animate.settings import Settings
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import FRAME
 from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.io.picture import load_picture
 from finloop.io.record import load_record

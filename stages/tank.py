@@ -10,8 +10,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import by_fish
 from finloop.base.arrays import Floats
+from finloop.edit.schema import by_fish
 from finloop.features.table import FEATURES
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.cutouts import open_cutouts

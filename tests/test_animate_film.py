@@ -42,7 +42,21 @@ from finloop.animate.beam import Candidates, Found
 from finloop.animate.bounds import bounds_of
 from finloop.animate.crossing import Crossing
 from finloop.animate.decide import Ways, verdicts
-from finloop.animate.edit_list import (
+from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.loops import FilmSwimmer, counted
+from finloop.animate.loops import decision as decision_of
+from finloop.animate.planner import frame_hulls, reach
+from finloop.animate.policies import figure19, worth
+from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
+from finloop.animate.search import Ends, Here, Rules, space_of
+from finloop.animate.shoal import play, swim
+from finloop.animate.state import Fish, Options, after
+from finloop.animate.swim import considered, random_goals
+from finloop.distance.picture import BODY, FILM
+from finloop.edit.build import edit_list
+from finloop.edit.explain import in_words
+from finloop.edit.schema import (
+    ACCELERATE,
     CONSIDERED,
     EDIT,
     FADE,
@@ -51,24 +65,12 @@ from finloop.animate.edit_list import (
     LOOPS,
     NETWORK,
     SPRITE,
+    STRAIGHT,
     VERDICTS,
     Goal,
 )
-from finloop.animate.kinematics import Spot, bearing, touches
-from finloop.animate.listing import edit_list, play
-from finloop.animate.loops import FilmSwimmer, counted
-from finloop.animate.loops import decision as decision_of
-from finloop.animate.motion import ACCELERATE, STRAIGHT
-from finloop.animate.motion import FILM as IN_FILM
-from finloop.animate.planner import frame_hulls, reach
-from finloop.animate.policies import figure19, worth
-from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
-from finloop.animate.search import Ends, Here, Rules, space_of
-from finloop.animate.shoal import swim
-from finloop.animate.state import Decision, Fish, Options, after
-from finloop.animate.swim import random_goals
-from finloop.animate.words import in_words
-from finloop.distance.picture import BODY, FILM
+from finloop.edit.schema import FILM as IN_FILM
+from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
@@ -91,7 +93,7 @@ def spot(x, y):
 
 def edit_of(player, goals, ticks, seed):
     found = swim(player, goals, ticks, np.random.default_rng(seed))
-    return found, edit_list(found, ticks, player)
+    return found, edit_list(found, ticks, player.sources)
 
 
 def flat(found):
@@ -576,7 +578,7 @@ def test_a_seed_gives_one_animation_and_another_seed_another(make):
     goals = [Goal("A", 200.0, 200.0)]
     one, same, other = (edit_of(make(), goals, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
-    pd.testing.assert_frame_equal(one[0].considered(400, 10**6), same[0].considered(400, 10**6))
+    pd.testing.assert_frame_equal(considered(one[0], 400, 10**6), considered(same[0], 400, 10**6))
     assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
 
 
@@ -876,7 +878,7 @@ def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
-    weighed = found.considered(900, rich_film().filmed)
+    weighed = considered(found, 900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
     assert again.groupby("tick")["taken"].sum().isin([0, 1]).all()  # 0: the film is left

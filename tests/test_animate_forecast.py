@@ -10,12 +10,11 @@ from toy_film import LENGTH, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
 from finloop.animate.company import ALONE
-from finloop.animate.edit_list import FRAME, NETWORK, Goal
 from finloop.animate.endless import endless, leading, parts
 from finloop.animate.film import ROW
 from finloop.animate.forecast import ForecastSwimmer, farther, wakes
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import FORECAST, brisk_of
+from finloop.animate.motion import brisk_of
 from finloop.animate.outlook import Recall, look
 from finloop.animate.path_measures import swum_path
 from finloop.animate.paths import lay
@@ -26,6 +25,7 @@ from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player
 from finloop.base.line import PX, Line
+from finloop.edit.schema import FORECAST, FRAME, NETWORK, Goal
 from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows

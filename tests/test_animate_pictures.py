@@ -7,9 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import FRAME, SPRITE
-from finloop.animate.pictures import (
+from finloop.base.cutout import Cutout
+from finloop.base.settings import settings
+from finloop.distance.picture import FILM, SPAN, distance, picture
+from finloop.edit.bodies import Bodies
+from finloop.edit.pictures import (
     Pictures,
     drawn,
     drawn_steps,
@@ -17,9 +19,7 @@ from finloop.animate.pictures import (
     seams,
     without_ghosts,
 )
-from finloop.base.cutout import Cutout
-from finloop.base.settings import settings
-from finloop.distance.picture import FILM, SPAN, distance, picture
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientation, wrap_deg
 from finloop.io.cutouts import CutoutWriter, open_cutouts
 from finloop.pose import FilmPoses, film_poses

@@ -24,14 +24,14 @@ from finloop.animate.avoidance import Avoidance
 from finloop.animate.bounds import beyond, bounds_of, fits, kept_inside, moved_off
 from finloop.animate.company import discs_of
 from finloop.animate.detour import effort
-from finloop.animate.edit_list import FORETOLD, FRAME, HYBRID, LOOPS, WALL, Goal
 from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.motion import FILM, FORECAST
 from finloop.animate.policies import film_or_forecast
 from finloop.animate.search import longer_rest
-from finloop.animate.state import Decision, Effort, Fish, Stretch, after
+from finloop.animate.state import Effort, Fish, after
+from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, HYBRID, LOOPS, WALL, Goal
+from finloop.edit.stretch import Decision, Stretch
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 

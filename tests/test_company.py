@@ -20,12 +20,12 @@ from finloop.animate.company import (
     near_first,
     round_others,
 )
-from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK
 from finloop.animate.encounters import overlap, placed
 from finloop.animate.kinematics import Spot
-from finloop.animate.state import Decision, Stretch
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import FRAME, HYBRID, LOOPS, MODES, NETWORK
+from finloop.edit.stretch import Decision, Stretch
 from finloop.live.tank import LiveTank
 
 NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])

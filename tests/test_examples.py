@@ -15,8 +15,8 @@ from toy_swim import MIRROR, RATE, swum, unseen
 
 import finloop
 from finloop import verbs
-from finloop.animate.edit_list import EDIT
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import EDIT
 from finloop.io.table import load_table
 from finloop.jumps.film import FilmJumps
 

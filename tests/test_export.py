@@ -19,10 +19,10 @@ from scratch import content, prepare
 
 import stages.export
 import stages.sprites
-from finloop.animate.edit_list import EDIT
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
 from finloop.base.poses import Poses
+from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, cut_out, cycle, readable, way
 from finloop.export.tracks import poses

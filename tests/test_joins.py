@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 from toy_film import DELTA, RATE, bodies_of, players_of, rich_film, waters_of
 
-from finloop.animate.edit_list import (
+from finloop.animate.shoal import play
+from finloop.base.settings import settings
+from finloop.edit.joins import Joins, Shown, inertialized, joins
+from finloop.edit.schema import (
     CUT,
     FADE,
     FRAME,
@@ -17,9 +20,6 @@ from finloop.animate.edit_list import (
     SPRITE,
     Goal,
 )
-from finloop.animate.joins import Joins, Shown, inertialized, joins
-from finloop.animate.listing import play
-from finloop.base.settings import settings
 from finloop.features.table import wrap_deg
 
 DECAY = 5.0

@@ -10,10 +10,10 @@ from toy_film import HEAD, TOUCH, swum, table_of, waters_of
 
 from finloop.animate.film import film, neighbour_jumps
 from finloop.animate.kinematics import Spot
-from finloop.animate.listing import folded
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.planner import BODY
 from finloop.base.settings import settings
+from finloop.edit.build import folded
 from finloop.features.table import wrap_deg
 from finloop.jumps import search
 from finloop.jumps.film import _best_jumps
@@ -278,7 +278,7 @@ def test_a_mirror_image_swims_the_mirrored_way_and_is_drawn_mirrored_about_its_h
     for name, sign in (("dx", 1), ("dy", -1), ("heading", -1), ("speed", 1), ("area", 1)):
         assert getattr(made, name)[rows + n] == pytest.approx(sign * getattr(made, name)[rows])
     rot = np.full(len(rows), 25.0)
-    shown = folded(np.ones(len(rows), bool), rows + n, rot, made)
+    shown = folded(np.ones(len(rows), bool), rows + n, rot, made.heading[:n])
     assert shown.mirrored.all() and shown.number.tolist() == rows.tolist()
     drawn = table["heading_deg"].to_numpy()[rows] + shown.rot
     assert wrap_deg(drawn - (made.heading[rows + n] + rot)) == pytest.approx(0, abs=1e-9)

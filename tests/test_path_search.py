@@ -17,7 +17,6 @@ from toy_film import (
 import finloop.animate.follower
 from finloop.animate.beam import BRANCH, Branch
 from finloop.animate.decide import ways_on
-from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK
 from finloop.animate.follow import look_along
 from finloop.animate.path_ways import RUN, keep, shown_at
 from finloop.animate.paths import lay
@@ -25,6 +24,7 @@ from finloop.animate.recent import NEVER
 from finloop.animate.search import Here
 from finloop.animate.state import Progress
 from finloop.base.line import PX, Line
+from finloop.edit.schema import HYBRID, LOOPS, NETWORK
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)

@@ -19,7 +19,6 @@ from toy_film import (
 )
 
 from finloop.animate.bounds import bounds_of
-from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, PATH
 from finloop.animate.path_measures import LEFT, SWUM, limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.route import Route, asked_at, foot, place
@@ -27,6 +26,7 @@ from finloop.animate.shoal import swim
 from finloop.animate.steering import Steering, steered
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, checked_line
+from finloop.edit.schema import HYBRID, LOOPS, NETWORK, PATH
 from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plots.path import path as figure

@@ -23,12 +23,11 @@ from finloop.animate import kinematics as step
 from finloop.animate import policies
 from finloop.animate.arena import inside
 from finloop.animate.arena import tank as arena_tank
-from finloop.animate.edit_list import FRAME, HYBRID, LOOPS, MODES, NETWORK, PATH, SPRITE
-from finloop.animate.listing import edit_list
-from finloop.animate.motion import TURN
 from finloop.animate.shoal import swim
 from finloop.animate.sprites import from_bend
 from finloop.base.errors import FinloopError
+from finloop.edit.build import edit_list
+from finloop.edit.schema import FRAME, HYBRID, LOOPS, MODES, NETWORK, PATH, SPRITE, TURN
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import wrap_deg
 from finloop.live import fish as play_fish
@@ -49,7 +48,7 @@ def steps(rows):
 def test_left_alone_it_is_the_edit_list_of_animate(mode, rest):
     ticks, players = 240, resting_players(rest)
     found = swim(players[mode], [], ticks, np.random.default_rng([7, 0]))
-    wanted = edit_list(found, ticks, players[mode])
+    wanted = edit_list(found, ticks, players[mode].sources)
     tank = LiveTank(players, mode, 1, 7)
     rows = pd.DataFrame(
         np.append(np.array([tank.fish[0].at(0)[:-1]], ROW), played(tank, ticks - 1))

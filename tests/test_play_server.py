@@ -22,8 +22,8 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import finloop.live.server as served
-from finloop.animate.edit_list import NETWORK
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import NETWORK
 from finloop.live import fish as play_fish
 from finloop.live.door import bound
 from finloop.live.message import LONGEST, MOST_PLACES, parsed

@@ -14,11 +14,11 @@ from sklearn.metrics import roc_auc_score
 
 import stages.plots.realism
 import stages.realism
-from finloop.animate.edit_list import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.base.stretches import spread, stretches
+from finloop.edit.schema import EDIT, LOOPS, NETWORK, SPRITE
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts

@@ -23,10 +23,10 @@ import stages.clip
 import stages.extract
 import stages.plots.render
 import stages.render
-from finloop.animate.edit_list import EDIT, Goal
-from finloop.animate.state import Decision
 from finloop.base.cutout import Cutout
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import EDIT, Goal
+from finloop.edit.stretch import Decision
 from finloop.io.cutouts import CutoutWriter
 from finloop.io.movie import Mp4Writer, WebpWriter
 from finloop.io.picture import load_picture

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.rest import rests
+from finloop.edit.bodies import Bodies
+from finloop.edit.rest import rests
 from finloop.puppet import Pose
 
 STILL = np.r_[5:9, 20]

@@ -17,12 +17,12 @@ import stages.clip
 import stages.plots.retarget
 import stages.render
 import stages.retarget
-from finloop.animate.edit_list import EDIT
 from finloop.base.errors import FinloopError
 from finloop.base.poses import poses_of
 from finloop.base.schema import lists_to_points
 from finloop.base.settings import settings
 from finloop.drawn.truth import TRUTH
+from finloop.edit.schema import EDIT
 from finloop.export.keypoints import deeplabcut
 from finloop.given_motion import film_files, given_motion
 from finloop.io.table import load_table, save_csv_in_blocks

@@ -8,13 +8,13 @@ import pytest
 from toy_film import LENGTH, players_of, shoaling, waters_of
 
 from finloop.animate.arena import tank
-from finloop.animate.edit_list import MODES, Goal
-from finloop.animate.listing import edit_lists
 from finloop.animate.planner import Planner
 from finloop.animate.rule import Rule, wish
 from finloop.animate.shoal import by_rule, shoal, tasks
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
+from finloop.edit.build import edit_lists
+from finloop.edit.schema import MODES, Goal
 from finloop.live.message import parsed
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
@@ -52,7 +52,7 @@ def swum(player, ticks=TICKS, seed=0, goals=()):
     plans = Planner(player.waters, {"": player}, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
-    return edit_lists(shoal(player, todo, ticks), ticks, player)
+    return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
 
 
 def gaps(player, edit):

@@ -23,10 +23,8 @@ import stages.render
 from finloop.animate import avoidance, encounters
 from finloop.animate.arena import tank
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.edit_list import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
 from finloop.animate.kinematics import Spot
-from finloop.animate.listing import edit_lists
 from finloop.animate.measures import averaged
 from finloop.animate.path_measures import SWUM
 from finloop.animate.paths import lay
@@ -36,6 +34,8 @@ from finloop.animate.swim import NoRoom, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
+from finloop.edit.build import edit_lists
+from finloop.edit.schema import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
 from finloop.given_path import given_lines
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
@@ -64,7 +64,7 @@ def spacious():
 def swum(player, fish, ticks, goals=(), seed=0):
     """What several fish do, as an edit list."""
     todo = tasks(goals, fish, np.random.default_rng(seed))
-    return edit_lists(shoal(player, todo, ticks), ticks, player)
+    return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
 
 
 # --- fish of one tank
@@ -78,7 +78,7 @@ def test_nobody_swims_through_another_and_all_goals_are_reached(mode):
         goals = random_goals(player.waters, 12, np.random.default_rng(1))
         swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
-        met[through] = overlaps(edit_lists(swims, ticks, player), player).sum()
+        met[through] = overlaps(edit_lists(swims, ticks, player.sources), player).sum()
     assert met[False] == 0 < met[True]
 
 
@@ -87,14 +87,14 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone(mode):
     player, ticks = spacious()[mode], 60
     goals = random_goals(player.waters, 6, np.random.default_rng(3))
     together = shoal(player, tasks(goals, 3, np.random.default_rng(5)), ticks)
-    table = edit_lists(together, ticks, player)
+    table = edit_lists(together, ticks, player.sources)
     apart = [np.hypot(*(a - b).T).min() for a, b in combinations(encounters.places(table), 2)]
     assert min(apart) > 4 * LENGTH
     alone = [
         swim(player, task.goals, ticks, task.rng)
         for task in tasks(goals, 3, np.random.default_rng(5))
     ]
-    pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player))
+    pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player.sources))
 
 
 @pytest.mark.parametrize("mode", MODES)
@@ -174,7 +174,7 @@ def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
     path = lay(ring, player.waters.tank, player.waters.motion, None)
     swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
     assert set(swims[0].names) == {PATH} and set(swims[1].names + swims[2].names) == {""}
-    table = edit_lists(swims, 300, player)
+    table = edit_lists(swims, 300, player.sources)
     x, y = encounters.places(table)[0].T
     assert np.median(np.abs(np.hypot(x - 400, y - 300) - 100)) < LENGTH / 2
     assert not overlaps(table, player).any()
@@ -204,7 +204,7 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
     swims = shoal(player, todo, 500)
     assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
     assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
-    table = edit_lists(swims, 500, player)
+    table = edit_lists(swims, 500, player.sources)
     assert not overlaps(table, player).any()
     for fish, (cx, cy) in ((0, (290, 200)), (2, (480, 400))):
         x, y = encounters.places(table)[fish].T
@@ -228,7 +228,7 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into(mode):
         for task, line in zip(tasks([], 2, np.random.default_rng(0)), (first, second), strict=True)
     ]
     swims = shoal(player, todo, 200)
-    assert not overlaps(edit_lists(swims, 200, player), player).any()
+    assert not overlaps(edit_lists(swims, 200, player.sources), player).any()
 
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):

@@ -16,9 +16,9 @@ from scratch import content, prepare
 from toy_fish import LENGTH, ROOM, P, covered, edit_list, fish_of, overlap, toy
 
 import stages.tank
-from finloop.animate.edit_list import EDIT
-from finloop.animate.state import Decision
 from finloop.base.errors import FinloopError
+from finloop.edit.schema import EDIT
+from finloop.edit.stretch import Decision
 from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
 from finloop.features.table import FEATURES
 from finloop.io.cutouts import CutoutWriter

@@ -13,16 +13,17 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank, tank
-from finloop.animate.bodies import Bodies
 from finloop.animate.film import Film, film, loop_jumps
-from finloop.animate.joins import joins
 from finloop.animate.motion import Motion, learn
 from finloop.animate.planner import Gates, players
 from finloop.animate.sprites import Sprites, arrange
-from finloop.animate.state import Decision, Waters
+from finloop.animate.state import Waters
 from finloop.animate.swim import Cast, Player
 from finloop.base.settings import settings
 from finloop.distance.picture import BODY
+from finloop.edit.bodies import Bodies
+from finloop.edit.joins import joins
+from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph

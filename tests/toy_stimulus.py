@@ -6,7 +6,7 @@ import numpy as np
 from toy_film import bodies_of, rich_film
 from toy_tank import Drops, toy_players
 
-from finloop.animate.edit_list import FRAME
+from finloop.edit.schema import FRAME
 from finloop.io.journal import save_journal
 from finloop.render.gallery import Gallery, Shelf
 from finloop.stimulus.course import Scene

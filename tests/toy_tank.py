@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from toy_film import ARENA, bodies_of, players_of, rich_film, waters_of
 
-from finloop.animate.edit_list import FRAME, HYBRID, SPRITE
 from finloop.base.cutout import Cutout
+from finloop.edit.schema import FRAME, HYBRID, SPRITE
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
 from finloop.live.view import View

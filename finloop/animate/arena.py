@@ -11,10 +11,10 @@ import scipy
 import skimage
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import Goal
 from finloop.base.arrays import Mask, Picture, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel, leaf_kernel
+from finloop.edit.schema import Goal
 
 _LOOK_PX = 2.0  # step along a line of sight
 _ROAMS = 0.25  # of the picture; measured: trout in a current 0.10, sunfish 0.37, mouse 0.45

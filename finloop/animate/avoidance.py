@@ -7,13 +7,13 @@ import numpy as np
 
 from finloop.animate.bounds import kept_inside
 from finloop.animate.company import lasting_ticks
-from finloop.animate.edit_list import SPOT, WAITING
 from finloop.animate.kinematics import Spot, bearing, wrap
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.motion import FORECAST, TURN
 from finloop.animate.policies import Policy
-from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.animate.state import Fish, Waters
 from finloop.base.arrays import Floats
+from finloop.edit.schema import FORECAST, SPOT, TURN, WAITING
+from finloop.edit.stretch import Decision, Stretch
 
 _AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
 _ASIDE_DEG = (0.0, 50.0, -50.0, 100.0, -100.0)  # drifts that are tried one after the other
@@ -35,7 +35,7 @@ class Avoidance:
         Else what can be done: at a wall the fish stays; one that is blocked by another, or turns on
         the spot beside it, makes way.
         """
-        stretch = self._inside(stretch) or self._at_wall(fish, stretch.aim)
+        stretch = self._inside(stretch) or self._at_wall(fish, Spot(*stretch.aim))
         company, others = fish.company, fish.company.places[0]
         if not len(others):
             return stretch

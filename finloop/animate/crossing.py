@@ -11,10 +11,11 @@ from finloop.animate.decide import Ways
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer, counted
-from finloop.animate.motion import SLIDE, STRAIGHT
 from finloop.animate.network import SpriteSwimmer
-from finloop.animate.state import Fish, Options, Stretch
+from finloop.animate.state import Fish, Options
 from finloop.base.arrays import Floats, Ints
+from finloop.edit.schema import SLIDE, STRAIGHT
+from finloop.edit.stretch import Stretch
 from finloop.features.table import orientation, wrap_deg
 
 _BEFORE = -0.6  # of a frame; from there one tick leads to the next sprite, whatever its pace

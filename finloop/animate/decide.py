@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.beam import Candidates, Found, jumps_of
-from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, touches, wrap
 from finloop.animate.recent import last_on_screen, times
 from finloop.animate.search import Ends, Here, Rules, Space, jump_cost, longer_rest, look, moved
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
+from finloop.edit.schema import VERDICTS
 from finloop.loops.positions import next_end
 
 _TANK, _QUADRANT, _HEADING, _OVER = map(

@@ -8,8 +8,8 @@ goal and swims back comes nearer than it has been since.
 
 import numpy as np
 
-from finloop.animate.edit_list import Goal
 from finloop.animate.state import Effort, Fish, Waters
+from finloop.edit.schema import Goal
 
 _NEARER = 0.25  # body lengths; by less a fish comes no nearer
 

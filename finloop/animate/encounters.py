@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import FRAME
 from finloop.animate.swim import Player
 from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import ahead_left
 from finloop.distance.picture import typical_length
+from finloop.edit.schema import FRAME
 
 
 class Shown(NamedTuple):

@@ -16,7 +16,19 @@ import numpy as np
 from finloop.animate import decide
 from finloop.animate.company import Company
 from finloop.animate.decide import Ways
-from finloop.animate.edit_list import (
+from finloop.animate.follow import Footage, look_along, onward, reach_of
+from finloop.animate.kinematics import Spot
+from finloop.animate.loops import counted
+from finloop.animate.path_plan import Plan, seam_to, spread
+from finloop.animate.policies import Policy
+from finloop.animate.route import Route, foot, least_along, place
+from finloop.animate.search import Here, Rules
+from finloop.animate.state import Fish, Options, Progress, Run, Waters
+from finloop.animate.steering import Steering, steered
+from finloop.base.arrays import Floats, Ints
+from finloop.edit.schema import (
+    FILM,
+    FORECAST,
     FORETOLD,
     FRAME,
     HYBRID,
@@ -24,18 +36,9 @@ from finloop.animate.edit_list import (
     NETWORK,
     PLAY,
     SPOT,
+    TURN,
 )
-from finloop.animate.follow import Footage, look_along, onward, reach_of
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import counted
-from finloop.animate.motion import FILM, FORECAST, TURN
-from finloop.animate.path_plan import Plan, seam_to, spread
-from finloop.animate.policies import Policy
-from finloop.animate.route import Route, foot, least_along, place
-from finloop.animate.search import Here, Rules
-from finloop.animate.state import Decision, Fish, Options, Progress, Run, Stretch, Waters
-from finloop.animate.steering import Steering, steered
-from finloop.base.arrays import Floats, Ints
+from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.forecast.sampling import follow, ways
 

@@ -14,16 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.company import clear_ticks
-from finloop.animate.edit_list import FORETOLD, FRAME, WALL
 from finloop.animate.film import foretold_film
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import FORECAST, brisk_of
+from finloop.animate.motion import brisk_of
 from finloop.animate.outlook import Pace, Recall, course, held, look
 from finloop.animate.rare import Rarity
 from finloop.animate.search import Rules, space_of
-from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.animate.state import Fish, Waters
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.edit.schema import FORECAST, FORETOLD, FRAME, WALL
+from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.forecast.film import MOTION
 from finloop.forecast.sampling import Sampler, follow, ways

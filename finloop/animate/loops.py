@@ -14,13 +14,13 @@ from finloop.animate import decide
 from finloop.animate import kinematics as step
 from finloop.animate.bounds import beyond
 from finloop.animate.decide import Ways
-from finloop.animate.edit_list import ENTER, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import FILM, FORECAST
 from finloop.animate.search import Here, Rules, Space, space_of
-from finloop.animate.state import Decision, Fish, Options, Stretch, Waters
+from finloop.animate.state import Fish, Options, Waters
 from finloop.base.arrays import Mask
+from finloop.edit.schema import ENTER, FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
+from finloop.edit.stretch import Decision, Stretch
 from finloop.loops.positions import quadrant
 
 _WIDER = 8  # times as many ways are followed where, of those that were, none leads on

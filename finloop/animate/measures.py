@@ -13,12 +13,12 @@ import pandas as pd
 import scipy
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import FRAME, LOOPS, Goal
-from finloop.animate.motion import FILM, STATES, TURN, Motion
+from finloop.animate.motion import Motion
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
+from finloop.edit.schema import FILM, FRAME, LOOPS, STATES, TURN, Goal
 from finloop.features.current import through_water
 from finloop.features.table import wrap_deg
 from finloop.puppet import PoseShapes

@@ -23,12 +23,9 @@ from finloop.base.arrays import Floats
 from finloop.base.axes import ahead_left
 from finloop.base.errors import FinloopError
 from finloop.base.stretches import spread
+from finloop.edit.schema import ACCELERATE, DECELERATE, SLIDE, STRAIGHT, TURN
 from finloop.features.current import through_water
 from finloop.features.swimming_type import STRAIGHT as TYPE_STRAIGHT
-
-STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
-STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
-"""What a fish does: by sprites, as a stretch of film, or as is foretold."""
 
 _QUICKEST = 0.99  # quantile of speeds and turn rates; beyond it are faults
 _LEARNT = 100_000  # rows; they show thousands of phases and turns, of which few are ever alike

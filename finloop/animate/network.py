@@ -14,13 +14,13 @@ import numpy as np
 
 from finloop.animate import kinematics as step
 from finloop.animate.company import clear_ticks, round_others
-from finloop.animate.edit_list import PHASE, TURNING, WAITING, WALL
 from finloop.animate.kinematics import Ahead, Spot, Turning
-from finloop.animate.motion import DECELERATE, SLIDE, STATES, TURN
 from finloop.animate.sprites import TurnPlan, from_bend, plan_turn
-from finloop.animate.state import Decision, Fish, Stretch, Waters
+from finloop.animate.state import Fish, Waters
 from finloop.base.arrays import Floats, Ints
 from finloop.bpn.model import MotionModel
+from finloop.edit.schema import DECELERATE, PHASE, SLIDE, STATES, TURN, TURNING, WAITING, WALL
+from finloop.edit.stretch import Decision, Stretch
 from finloop.features.swimming_type import LEFT, RIGHT
 
 

@@ -6,15 +6,15 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import PATH
 from finloop.animate.film import Film
 from finloop.animate.path_plan import Spread
 from finloop.animate.paths import Path, film_turning
 from finloop.animate.route import Route, asked_at, foot, least_along, place
 from finloop.animate.state import Waters
-from finloop.animate.swim import Swim
 from finloop.base.arrays import Floats, Mask
 from finloop.base.schema import Column, Schema, columns
+from finloop.edit.schema import PATH
+from finloop.edit.stretch import Swim
 from finloop.features.table import wrap_deg
 
 SWUM = Schema(

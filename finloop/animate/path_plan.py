@@ -6,10 +6,10 @@ import numpy as np
 
 from finloop.animate.beam import Found
 from finloop.animate.decide import Ways
-from finloop.animate.edit_list import VERDICTS
 from finloop.animate.film import Film, runs
 from finloop.animate.state import Fish, Options, Run
 from finloop.base.arrays import Floats, Ints
+from finloop.edit.schema import VERDICTS
 from finloop.features.table import wrap_deg
 
 _TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))

@@ -8,20 +8,15 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import place_goals, size_for, tank, where
-from finloop.animate.bodies import Bodies
 from finloop.animate.company import NO_DISCS, Plans
 from finloop.animate.crossing import Crossing
-from finloop.animate.edit_list import FADE, HYBRID, MODES, NETWORK, Goal
 from finloop.animate.endless import endless
 from finloop.animate.film import Film, Jumps, film, loop_jumps, neighbour_jumps
 from finloop.animate.forecast import ForecastSwimmer
-from finloop.animate.joins import Joins, joins
-from finloop.animate.listing import edit_lists
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
 from finloop.animate.network import SpriteSwimmer
 from finloop.animate.paths import Path, lay
-from finloop.animate.pictures import Pictures, without_ghosts
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
 from finloop.animate.settings import Settings
@@ -36,12 +31,18 @@ from finloop.animate.shoal import (
 )
 from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, FrameHulls, Player, Swim, random_goals
+from finloop.animate.swim import Cast, FrameHulls, Player, random_goals
 from finloop.base.arrays import Floats, Ints, Mask, Picture, Reals
 from finloop.base.line import Line
 from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts, mapped
 from finloop.distance.picture import BODY, distance
+from finloop.edit.bodies import Bodies
+from finloop.edit.build import edit_lists
+from finloop.edit.joins import Joins, joins
+from finloop.edit.pictures import Pictures, without_ghosts
+from finloop.edit.schema import FADE, HYBRID, MODES, NETWORK, Goal
+from finloop.edit.stretch import Swim
 from finloop.features.table import delta_frames
 from finloop.forecast.sampling import Sampler
 from finloop.loops.graph import loop_graph
@@ -152,7 +153,7 @@ class Planner:
         """A further animation, to random goals of each fish: its edit list, and their goals."""
         todo, ticks = self._trial(number), self.waters.duration
         goals = [task.goals for task in todo]
-        return edit_lists(shoal(player, todo, ticks), ticks, player), goals
+        return edit_lists(shoal(player, todo, ticks), ticks, player.sources), goals
 
     def _trial(self, number: int) -> list[Task]:
         p = self.waters.settings
@@ -174,7 +175,7 @@ class Planner:
         player, p = self.players[mode], self.waters.settings
         ticks = self.waters.duration
         swum = shoal(player, self.tasks(goals), ticks)
-        edit = edit_lists(swum, ticks, player)
+        edit = edit_lists(swum, ticks, player.sources)
         if p.join == FADE:
             edit = without_ghosts(edit, self.pictures, p.fade_steps * self.step)
         return swum, edit

@@ -13,14 +13,14 @@ import numpy as np
 from finloop.animate import search
 from finloop.animate.bounds import beyond
 from finloop.animate.crossing import Crossing, refused
-from finloop.animate.edit_list import HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE, WALL
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.motion import FILM
 from finloop.animate.network import SpriteSwimmer
-from finloop.animate.state import Fish, Options, Stretch
+from finloop.animate.state import Fish, Options
 from finloop.base.arrays import Mask
+from finloop.edit.schema import FILM, HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE, WALL
+from finloop.edit.stretch import Stretch
 
 
 @dataclass(frozen=True)

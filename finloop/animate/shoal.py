@@ -11,15 +11,18 @@ from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from finloop.animate.company import Plans, can_stay
-from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.settings import Settings
-from finloop.animate.swim import NoRoom, Player, Swim
+from finloop.animate.swim import NoRoom, Player
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
+from finloop.edit.build import edit_list
+from finloop.edit.schema import PATH, Goal
+from finloop.edit.stretch import Swim
 from finloop.social.leader import leaders
 from finloop.social.rule import rule_of
 
@@ -209,3 +212,10 @@ def swim(
 ) -> Swim:
     """Swim at least `ticks` ticks with one fish: a path, goals one after the other, anywhere."""
     return shoal(player, [Task(goals, rng, route)], ticks)[0]
+
+
+def play(
+    player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
+) -> pd.DataFrame:
+    """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
+    return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)

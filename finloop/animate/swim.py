@@ -23,18 +23,19 @@ from finloop.animate.company import (
     near_first,
 )
 from finloop.animate.detour import effort
-from finloop.animate.edit_list import CONSIDERED, FRAME, SPRITE, VERDICTS, Goal
 from finloop.animate.follower import Follower
-from finloop.animate.joins import Joins
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import TURN
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
-from finloop.animate.state import Effort, Fish, Progress, State, Stretch, Waters, after
-from finloop.base.arrays import Floats, Ints, Reals
+from finloop.animate.state import Effort, Fish, Progress, State, Waters, after
+from finloop.base.arrays import Floats, Reals
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
+from finloop.edit.build import Sources
+from finloop.edit.joins import Joins
+from finloop.edit.schema import CONSIDERED, FRAME, TURN, VERDICTS, Goal
+from finloop.edit.stretch import Stretch, Swim
 from finloop.social.rule import Shoaling
 
 _TRIES = 8  # a place to wander to is drawn so often before any place will do
@@ -131,6 +132,17 @@ class Player:
     cast: Cast
     joins: Joins
     shoaling: Shoaling | None = None
+
+    @cached_property
+    def sources(self) -> Sources:
+        """What its edit lists can show."""
+        film, sprites, motion = self.waters.film, self.waters.sprites, self.waters.motion
+        own = slice(0, film.filmed)
+        return Sources(
+            motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
+            film.more[own], self.cast.sprite_scale, sprites.following, sprites.orientations,
+            self.joins,
+        )  # fmt: skip
 
     def begin(
         self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
@@ -249,38 +261,24 @@ class Player:
             return self.cast.frame_hulls[source : source + 1][0].astype(float)
         return self.cast.sprite_hulls[source]
 
-    def following(self, kind: str, number: int) -> int:
-        """The picture after this one, itself where there is none."""
-        if kind == SPRITE:
-            return int(self.waters.sprites.following[number])
-        return number + int(self.waters.film.more[number])
 
+def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
+    """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
 
-@dataclass(frozen=True)
-class Swim:
-    """An animation. `reached` (goals,): the tick at which each goal was touched, −1 where not."""
-
-    stretches: list[Stretch]
-    names: list[str]  # of the goal, for each stretch
-    reached: Ints
-
-    def considered(self, ticks: int, filmed: int, fish: int = 0) -> pd.DataFrame:
-        """What was weighed in the first `ticks` ticks, with the columns of `CONSIDERED`.
-
-        filmed: rows of the film, after which its mirror images are counted; fish: its number.
-        """
-        begins = np.cumsum([0] + [len(s.way) for s in self.stretches])
-        rows = [
-            (tick, row % filmed, row >= filmed, seam, value, VERDICTS[verdict], i == o.taken)
-            for tick, o in zip(begins, (s.options for s in self.stretches), strict=False)
-            if tick < ticks and o is not None
-            for i, (row, seam, value, verdict) in enumerate(
-                zip(o.rows, o.seams, o.value, o.verdict, strict=True)
-            )
-        ]
-        table = pd.DataFrame(rows, columns=CONSIDERED.names[1:])
-        table.insert(0, "fish", fish)
-        return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
+    filmed: rows of the film, after which its mirror images are counted; fish: its number.
+    """
+    begins = np.cumsum([0] + [len(s.way) for s in swum.stretches])
+    rows = [
+        (tick, row % filmed, row >= filmed, seam, value, VERDICTS[verdict], i == o.taken)
+        for tick, o in zip(begins, (s.options for s in swum.stretches), strict=False)
+        if tick < ticks and o is not None
+        for i, (row, seam, value, verdict) in enumerate(
+            zip(o.rows, o.seams, o.value, o.verdict, strict=True)
+        )
+    ]
+    table = pd.DataFrame(rows, columns=CONSIDERED.names[1:])
+    table.insert(0, "fish", fish)
+    return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
 
 
 def random_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:

@@ -11,8 +11,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import EDIT, SPRITE
 from finloop.base.schema import Column, Schema, columns
+from finloop.edit.schema import EDIT, SPRITE
 from finloop.render.gallery import Gallery
 from finloop.render.painter import Box, Painter, Placed
 

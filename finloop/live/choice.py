@@ -4,10 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from finloop.animate.edit_list import PATH, Goal
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
-from finloop.animate.state import State, Stretch
+from finloop.animate.state import State
+from finloop.edit.schema import PATH, Goal
+from finloop.edit.stretch import Stretch
 from finloop.social.rule import Shoaling
 
 

@@ -18,11 +18,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.company import Company, Plans
-from finloop.animate.edit_list import Goal
-from finloop.animate.listing import edit_columns
 from finloop.animate.route import Route, place
 from finloop.animate.rule import Rule
 from finloop.animate.swim import Player
+from finloop.edit.build import edit_columns
+from finloop.edit.schema import Goal
 from finloop.live.choice import Choice, Errand, Order, Wish
 
 Floats = NDArray[np.float64]
@@ -340,7 +340,7 @@ class LiveFish:
             if moved > joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]
-        columns = edit_columns(stretches, names, ticks, self._player)
+        columns = edit_columns(stretches, names, ticks, self._player.sources)
         rows = np.zeros(len(stretches[-1].way), ROW)
         for column in _EDIT:
             rows[column] = columns[column][ticks - len(rows) :]

@@ -11,11 +11,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from finloop.animate.edit_list import VERDICTS
 from finloop.animate.search import moved
 from finloop.animate.state import Options
-from finloop.animate.words import in_words
 from finloop.base.errors import FinloopError
+from finloop.edit.explain import in_words
+from finloop.edit.schema import VERDICTS
 from finloop.live import message
 from finloop.live.choice import Choice, Errand, Order
 from finloop.live.tank import LiveTank

@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from finloop.animate.measures import FILM_MOTION, kinematic_distance
-from finloop.animate.motion import STATES
+from finloop.edit.schema import STATES
 
 COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7")  # Okabe-Ito
 _FILM = "0.35"

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from finloop.animate.edit_list import FRAME, Goal, by_fish
+from finloop.edit.schema import FRAME, Goal, by_fish
 from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank
 from finloop.render.marks import aims, parts, rgb, sought, write
 from finloop.render.painter import Painter, Placed

@@ -9,9 +9,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import EDIT
 from finloop.base.arrays import Floats, Picture
 from finloop.base.schema import Column, Schema
+from finloop.edit.schema import EDIT
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.instrument import Swimming
 from finloop.realism.lists import Work

@@ -15,8 +15,8 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import FRAME
 from finloop.base.arrays import Floats, Ints, Picture
+from finloop.edit.schema import FRAME
 from finloop.extract.background import Scene
 from finloop.extract.film import Detections, Detector, rows, tracks
 from finloop.extract.samples import Typical

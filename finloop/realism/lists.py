@@ -8,12 +8,12 @@ from itertools import count
 import numpy as np
 import pandas as pd
 
-from finloop.animate.edit_list import EDIT, FRAME, LOOPS, by_fish
 from finloop.animate.planner import Planner
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.animate.swim import NoRoom, random_goals
 from finloop.base.arrays import Floats, Ints
 from finloop.base.stretches import stretches
+from finloop.edit.schema import EDIT, FRAME, LOOPS, by_fish
 
 Work = tuple[pd.DataFrame, Sequence[int]]
 """An edit list, and its ticks at which another fish begins."""

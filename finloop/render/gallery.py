@@ -9,11 +9,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies, Body
-from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.arrays import Floats
 from finloop.base.cutout import Cutouts
 from finloop.base.errors import FinloopError
+from finloop.edit.bodies import Bodies, Body
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.table import orientations_of
 from finloop.puppet import Line
 from finloop.reel import sprite_row

@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import Goal
+from finloop.edit.schema import Goal
 from finloop.render.painter import Box, Painter, Placed
 
 COLOURS = {

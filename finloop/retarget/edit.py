@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import EDIT, FRAME, INERTIAL, JUMP, LOOPS, PLAY
-from finloop.animate.joins import Joins, Shown, cross_fades, inertialized
-from finloop.animate.motion import FILM, STATES
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.edit.bodies import Bodies
+from finloop.edit.joins import Joins, Shown, cross_fades, inertialized
+from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, LOOPS, PLAY, STATES
 from finloop.features.table import wrap_deg
 from finloop.puppet import Pose
 

@@ -5,12 +5,12 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.joins import Joins, joins
-from finloop.animate.pictures import Pictures
 from finloop.animate.settings import Settings as JoinSettings
 from finloop.base.arrays import Floats, Ints, Mask, Points, Reals
 from finloop.base.schema import ANY, Column, Schema, columns
+from finloop.edit.bodies import Bodies
+from finloop.edit.joins import Joins, joins
+from finloop.edit.pictures import Pictures
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings as Weights
 from finloop.jumps.signature import slope

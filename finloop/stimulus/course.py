@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies
 from finloop.animate.paths import lay
 from finloop.animate.route import Route
 from finloop.animate.state import Waters
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK
+from finloop.edit.bodies import Bodies
 from finloop.io.line import load_line
 from finloop.live.fish import LiveFish
 from finloop.live.tank import LiveTank

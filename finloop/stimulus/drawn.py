@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies, Body
-from finloop.animate.edit_list import FRAME
+from finloop.edit.bodies import Bodies, Body
+from finloop.edit.schema import FRAME
 
 FIELDS = (
     "x_px", "y_px", "heading_rad", "size_px", "picture", "partner", "weight", "mirrored",

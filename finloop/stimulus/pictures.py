@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import FRAME
 from finloop.base.arrays import Floats, Picture
+from finloop.edit.schema import FRAME
 from finloop.render.gallery import Gallery
 from finloop.stimulus.drawn import PARTNER, PICTURE, States
 

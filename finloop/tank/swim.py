@@ -16,9 +16,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies
-from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.schema import lists_to_array, lists_to_points
+from finloop.edit.bodies import Bodies
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.features.head import tail_first
 from finloop.features.table import direction_deg, orientations_of
 

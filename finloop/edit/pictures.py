@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies, Body
-from finloop.animate.edit_list import FRAME, SPRITE
 from finloop.base.arrays import Floats, Ints
 from finloop.distance.picture import SPAN, apart, picture
+from finloop.edit.bodies import Bodies, Body
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.puppet import Pose, blend, draw
 from finloop.reel import Reel
 

@@ -1,26 +1,49 @@
 """Stretches → edit list: the columns of what is drawn at every tick, and why."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import EDIT, FRAME, LOOPS, NETWORK, SPRITE, Goal
-from finloop.animate.film import Film
-from finloop.animate.joins import INERTIAL, Shown, cross_fades, inertialized
-from finloop.animate.motion import FORECAST, STATES
-from finloop.animate.shoal import swim
-from finloop.animate.state import Decision, Stretch
-from finloop.animate.swim import Player, Swim
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints, Mask, Reals
+from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialized
+from finloop.edit.schema import EDIT, FORECAST, FRAME, LOOPS, NETWORK, SPRITE, STATES
+from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
 
-def edit_list(swum: Swim, ticks: int, player: Player, fish: int = 0) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Sources:
+    """What an edit list can show: n rows of the film, s sprites; and how pictures are joined.
+
+    rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
+    drawn size / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_scale
+    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: of a sprite.
+    """
+
+    rate_hz: float
+    body_length_px: float
+    heading_deg: Reals
+    scale: Reals
+    goes_on: Mask
+    sprite_scale: Reals
+    sprite_after: Ints
+    orientations: int
+    joins: Joins
+
+    def following(self, kind: str, number: int) -> int:
+        """The picture after this one, itself where there is none."""
+        if kind == SPRITE:
+            return int(self.sprite_after[number])
+        return number + int(self.goes_on[number])
+
+
+def edit_list(swum: Swim, ticks: int, sources: Sources, fish: int = 0) -> pd.DataFrame:
     """The first `ticks` ticks as an edit list with the columns of `EDIT`; fish: its number."""
-    table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, player))
+    table = pd.DataFrame(edit_columns(swum.stretches, swum.names, ticks, sources))
     faded = table["weight"] > 0
     table = table.astype({"orientation": "Int8", "partner": "Int32", "partner_orientation": "Int8"})
     table.loc[~faded, ["partner_kind", "partner"]] = None
@@ -31,17 +54,10 @@ def edit_list(swum: Swim, ticks: int, player: Player, fish: int = 0) -> pd.DataF
     return table[EDIT.names]
 
 
-def edit_lists(swum: Sequence[Swim], ticks: int, player: Player) -> pd.DataFrame:
+def edit_lists(swum: Sequence[Swim], ticks: int, sources: Sources) -> pd.DataFrame:
     """The same of several fish, one after the other, in one table."""
-    each = [edit_list(one, ticks, player, fish) for fish, one in enumerate(swum)]
+    each = [edit_list(one, ticks, sources, fish) for fish, one in enumerate(swum)]
     return each[0] if len(each) == 1 else pd.concat(each, ignore_index=True)
-
-
-def play(
-    player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
-) -> pd.DataFrame:
-    """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
-    return edit_list(swim(player, goals, ticks, rng), ticks, player)
 
 
 def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]:
@@ -66,10 +82,9 @@ def decision_columns(stretches: Sequence[Stretch], ticks: int) -> dict[str, Any]
 
 
 def edit_columns(
-    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, player: Player
+    stretches: Sequence[Stretch], names: Sequence[str], ticks: int, sources: Sources
 ) -> dict[str, NDArray[Any]]:
     """What is drawn, (ticks,) each; of the partner only where `weight` > 0."""
-    motion = player.waters.motion
     lengths = np.array([len(s.way) for s in stretches])
     owner = np.repeat(np.arange(len(stretches)), lengths)[:ticks]
     way = np.concatenate([s.way for s in stretches])[:ticks]
@@ -78,13 +93,13 @@ def edit_columns(
         np.array([s.kind == FRAME for s in stretches])[owner],
         np.concatenate([s.number for s in stretches])[:ticks],
         np.concatenate(rots)[:ticks],
-        player.waters.film,
+        sources.heading_deg,
     )
     start = np.concatenate([[0], np.cumsum(lengths)[:-1]])
     first = start[start < ticks]
     heading = wrap_deg(way[:, 2])
     step = np.hypot(*np.diff(way[:, :2], axis=0, prepend=way[:1, :2]).T)
-    speed = step / motion.body_length_px * motion.rate_hz
+    speed = step / sources.body_length_px * sources.rate_hz
     if len(speed) > 1:
         speed[0] = speed[1]  # before the first tick there is no step
     new = np.array([s.new for s in stretches])[: len(first)] & (first > 0)
@@ -92,8 +107,8 @@ def edit_columns(
     state = np.array([s.state for s in stretches])[owner]
     return {
         "tick": np.arange(ticks),
-        "time_s": np.arange(ticks) / motion.rate_hz,
-        **joined(pictures, heading, first[new], player),
+        "time_s": np.arange(ticks) / sources.rate_hz,
+        **joined(pictures, heading, first[new], sources),
         "x_px": way[:, 0],
         "y_px": way[:, 1],
         "heading_deg": heading,
@@ -107,24 +122,28 @@ def edit_columns(
     }
 
 
-def folded(frame: Mask, number: Ints, rot: Floats, film: Film) -> Shown:
-    """Pictures (ticks,) whose frames are numbered as `Film` does, with mirror images at the end.
+def folded(frame: Mask, number: Ints, rot: Floats, heading_deg: Reals) -> Shown:
+    """Pictures (ticks,) whose frames are numbered with mirror images at the end, from n on.
 
     There a mirror image is the frame upside down; drawn, it is mirrored about its own heading.
+    heading_deg (n,): of the rows as filmed.
     """
-    mirrored = frame & (number >= film.filmed)
-    row = np.where(mirrored, number - film.filmed, number)
-    heading = film.heading[np.where(frame, row, 0)]
+    rows = len(heading_deg)
+    mirrored = frame & (number >= rows)
+    row = np.where(mirrored, number - rows, number)
+    heading = heading_deg[np.where(frame, row, 0)]
     return Shown(frame, row, np.where(mirrored, wrap_deg(rot - 2 * heading), rot), mirrored)
 
 
-def joined(pictures: Shown, heading: Floats, new: Ints, player: Player) -> dict[str, NDArray[Any]]:
+def joined(
+    pictures: Shown, heading: Floats, new: Ints, sources: Sources
+) -> dict[str, NDArray[Any]]:
     """The columns (ticks,) of pictures, partners and poses.
 
     heading (ticks,): of the fish; new: ticks whose picture begins something else. Where pictures
     are inertialized, the pictures themselves say where that is.
     """
-    how, own = player.joins, drawn(pictures, heading, player)
+    how, own = sources.joins, drawn(pictures, heading, sources)
     pose = np.full(len(heading), None, object)
     if how.kind == INERTIAL and len(heading):
         join = inertialized(pictures, heading, how)
@@ -132,14 +151,14 @@ def joined(pictures: Shown, heading: Floats, new: Ints, player: Player) -> dict[
         for tick in np.flatnonzero(join.posed):
             pose[tick] = join.codes[tick]
         own["rotation_deg"] = wrap_deg(own["rotation_deg"] + join.turn_deg).astype(np.float32)
-    partner, weight = cross_fades(pictures, new, how.fade, player.following)
-    other = {f"partner_{name}": column for name, column in drawn(partner, heading, player).items()}
+    partner, weight = cross_fades(pictures, new, how.fade, sources.following)
+    other = {f"partner_{name}": column for name, column in drawn(partner, heading, sources).items()}
     return own | {"partner": other.pop("partner_source")} | other | {"weight": weight, "pose": pose}
 
 
-def drawn(pictures: Shown, heading: Floats, player: Player) -> dict[str, NDArray[Any]]:
+def drawn(pictures: Shown, heading: Floats, sources: Sources) -> dict[str, NDArray[Any]]:
     """The columns kind, source, orientation (a frame's is 0), rotation_deg, scale, mirrored."""
-    waters, count = player.waters, player.waters.sprites.orientations
+    count = sources.orientations
     sector = orientation(heading, count)
     residual = wrap_deg(heading - direction_deg(sector, count))
     sprite, frame = (
@@ -152,8 +171,6 @@ def drawn(pictures: Shown, heading: Floats, player: Player) -> dict[str, NDArray
         "rotation_deg": np.where(pictures.frame, wrap_deg(pictures.rot), residual).astype(
             np.float32
         ),
-        "scale": np.where(
-            pictures.frame, waters.film.scale[frame], player.cast.sprite_scale[sprite]
-        ),
+        "scale": np.where(pictures.frame, sources.scale[frame], sources.sprite_scale[sprite]),
         "mirrored": pictures.frame & pictures.mirrored,
     }

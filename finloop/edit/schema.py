@@ -89,6 +89,10 @@ for other fish to make way."""
 EXITS = NO_WAY, OTHER_MODE = "no_way", "mode"
 """The film is left: no way of it is legal and gains enough; the mode shows sprites alone."""
 
+STRAIGHT, SLIDE, ACCELERATE, DECELERATE, TURN, FILM, FORECAST = range(7)
+STATES = ("straight", "slide", "accelerate", "decelerate", "turn", "film", "forecast")
+"""What a fish does: by sprites, as a stretch of film, or as is foretold."""
+
 PATH = "path"
 """The goal of whoever swims a path."""
 

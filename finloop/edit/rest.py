@@ -7,8 +7,8 @@ same and drifts looks false.
 
 import numpy as np
 
-from finloop.animate.bodies import Bodies
 from finloop.base.arrays import Mask
+from finloop.edit.bodies import Bodies
 
 
 def rests(bodies: Bodies, share: float) -> Mask:

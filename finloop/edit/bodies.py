@@ -12,9 +12,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from finloop.animate.edit_list import FRAME
-from finloop.animate.rare import Movement, movement
 from finloop.base.arrays import Floats, Mask
+from finloop.edit.movement import Movement, movement
+from finloop.edit.schema import FRAME
 from finloop.features.table import direction_deg, orientations_of, wrap_deg
 from finloop.pose.film import FilmPoses
 

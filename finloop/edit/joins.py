@@ -17,17 +17,16 @@ D. Bollo, Inertialization: High-Performance Animation Transitions in "Gears of W
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from finloop.animate.bodies import Bodies, Body
-from finloop.animate.edit_list import CUT, FRAME, INERTIAL, SPRITE
-from finloop.animate.rest import rests
-from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats, Ints, Mask
+from finloop.edit.bodies import Bodies, Body
+from finloop.edit.rest import rests
+from finloop.edit.schema import CUT, FRAME, INERTIAL, SPRITE
 from finloop.features.table import wrap_deg
 
 _DECAY = 4.743865  # (1 + a) exp(−a) = 0.05
@@ -35,6 +34,25 @@ _REACH = 2.0  # times the time of a join; less than 0.1 % of its offset is left 
 
 
 Helps = Callable[[int, int, bool, bool], bool]
+
+
+class JoinTimes(Protocol):
+    """The parameters of joins, as `animate` has them."""
+
+    @property
+    def join(self) -> str: ...
+    @property
+    def join_time(self) -> Literal["auto"] | float: ...
+    @property
+    def join_frames(self) -> int: ...
+    @property
+    def join_least(self) -> float: ...
+    @property
+    def join_most(self) -> float: ...
+    @property
+    def rest(self) -> float: ...
+    @property
+    def fade(self) -> float: ...
 
 
 @dataclass(frozen=True)
@@ -76,7 +94,7 @@ class Joins:
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: Settings, bodies: Bodies, delta: int, helps: Helps) -> Joins:
+def joins(p: JoinTimes, bodies: Bodies, delta: int, helps: Helps) -> Joins:
     """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
     if p.join_time == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)

@@ -2,7 +2,7 @@
 
 import math
 
-from finloop.animate.edit_list import (
+from finloop.edit.schema import (
     ENTER,
     FORETOLD,
     JUMP,
@@ -14,7 +14,7 @@ from finloop.animate.edit_list import (
     WAITING,
     WALL,
 )
-from finloop.animate.state import Decision
+from finloop.edit.stretch import Decision
 
 
 def in_words(decision: Decision, goal: str, motion_area: float) -> str:

@@ -1,0 +1,44 @@
+"""How far the film's body moves from each row to the next."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from finloop.base.arrays import Floats
+from finloop.puppet import Pose
+
+_LOT = 10_000  # rows at a time
+
+
+class Movement(NamedTuple):
+    """How far (n - 1,) the body moves about its centre from each row to the next, in sizes.
+
+    The root mean square over the points of the backbone. whole: of a body that turns and bends;
+    bends: of one that keeps its heading.
+    """
+
+    whole: Floats
+    bends: Floats
+
+
+def movement(pose: Pose) -> Movement:
+    """The movement of n poses."""
+
+    def of_lot(first: int) -> Floats:
+        lot = pose[first : first + _LOT + 1]
+        line = lot.at(0.0, 0.0, 0.0, 1.0).backbone_px()
+        turn = np.diff(lot.heading_rad)[:, None]
+        cos, sin, x, y = np.cos(turn), np.sin(turn), line[1:, :, 0], line[1:, :, 1]
+        turned = np.stack([x * cos + y * sin, y * cos - x * sin], -1)
+        return np.stack([_apart(turned, line[:-1]), _apart(line[1:], line[:-1])])
+
+    with ThreadPoolExecutor(numba.get_num_threads()) as pool:
+        lots = list(pool.map(of_lot, range(0, len(pose) - 1, _LOT)))
+    return Movement(*np.concatenate([np.empty((2, 0)), *lots], axis=1))
+
+
+def _apart(lines: Floats, others: Floats) -> Floats:
+    """The root mean square distance (k,) of the points of lines (k, p, 2) and others."""
+    return np.sqrt(((lines - others) ** 2).sum(-1).mean(-1))

@@ -1,0 +1,108 @@
+"""Stretches: what a planner hands over to be drawn, and why.
+
+A stretch is some ticks of swimming that one decision gives. `finloop.edit.build` makes an edit list
+of stretches; whoever plans them need not be known here.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from finloop.base.arrays import Floats, Ints
+from finloop.edit.schema import FRAME, SPRITE
+
+
+class Decision(NamedTuple):
+    """Why a stretch is swum: codes and numbers, as `EDIT` has them; `in_words` tells them.
+
+    reason: a code of `REASONS`; exit: of `EXITS`, "" where the fish does not leave the film.
+    Numbers that a reason does not have are NaN, counts and quadrant 0.
+    """
+
+    reason: str
+    exit: str = ""
+    seam: float = np.nan
+    value_s: float = np.nan
+    quadrant: int = 0
+    ways: int = 0
+    ways_tank: int = 0
+    ways_quadrant: int = 0
+    ways_heading: int = 0
+    turn_deg: float = np.nan
+    sprite_area: float = np.nan
+    room: float = np.nan
+    film_speed: float = np.nan
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Some ticks (n,) of one state. way (n, 3): x, y px, heading deg; number (n,): of the pictures.
+
+    kind: SPRITE or FRAME; rot (n,): by how much frames are turned; phase (n,): place in the cycle,
+    in frames, where sprites of one are played; new: whether the first picture does not follow on
+    the one before; aim: x, y px of the point that it heads for, first; area: asked of the network,
+    NaN where it was not asked; touched: whether the last tick touches the goal; waits: whether it
+    waits for a gateway; whole: whether it was not cut short; options: what was weighed; steer
+    (n, 2): degrees and px by which it was corrected, on a path alone.
+    """
+
+    state: int
+    way: Floats
+    number: Ints
+    new: bool
+    aim: tuple[Any, ...]
+    touched: bool
+    decision: Decision
+    kind: str = SPRITE
+    rot: Floats | None = None
+    phase: Floats | None = None
+    area: float = np.nan
+    waits: bool = False
+    whole: bool = True
+    options: Any = None
+    past: Floats | None = None
+    steer: Floats | None = None
+
+    @property
+    def pictures(self) -> Ints:
+        """The numbers (n,) of what is shown, by which discs are looked up (`company.Discs`)."""
+        return self.number if self.kind == FRAME else -1 - self.number
+
+    @cached_property
+    def shown(self) -> Floats:
+        """Its way and its pictures (n, 4) as `Company` has them."""
+        return np.column_stack([self.way, self.pictures])
+
+    def rest(self, gone: int) -> Floats:
+        """What is shown (k, 4) after so many of its ticks, at least its last one."""
+        return self.shown[min(gone, len(self.way) - 1) :]
+
+    def cut(self, ticks: int) -> "Stretch":
+        """Its first `ticks` ≥ 1 alone."""
+        if ticks >= len(self.way):
+            return self
+        return replace(
+            self,
+            way=self.way[:ticks],
+            number=self.number[:ticks],
+            rot=None if self.rot is None else self.rot[:ticks],
+            phase=None if self.phase is None else self.phase[:ticks],
+            past=None if self.past is None else self.past[: len(self.past) - len(self.way) + ticks],
+            steer=None if self.steer is None else self.steer[:ticks],
+            touched=False,
+            whole=False,
+        )
+
+
+@dataclass(frozen=True)
+class Swim:
+    """An animation of one fish. reached (goals,): the tick at which each goal was touched, or −1.
+
+    names: of the goal, for each stretch.
+    """
+
+    stretches: list[Stretch]
+    names: list[str]
+    reached: Ints
