@@ -23,8 +23,9 @@ from hydra.core.config_store import ConfigStore
 from omegaconf import DictConfig, OmegaConf
 
 from finloop.base.settings import GROUPS, variants
+from finloop.io.parameters import refusal
 from stages.experiment import Experiment
-from stages.settings import STAMPS, all_problems, refusal, stamp
+from stages.settings import STAMPS, all_problems, stamp
 from stages.stamps import film_stamp, path_stamp, retarget_stamp, tracks_stamp
 
 CONF = Path(__file__).resolve().parents[1] / "conf"

@@ -22,8 +22,9 @@ from omegaconf.errors import OmegaConfBaseException
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check
 from finloop.io.atomic import whole_file
+from finloop.io.parameters import refusal
 from stages.experiment import FOLDER, Experiment
-from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems, refusal
+from stages.settings import CONF, FILES, LOCAL, PARAMS, STAMP, all_problems
 
 
 def composed(overrides: list[str]) -> str:

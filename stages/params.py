@@ -10,7 +10,8 @@ from stages.run import run  # isort: skip
 from pathlib import Path
 
 from finloop.io.atomic import whole_file
-from stages.settings import all_problems, read, refusal
+from finloop.io.parameters import refusal
+from stages.settings import all_problems, read
 
 CHECKED = Path("data/params/checked.txt")
 

@@ -11,10 +11,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from finloop.base.errors import FinloopError
 from finloop.base.settings import GROUPS, check, usual_options, values_of, variants
+from finloop.io.parameters import parameters, read_parameters
 
 PARAMS = Path("params.yaml")
 CONF = Path("conf")
@@ -35,24 +34,12 @@ def load(word: str) -> Any:
     FinloopError if a parameter is refused (all are listed, by dotted name), or if conf/ was edited
     after params.yaml was composed.
     """
-    group, problems = check(word, variants(word), read().get(word, {}))
-    if problems:
-        raise refusal(problems)
-    return group
+    return parameters(word, read())
 
 
 def read() -> dict[str, Any]:
     """params.yaml, composed from the present conf/; FinloopError where it is not."""
-    try:
-        values = yaml.load(PARAMS.read_text(encoding="utf-8"), yaml.CSafeLoader)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise FinloopError(
-            f"{PARAMS} cannot be read: {error}", "what `make params` writes", "make params"
-        ) from error
-    if not isinstance(values, dict):
-        raise FinloopError(
-            f"{PARAMS} holds no parameters", "what `make params` writes", "make params"
-        )
+    values = read_parameters(PARAMS)
     _refuse_stale(values)
     return values
 
@@ -98,16 +85,6 @@ def all_problems(values: Mapping[str, Any]) -> list[str]:
     for word in GROUPS:
         problems += check(word, variants(word), values.get(word, {}))[1]
     return problems
-
-
-def refusal(problems: list[str]) -> FinloopError:
-    """One message about all problems."""
-    count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
-    return FinloopError(
-        f"{count} refused:\n    " + "\n    ".join(problems),
-        "the names, types and ranges in finloop/<word>/settings.py",
-        "correct conf/ and run `make params`, or override: dvc exp run -S name=value",
-    )
 
 
 def overrides(values: Mapping[str, Any]) -> list[str]:

@@ -14,6 +14,7 @@ from conftest import ROOT
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from finloop.io.movie import VideoWriter
+from finloop.io.parameters import refusal
 from finloop.io.video import (
     ARENA_NAME,
     CLIP_NAME,
@@ -23,7 +24,7 @@ from finloop.io.video import (
     save_mask,
 )
 from stages.compose import composed
-from stages.settings import CONF, PARAMS, all_problems, refusal
+from stages.settings import CONF, PARAMS, all_problems
 
 
 @cache  # composing takes Hydra a fifth of a second

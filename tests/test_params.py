@@ -19,10 +19,11 @@ from pydantic import Field
 import stages.stamps
 from finloop.base.errors import FinloopError
 from finloop.base.settings import GROUPS, check, settings, values_of, variants
+from finloop.io.parameters import refusal
 from stages import settings as door
 from stages.compose import compare, composed
 from stages.experiment import FOLDER
-from stages.settings import LOCAL, STAMP, all_problems, load, refusal, stamp
+from stages.settings import LOCAL, STAMP, all_problems, load, stamp
 from stages.stamps import film_stamp, path_stamp, tracks_stamp
 
 ROOT = Path(__file__).parents[1]

@@ -1,0 +1,46 @@
+"""params.yaml: the parameters of a run, checked and as dataclasses."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from finloop.base.errors import FinloopError
+from finloop.base.settings import check, variants
+
+
+def read_parameters(path: Path) -> dict[str, Any]:
+    """Return the values of a params.yaml by stage word; FinloopError if it cannot be read."""
+    try:
+        values = yaml.load(path.read_text(encoding="utf-8"), yaml.CSafeLoader)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        raise FinloopError(
+            f"{path} cannot be read: {error}", "what `make params` writes", "make params"
+        ) from error
+    if not isinstance(values, dict):
+        raise FinloopError(
+            f"{path} holds no parameters", "what `make params` writes", "make params"
+        )
+    return values
+
+
+def parameters(word: str, values: Mapping[str, Any]) -> Any:
+    """Return the parameters of a stage word, as its `Settings`.
+
+    FinloopError if a parameter is refused; it lists all that are, by dotted name.
+    """
+    group, problems = check(word, variants(word), values.get(word, {}))
+    if problems:
+        raise refusal(problems)
+    return group
+
+
+def refusal(problems: list[str]) -> FinloopError:
+    """Return one message about all problems."""
+    count = "a parameter is" if len(problems) == 1 else f"{len(problems)} parameters are"
+    return FinloopError(
+        f"{count} refused:\n    " + "\n    ".join(problems),
+        "the names, types and ranges in finloop/<word>/settings.py",
+        "correct conf/ and run `make params`, or override: dvc exp run -S name=value",
+    )
