@@ -24,15 +24,22 @@ Every verb raises FinloopError, which says what came, what was wanted and what t
 is unknown or out of range, a file cannot be read, or the film does not show what is needed.
 """
 
+import atexit
+import tempfile
 import warnings
-from dataclasses import replace
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from finloop.animate.planner import Material, planner
+from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
@@ -58,11 +65,12 @@ from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.given_path import given_lines
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutWriter
+from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
+from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.source import InMemory
 from finloop.jumps.table import JUMPS
@@ -73,7 +81,6 @@ from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
 from finloop.render.painter import Painter, Shadow
-from finloop.results import Film, Tracks, folder_of, opened
 from finloop.social.rule import Shoaling, rule_of
 from finloop.social.steps import STEPS as SHOAL_STEPS
 from finloop.social.steps import rows_of, steps_of
@@ -85,6 +92,43 @@ __all__ = [
     "compare", "draw_carp", "find_gateways", "find_jumps", "find_loops", "find_poses", "find_zones",
     "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
+
+_OPEN = ExitStack()  # stores and temporary folders, till the program ends
+atexit.register(_OPEN.close)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
+
+    folder: Path
+    facts: VideoFacts
+    arena: Mask
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self.facts.frame_rate_hz
+
+    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
+        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where every fish of a film is.
+
+    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
+    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
+    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
+    """
+
+    film: Film
+    table: pd.DataFrame
+    cutouts: CutoutStore
+    background: NDArray[np.uint8]
+    given: pd.DataFrame | None = None
 
 
 def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
@@ -101,11 +145,23 @@ def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
 
 
 def _film(folder: str | Path | None, **values: Any) -> Film:
-    p, home = settings("clip", **values), folder_of(folder) / "clip"
+    p, home = settings("clip", **values), _make_folder(folder) / "clip"
     source = open_source(p)
     with whole_folder(home) as part:
         clip = make_clip(p, source, part)
     return Film(home, clip.facts, clip.arena)
+
+
+def _make_folder(folder: str | Path | None) -> Path:
+    """Return the folder that is given, or a new temporary one."""
+    if folder is not None:
+        return Path(folder)
+    return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
+
+
+def _open_store(path: Path) -> CutoutStore:
+    """Open a store of cut-outs till the program ends."""
+    return _OPEN.enter_context(open_cutouts(path))
 
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
@@ -115,7 +171,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     `workers`: threads.
     `changes`: of `finloop.extract.settings.Settings`.
     """
-    p, home = settings("extract", **changes), folder_of(folder) / "extract"
+    p, home = settings("extract", **changes), _make_folder(folder) / "extract"
     with whole_folder(home) as part:
         lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
@@ -124,7 +180,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     background = load_picture(home / BACKGROUND_NAME)
     path = home / GIVEN_NAME
     given = load_table(path, GIVEN) if path.exists() else None
-    return Tracks(film, table, opened(home / CUTOUTS_NAME), background, given)
+    return Tracks(film, table, _open_store(home / CUTOUTS_NAME), background, given)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -159,11 +215,11 @@ def make_sprites(
     table = swimmers(features, tracks.table, p)
     look = partial(Reel(features, film).headed, size=p.picture_px)
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
-    home = folder_of(folder) / "sprites"
+    home = _make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, as_loaded(sprites, SPRITES), opened(home / "sprites.arrow"))
+    return Reel(features, film, as_loaded(sprites, SPRITES), _open_store(home / "sprites.arrow"))
 
 
 def compare(reel: Reel, **changes: Any) -> Similar:
