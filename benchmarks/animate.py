@@ -20,6 +20,7 @@ from benchmarks.speed import paired
 from finloop.animate.shoal import play
 from finloop.animate.swim import Player, random_goals
 from finloop.edit.schema import Goal
+from finloop.project import Project
 from stages.animate import bring
 from stages.settings import load
 
@@ -37,8 +38,8 @@ def main() -> None:
         home = Path.cwd()
         os.chdir(scratch)
         try:
-            with bring(load("animate")) as brought:
-                players = brought.players
+            with Project() as project:
+                players = bring(project, load("animate")).players
         finally:
             os.chdir(home)
     frame = np.zeros((720, 1280, 3), np.uint8)

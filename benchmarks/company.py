@@ -25,6 +25,7 @@ from finloop.animate.planner import Planner, planner
 from finloop.animate.settings import Settings
 from finloop.distance.picture import typical_length
 from finloop.live.tank import LiveTank
+from finloop.project import Project
 from stages.animate import material
 from stages.settings import load
 
@@ -94,7 +95,8 @@ def filmed(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All modes on the film in the present folder."""
     p: Settings = replace(load("animate"), path=None)
-    with material(p) as made:
+    with Project() as project:
+        made = material(project, p)
         yield {"film": film, **filmed(made.reel.features, made.rate_hz)}
         for through in (False, True):
             plans = planner(made, replace(p, overlap=through))

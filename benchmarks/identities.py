@@ -44,13 +44,11 @@ from finloop.base.settings import settings
 from finloop.clip.settings import Carp
 from finloop.drawn.carp.film import film
 from finloop.drawn.carp.motion import Motion, room_of, simulate
-from finloop.features.table import FEATURES
-from finloop.identity.film import IDENTITIES
 from finloop.io.movie import VideoWriter
 from finloop.io.poses import load_poses
-from finloop.io.table import load_table, save_csv
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.table import save_csv
 from finloop.io.wheel import PACKAGE, TANK_PX, cache_folder, zebrafish_clips
+from finloop.project import Project
 
 # PyTorch and torchvision are wanted by the package, which leaves their choice to its user.
 PACKAGES = (PACKAGE, "torch", "torchvision")
@@ -168,9 +166,10 @@ def finloop(one: Film, folder: Path) -> pd.DataFrame:
     prepare(folder, one.overrides)
     for word in ("clip", "extract", "features", "identity"):
         stage(folder, word)
-    rows = load_table(folder / "data/features/features.parquet", FEATURES)
-    whose = load_table(folder / "data/identity/identities.parquet", IDENTITIES)
-    rows = rows.merge(whose, on="track_id").rename(columns={"identity": "animal"})
+    project = Project(folder)
+    rows = project.features.merge(project.identities, on="track_id").rename(
+        columns={"identity": "animal"}
+    )
     return rows[["frame", "animal", *_PLACE, "body_length_px"]]
 
 
@@ -248,7 +247,7 @@ def compared(
     one = FILMS[name](folder)
     (ours := folder / "finloop").mkdir(exist_ok=True)
     mine, my_time = timed(lambda: finloop(one, ours))
-    frames = load_facts(ours / "data/clip" / FACTS_NAME).frames
+    frames = Project(ours).facts.frames
     length = float(mine["body_length_px"].median())
     told = [("finloop", "", mine[["frame", "animal", *_PLACE]], my_time)]
     if environment is not None:

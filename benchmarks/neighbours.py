@@ -13,7 +13,6 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 import argparse
 import time
 from collections.abc import Callable, Iterator
-from contextlib import chdir
 from functools import partial
 from pathlib import Path
 
@@ -28,14 +27,10 @@ from finloop.base.arrays import Ints
 from finloop.base.parallel import Threads
 from finloop.base.settings import settings
 from finloop.base.stretches import spread
-from finloop.features.table import FEATURES
-from finloop.io.cutouts import open_cutouts
-from finloop.io.table import load_table
 from finloop.jumps.signature import parts, signatures
 from finloop.jumps.source import InMemory
 from finloop.nearest import Nearest, Vectors
-from finloop.reel import Reel
-from stages.poses import load_poses
+from finloop.project import Project
 from stages.run import THREADS
 
 NEAREST, TRIED, RECALL = 20, 1000, 0.99
@@ -46,12 +41,10 @@ Search = Callable[[Vectors], Ints]
 def vectors_of(data: Path) -> Vectors:
     """What the stage `jumps` compares rows by, (n, d)."""
     p = settings("jumps")
-    with chdir(data.parent), open_cutouts(Path("data/extract/cutouts.arrow")) as film:
-        features = load_table(Path("data/features/features.parquet"), FEATURES)
-        reel = Reel(features, film)
-        source = InMemory.of(reel, load_poses(features), p.look_px)
+    with Project(data.parent) as project:
+        source = InMemory.of(project.film_reel, project.poses, p.look_px)
         made = parts(source, p, Threads(THREADS))
-        return signatures(made, reel.step_ends, p)[0].astype(np.float32)
+        return signatures(made, project.film_reel.step_ends, p)[0].astype(np.float32)
 
 
 def ours() -> Iterator[tuple[str, Search]]:

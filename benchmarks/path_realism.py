@@ -25,16 +25,13 @@ from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.animate.swim import Player
 from finloop.edit.build import edit_lists
-from finloop.features.table import FEATURES
-from finloop.io.table import load_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
 from finloop.realism.lists import Work, filmed
-from stages.animate import DATA, material
+from stages.animate import material
 from stages.cluster import workers
-from stages.gallery import pictures_of
-from stages.realism import WORKERS_NEED, instrument_of, swimming_of, verdicts_of
+from stages.realism import WORKERS_NEED, Pictures, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
 
 PIECE_S = 20.0
@@ -101,16 +98,16 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
     p, q = load("realism"), replace(load("animate"), path=None, path_film=False)
     assert isinstance(q, Settings)
-    rate = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    features = load_table(DATA / "features/features.parquet", FEATURES)
+    project = Project()
+    rate, features = project.rate_hz, project.features
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    with material(q) as made, workers(WORKERS_NEED) as crew:
+    with project, workers(WORKERS_NEED) as crew:
+        made = material(project, q)
         plans = planner(made, q)
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
-        pictures = pictures_of("hybrid", "realism")
-        instrument = instrument_of(features, pictures)
+        pictures, instrument = Pictures(project, "hybrid"), instrument_of(project)
         drawn = instrument.of_animations(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, crew)

@@ -25,6 +25,7 @@ from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
+from finloop.project import Project
 from stages.animate import material
 from stages.settings import load
 
@@ -149,7 +150,8 @@ def measure(film: str, name: str, line: Line, plans: Planner) -> list[dict[str, 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All paths of the film in the present folder."""
     p: Settings = replace(load("animate"), path=None, path_film=False)
-    with material(p) as made:
+    with Project() as project:
+        made = material(project, p)
         plans = planner(made, p)
         motion = plans.waters.motion
         swims = plans.waters.film.speed[plans.waters.film.more]

@@ -29,7 +29,7 @@ from finloop.live.door import bound
 from finloop.live.message import SetGoal
 from finloop.live.server import Host, Server
 from finloop.live.view import View
-from stages.play import PAGE, opened
+from stages.play import PAGE, open_view
 
 FISH, FRAMES, CLICKS, MESSAGES = 4, 3000, 60, 10_000
 SIZE = ["clip=carp", "clip.width_px=1280", "clip.height_px=720", "clip.frames=750"]
@@ -119,7 +119,7 @@ def flood(page: ClientConnection) -> tuple[float, float, int]:
 
 def measured(what: str) -> Iterator[Row]:
     """The rows of the results in the present folder."""
-    with opened(HYBRID, FISH, 0) as view:
+    with open_view(HYBRID, FISH, 0) as view:
         frames(view)  # compiles, and fills the caches
         took = frames(view)
         size = "×".join(map(str, view.painter.canvas.shape[1::-1]))

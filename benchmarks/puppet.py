@@ -20,12 +20,8 @@ from benchmarks.speed import paired
 from finloop.base.cutout import Cutout
 from finloop.base.settings import settings
 from finloop.distance.picture import SPAN
-from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import USED, features
-from finloop.io.cutouts import open_cutouts
-from finloop.io.record import load_record
-from finloop.io.table import load_table
-from finloop.io.video import load_facts
+from finloop.project import Project
 from finloop.puppet import Pose, draw, filmed
 
 SIZE, ROWS, LEAST_HZ, MOST_RATIO = 110, 300, 3000, 4
@@ -41,14 +37,11 @@ def frames(folder: Path, overrides: list[str]) -> tuple[list[Cutout], list[Pose]
     prepare(folder, overrides)
     for word in ("clip", "extract"):
         stage(folder, word)
-    extract = folder / "data/extract"
-    points = load_record(extract / "scene.json", SceneFacts, "extract").points
-    tracks = load_table(extract / "tracks.parquet", tracks_schema(points), USED)
-    rate = load_facts(folder / "data/clip/facts.json").frame_rate_hz
-    poses = filmed(*features(tracks, rate, settings("features")))
-    rows = np.random.default_rng(0).integers(len(poses), size=ROWS).tolist()
-    with open_cutouts(extract / "cutouts.arrow") as store:
-        return [store[row] for row in rows], [poses[row] for row in rows]
+    with Project(folder) as project:
+        tracks, rate = project.tracks(USED), project.rate_hz
+        poses = filmed(*features(tracks, rate, settings("features")))
+        rows = np.random.default_rng(0).integers(len(poses), size=ROWS).tolist()
+        return [project.cutouts[row] for row in rows], [poses[row] for row in rows]
 
 
 def drawn(cutouts: list[Cutout], own: list[Pose], targets: list[Pose], sharp: bool) -> None:

@@ -21,15 +21,11 @@ from benchmarks.speed import paired, timed
 from finloop.base.settings import settings
 from finloop.edit.bodies import Bodies
 from finloop.edit.schema import FRAME, Goal
-from finloop.extract.table import SceneFacts, tracks_schema
 from finloop.features.table import USED, features
-from finloop.io.cutouts import open_cutouts
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
-from finloop.io.picture import load_picture
-from finloop.io.record import load_record
-from finloop.io.table import load_table
 from finloop.io.video import THREADS
 from finloop.pose import film_poses
+from finloop.project import Project
 from finloop.render.gallery import Gallery, Shelf
 from finloop.render.marks import COLOURS, Marks
 from finloop.render.painter import Painter, Placed
@@ -140,16 +136,13 @@ def main() -> None:
         prepare(folder, ["clip=carp", *SIZE])
         for word in ("clip", "extract"):
             stage(folder, word)
-        extract = folder / "data/extract"
-        points = load_record(extract / "scene.json", SceneFacts, "extract").points
-        background = load_picture(extract / "background.png")
-        tracks = load_table(extract / "tracks.parquet", tracks_schema(points), USED)
         frame, copy = np.zeros((720, 1280, 3), np.uint8), np.zeros((720, 1280, 3), np.uint8)
-        with open_cutouts(extract / "cutouts.arrow") as store:
+        with Project(folder) as project:
+            background, tracks = project.background, project.tracks(USED)
             table, _ = features(tracks, float(RATE), settings("features"))
             poses = film_poses(tracks, table, settings("pose"))
             bodies = Bodies(poses, np.zeros(len(table), bool), pd.DataFrame())
-            shelf = Shelf(store, tracks[["x_px", "y_px"]].to_numpy())
+            shelf = Shelf(project.cutouts, tracks[["x_px", "y_px"]].to_numpy())
             gallery = Gallery({FRAME: shelf}, bodies)
 
             def copies() -> None:

@@ -23,6 +23,7 @@ from finloop.animate.settings import Settings
 from finloop.animate.shoal import shoal, tasks
 from finloop.animate.swim import random_goals
 from finloop.edit.build import edit_lists
+from finloop.project import Project
 from stages.animate import material
 from stages.settings import load
 
@@ -58,7 +59,8 @@ def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All modes on the film in the present folder."""
     p: Settings = replace(load("animate"), path=None)
-    with material(p) as made:
+    with Project() as project:
+        made = material(project, p)
         for fish, size, seconds, goal_s in SHOALS:
             own = replace(p, fish=fish, size=size, seconds=seconds, overlap=False)
             plans = planner(made, own)

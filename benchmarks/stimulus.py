@@ -33,7 +33,7 @@ from websockets.sync.client import connect
 from websockets.typing import Origin
 
 from finloop.io.journal import save_journal
-from finloop.io.picture import load_picture
+from finloop.project import Project
 from finloop.stimulus.drawn import PICTURE, X, Y
 from finloop.stimulus.log import SESSION, Log
 from finloop.stimulus.order import trials
@@ -43,7 +43,7 @@ from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.session import Session
 from finloop.stimulus.show import Dry
 from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
-from stages.scene import Opened, opened
+from stages.stimulus import FilmedScene, open_scene
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 RATE_HZ = 60.0  # of the tracker
@@ -162,7 +162,7 @@ class Swimmer:
 
 
 def size_of_tank() -> tuple[float, float]:
-    height, width = load_picture(Path("data/extract/background.png")).shape[:2]
+    height, width = Project().background.shape[:2]
     return float(width), float(height)
 
 
@@ -319,7 +319,7 @@ def flood() -> Iterator[Row]:
         yield from timing(what, record_of(live))
 
 
-def random_session(made: Opened, seed: int, folder: Path) -> tuple[Record, Protocol]:
+def random_session(made: FilmedScene, seed: int, folder: Path) -> tuple[Record, Protocol]:
     """A session of two trials with spoiled input, without a display; seed: of all chance."""
     rng = np.random.default_rng(seed)
     rules = rng.choice(get_args(RuleSpec.model_fields["rule"].annotation), 2, replace=False)
@@ -351,7 +351,7 @@ def random_session(made: Opened, seed: int, folder: Path) -> tuple[Record, Proto
 def replays() -> Iterator[Row]:
     """Whether random sessions are the same when they are planned again from their files."""
     what, ticks, anew, different = "100 random sessions, planned again", 0, 0, 0
-    with opened(protocol_of(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
+    with open_scene(protocol_of(REHEARSAL)) as made, tempfile.TemporaryDirectory() as name:
         for seed in range(100):
             record, plan = random_session(made, seed, Path(name))
             told = plan_again(record, made.scene, plan)

@@ -15,13 +15,12 @@ import numpy as np
 import pandas as pd
 
 from finloop.io.movie import Mp4Writer
-from finloop.io.picture import load_picture
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.project import Project
 from finloop.tank.camera import PRESETS, TOUR, Room, views
 from finloop.tank.display import choose_window
 from finloop.tank.scene import Scene
 from stages.settings import load
-from stages.tank import DATA, EXTRACT, opened
+from stages.tank import swum_fish
 
 SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 
@@ -29,10 +28,10 @@ SIZE, TICKS, ROUNDS, LEAST_HZ = (1280, 720), 60, 5, 30
 def main() -> None:
     """Print and write the table."""
     choose_window()
-    p, facts = load("tank"), load_facts(DATA / "clip" / FACTS_NAME)
-    background = load_picture(EXTRACT / "background.png")
-    rows = []
-    with opened(p) as (every, times):
+    p, rows = load("tank"), []
+    with Project() as project:
+        facts, background = project.facts, project.background
+        every, times = swum_fish(p, project)
         fish = every[0]
         depth, aspect = p.depth * fish.length_px, SIZE[0] / SIZE[1]
         room = Room(facts.width_px, facts.height_px, depth, fish.length_px, aspect)

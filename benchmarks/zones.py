@@ -27,22 +27,22 @@ from finloop.animate.settings import Settings
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.features.table import delta_of
+from finloop.project import Project
 from finloop.social.measures import beside, shoal_table
 from finloop.social.walls import Walls
-from finloop.social.zones import COUZIN, NO_ZONES
+from finloop.social.zones import COUZIN, NO_ZONES, Zones
 from stages.animate import material
 from stages.calibrate import first_film
-from stages.rules import load_rule
 from stages.settings import load
 
 SEEDS, SECONDS, MOST_FISH = 3, 60.0, 64
 STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 
-def points(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
+def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]:
     """Fish that are points."""
     p = load("calibrate")
-    for name, zones in (("zones", load_rule().zones), ("couzin", COUZIN), ("alone", NO_ZONES)):
+    for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
         steps = own_steps(film, film.whole_steps(p.rows), zones)
         rng = np.random.default_rng(p.seed)
         yield f"points_{name}", swum_points(film, steps, zones, p, rng)
@@ -71,13 +71,14 @@ def film_tables(folder: Path) -> pd.DataFrame:
     """All shoals beside the film in a folder."""
     p: Settings = replace(load("animate"), path=None, seconds=SECONDS, trials=0, follow=[])
     tables: dict[str, list[pd.DataFrame]] = {}
-    with material(p) as made:
+    with Project() as project:
+        made = material(project, p)
         features = made.reel.features
-        own, horizon = first_film(features, Path("data/clip")), load("calibrate").horizon
+        own, horizon = first_film(features, project.data / "clip"), load("calibrate").horizon
         film = film_shoal(own, made.arena, delta_of(features), horizon)
         fish = min(film.fish, MOST_FISH)
         tables["first_half"] = [film.half(True)]
-        for name, table in (*points(film), *package(film)):
+        for name, table in (*points(film, project.rule.zones), *package(film)):
             tables[name] = [table]
         for rule in ("zones", "none"):
             for seed in range(SEEDS):

@@ -4,8 +4,7 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 
 import gc
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -19,35 +18,21 @@ from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.settings import Settings
 from finloop.animate.swim import Player, considered
 from finloop.base.parallel import Workers, ordered_map
-from finloop.bpn.model import motion_model
-from finloop.distance.map import STEPS, MapFacts
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import CONSIDERED, CUT, EDIT, LOOPS, Goal, by_fish
 from finloop.edit.stretch import Swim
-from finloop.features.table import FEATURES
-from finloop.gateways.find import GATEWAYS
 from finloop.given_path import given_lines
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
-from finloop.io.mapped import open_array
-from finloop.io.picture import load_picture
-from finloop.io.record import load_record, save_json, save_records
+from finloop.io.record import save_json, save_records
 from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
-from finloop.jumps.table import JUMPS
-from finloop.loops.search import LOOPS as LOOPS_TABLE
-from finloop.reel import Reel
+from finloop.project import Project
 from finloop.social.measures import SHOAL, beside, halves, shoal_table
-from finloop.sprites.orient import SPRITES
 from stages.cluster import workers
-from stages.forecasts import load_forecast
-from stages.poses import load_poses
-from stages.rules import FOLDER, load_rule
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/animate"), Path("reports/animate")
+OUT, REPORT = Path("data/animate"), Path("reports/animate")
 
-WORKERS_NEED = ["finloop.animate.planner", "finloop.animate.measures", "stages.forecasts"]
+WORKERS_NEED = ["finloop.animate.planner", "finloop.animate.measures", "finloop.project"]
 Swum = tuple[np.ndarray, np.ndarray]
 """Speed and turn rate of everything that swam."""
 
@@ -55,44 +40,21 @@ Measures = dict[str, dict[str, float]]
 """Of every mode, by name."""
 
 
-@contextmanager
-def material(p: Settings) -> Iterator[Material]:
-    """What the stages before have made, and the path that is asked for."""
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    sprites = load_table(DATA / "sprites/sprites.parquet", SPRITES)
-    poses = load_poses(features)
-    with (
-        open_cutouts(DATA / "sprites/sprites.arrow") as store,
-        open_cutouts(DATA / "extract/cutouts.arrow") as frames,
-    ):
-        yield Material(
-            facts.frame_rate_hz,
-            load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
-            Reel(features, frames, sprites, store),
-            open_array(DATA / "pose/outlines.npy", (len(features), None, 2), "float32"),
-            load_record(DATA / "bpn/model.json", motion_model, "bpn"),
-            load_record(DATA / "distance" / "facts.json", MapFacts, "distance"),
-            load_table(DATA / "distance/steps.parquet", STEPS),
-            load_table(DATA / "loops/loops.parquet", LOOPS_TABLE),
-            load_table(DATA / "jumps/jumps.parquet", JUMPS),
-            load_table(DATA / "gateways/gateways.parquet", GATEWAYS),
-            poses,
-            load_forecast(features, poses, facts.frame_rate_hz),
-            given_lines(p, features),
-            facts.mm_per_px,
-            load_rule(),
-            load_picture(DATA / "extract/background.png"),
-        )
+def material(project: Project, p: Settings) -> Material:
+    """Return what the stages before have made, and the path that is asked for."""
+    return Material(
+        project.rate_hz, project.arena, project.reel, project.outlines, project.model,
+        project.map_facts, project.steps, project.loops, project.jumps, project.gateways,
+        project.poses, project.forecast, given_lines(p, project.features), project.facts.mm_per_px,
+        project.rule, project.background,
+    )  # fmt: skip
 
 
-@contextmanager
-def bring(p: Settings) -> Iterator[Planner]:
-    """Everything that plans, from what the stages before have made."""
-    with material(p) as made:
-        plans = planner(made, p)
-        del made  # tables that are arrays of the planner by now
-        yield plans
+def bring(project: Project, p: Settings) -> Planner:
+    """Return everything that plans, from what the stages before have made."""
+    plans = planner(material(project, p), p)
+    project.forget("steps", "loops", "jumps", "gateways", "look")  # the planner has them as arrays
+    return plans
 
 
 def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, float]]]:
@@ -101,8 +63,8 @@ def trials_of(p: Settings, seeds: Sequence[int]) -> dict[str, list[dict[str, flo
     Every fish has goals of its own.
     For its own process, which brings together what plans once: of a film of hours that takes long.
     """
-    with bring(p) as plans:
-        features = plans.pictures.reel.features
+    with Project() as project:
+        plans, features = bring(project, p), project.features
         film_motion = measures.motion_of_film(features, plans.waters.motion)
 
         def measured(player: Player, seed: int) -> dict[str, float]:
@@ -209,7 +171,7 @@ def company(folder: Path, plans: Planner) -> pd.DataFrame:
     waters = plans.waters
     if waters.settings.fish == 1:
         return beside({}, {})
-    film = load_table(FOLDER / "film.parquet", SHOAL)
+    film = load_table(Path("data/calibrate/film.parquet"), SHOAL)
     first, second = halves(film)
     shoals = {"first_half": first}
     for mode in plans.players:
@@ -225,10 +187,10 @@ def animations(p: Settings) -> tuple[Measures, dict[str, float]]:
     numbers: Measures = {}
     moved: dict[str, Swum] = {}
     paths: list[Followed] = []
-    steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
-    with bring(p) as plans, whole_folder(OUT) as folder:
-        waters, features = plans.waters, plans.pictures.reel.features
-        size = plans.pictures.reel.size
+    with Project() as project, whole_folder(OUT) as folder:
+        steps = project.steps[["step", "as_filmed"]].dropna()
+        plans, features = bring(project, p), project.features
+        waters, size = plans.waters, plans.pictures.reel.size
         if size < 1 and p.size == "auto":
             print(
                 f"animate: where the fish may be it could hardly turn at its own size, so it is "

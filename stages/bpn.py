@@ -12,22 +12,21 @@ from finloop.bpn.held_out import HELD_OUT, assessment, held_out_table
 from finloop.bpn.model import motion_rows, split, split_or_all
 from finloop.bpn.onnx import onnx_bytes
 from finloop.bpn.settings import Settings
-from finloop.features.table import FEATURES, delta_of
+from finloop.features.table import delta_of
 from finloop.io.atomic import save_bytes
 from finloop.io.record import save_json
-from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.table import save_csv, save_table
+from finloop.project import Project
 from stages.settings import load
 
-FACTS, TABLE = Path("data/clip") / FACTS_NAME, Path("data/features/features.parquet")
 OUT, REPORT = Path("data/bpn"), Path("reports/bpn")
 
 
 def main() -> None:
     """Make data/bpn/, reports/bpn/."""
     p: Settings = load("bpn")
-    rate_hz = load_facts(FACTS).frame_rate_hz
-    table = load_table(TABLE, FEATURES)
+    project = Project()
+    rate_hz, table = project.rate_hz, project.features
     rows = motion_rows(table, delta_of(table))
     sides = [split_or_all(rows, p)]
     if not sides[0][1].any():

@@ -14,17 +14,19 @@ from finloop.calibrate.fit import Fitted
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.calibrate.rule import film_rule, shortage
 from finloop.calibrate.settings import Settings
-from finloop.features.table import FEATURES, delta_of
+from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
+from finloop.io.record import save_json
 from finloop.io.several import parts_of
-from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.io.table import save_csv, save_table
+from finloop.project import Project
 from finloop.social.measures import SHOAL, beside
+from finloop.social.rule import Shoaling
+from finloop.social.steps import STEPS, rows_of
 from finloop.social.zones import NO_ZONES, Zones
-from stages.rules import save_rule
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/calibrate"), Path("reports/calibrate")
+OUT, REPORT = Path("data/calibrate"), Path("reports/calibrate")
 
 
 def first_film(features: pd.DataFrame, clip: Path) -> pd.DataFrame:
@@ -52,13 +54,23 @@ def numbers(film: FilmShoal, fit: Fitted | None, zones: Zones) -> dict[str, floa
     return {**values, **asdict(zones)}
 
 
+def save_rule(folder: Path, rule: Shoaling) -> None:
+    """Write what `Project.rule` loads: the zones and the own steps of a film."""
+    own = rule.steps
+    save_json(folder / "zones.json", {
+        "zones": asdict(rule.zones), "horizon_frames": rule.horizon, "alike": rule.alike,
+        "forward": own.forward, "onward": own.onward,
+    })  # fmt: skip
+    save_table(folder / "steps.parquet", pd.DataFrame(rows_of(own)), STEPS)
+
+
 def main() -> None:
     """Make data/calibrate/, reports/calibrate/."""
     p: Settings = load("calibrate")
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    arena = load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px)
-    film = film_shoal(first_film(features, DATA / "clip"), arena, delta_of(features), p.horizon)
+    project = Project()
+    features = project.features
+    own = first_film(features, project.data / "clip")
+    film = film_shoal(own, project.arena, delta_of(features), p.horizon)
     rule, fit = film_rule(film, p)
     zones = rule.zones
     with whole_folder(OUT) as folder:
@@ -76,7 +88,7 @@ def main() -> None:
         f"{row.shoal}_{row.measure}_to_{row.beside}": row.distance for row in table.itertuples()
     }
     save_metrics(REPORT / "metrics.json", {
-        "horizon_s": film.horizon / facts.frame_rate_hz, **numbers(film, fit, zones), **distances,
+        "horizon_s": film.horizon / project.rate_hz, **numbers(film, fit, zones), **distances,
     })  # fmt: skip
 
 

@@ -12,16 +12,13 @@ from finloop.distance.compare import blocks, compare
 from finloop.distance.map import EXACT, PAIRS, STEPS, computed
 from finloop.distance.picture import apart
 from finloop.distance.settings import Settings
-from finloop.features.table import FEATURES
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
 from finloop.io.record import save_record
-from finloop.io.table import load_table, save_table
+from finloop.io.table import save_table
+from finloop.project import Project
 from finloop.reel import Reel
 from stages.settings import load
 
-CUTOUTS = Path("data/extract/cutouts.arrow")
-FEATURES_TABLE = Path("data/features/features.parquet")
 FOLDER, REPORT = Path("data/distance"), Path("reports/distance")
 SAMPLE = 1000  # pairs measured again in float64
 
@@ -42,10 +39,9 @@ def inexact(pairs: pd.DataFrame, reel: Reel, size: int, pose: str) -> int:
 def main() -> None:
     """Make data/distance/, reports/distance/."""
     p: Settings = load("distance")
-    features = load_table(FEATURES_TABLE, FEATURES)
-    todo = blocks(features, p)
-    with open_cutouts(CUTOUTS) as film:
-        reel = Reel(features, film)
+    with Project() as project:
+        features, reel = project.features, project.film_reel
+        todo = blocks(features, p)
         with progress("distance", len(todo), "blocks") as advance:
             pairs, steps, facts = compare(reel, p, advance)
         pairs_inexact = inexact(pairs, reel, p.size, p.pose)

@@ -15,36 +15,29 @@ from finloop.export.keypoints import deeplabcut
 from finloop.export.pictures import READABLE, Alone, Image, cut_out, cycle, flat, readable, way
 from finloop.export.settings import Settings
 from finloop.export.tracks import USED, poses
-from finloop.extract.table import GIVEN, GIVEN_NAME
-from finloop.features.table import FEATURES
-from finloop.identity.film import IDENTITIES
 from finloop.io.atomic import save_bytes, whole_folder
 from finloop.io.movie_alpha import AlphaWebpWriter, WebmWriter
-from finloop.io.picture import load_picture
 from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json
-from finloop.io.table import load_table, save_csv, save_csv_in_blocks, save_table
-from finloop.io.video import FACTS_NAME, load_facts
-from finloop.render.gallery import Gallery, frames
+from finloop.io.table import save_csv, save_csv_in_blocks, save_table
+from finloop.project import Drawn, Project
+from finloop.render.gallery import frames
 from finloop.render.painter import Box
 from finloop.sprites.stretch import SIDES, WORDS
 from finloop.stimulus.drawn import drawn_of
 from finloop.stimulus.page import alone_page
 from finloop.stimulus.pictures import PagePictures
-from stages.edit import DATA, Drawn, load_drawn, load_size
-from stages.gallery import open_gallery
 from stages.settings import load
 
-OUT, REPORT = DATA / "export", Path("reports/export")
+OUT, REPORT = Path("data/export"), Path("reports/export")
 POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
-def films(
-    folder: Path, p: Settings, edit: pd.DataFrame, sprites: pd.DataFrame, gallery: Gallery
-) -> dict[str, Any]:
+def films(folder: Path, p: Settings, project: Project, drawn: Drawn) -> dict[str, Any]:
     """Write the animation and every sequence of sprites; what films.json says of them."""
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    facts, edit, sprites = project.facts, drawn.edit, project.sprites
+    gallery = project.gallery(drawn)
     rate, channels = facts.frame_rate, 3 if facts.colour else 1
     cycles = {word: cycle(sprites, word, gallery) for word in WORDS}
     made: dict[str, Any] = {}
@@ -84,28 +77,28 @@ def films(
     }
 
 
-def save_alone(folder: Path, p: Settings, drawn: Drawn, gallery: Gallery) -> None:
+def save_alone(folder: Path, p: Settings, project: Project, drawn: Drawn) -> None:
     """Write stimulus.html: the beginning of the animation, played by the page itself."""
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
+    facts = project.facts
     ticks = round(p.stimulus_seconds * facts.frame_rate)
     if not ticks:
         return
-    assert gallery.bodies is not None
+    assert drawn.bodies is not None
     edit = drawn.edit.sort_values(["tick", "fish"], kind="stable")
     rows = list(edit[edit["tick"] < ticks].itertuples(index=False))
-    states = drawn_of(rows, gallery.bodies)
+    states = drawn_of(rows, drawn.bodies)
     motion = states.reshape(-1, edit["fish"].nunique(), states.shape[1])
-    pictures = PagePictures(gallery, load_size(p.mode)).of(motion)
-    floor = load_picture(DATA / "extract/background.png")
-    text = alone_page("finloop", float(facts.frame_rate), floor, pictures, motion)
+    pictures = PagePictures(project.gallery(drawn), project.size(p.mode)).of(motion)
+    rate = float(facts.frame_rate)
+    text = alone_page("finloop", rate, project.background, pictures, motion)
     save_bytes(folder / "stimulus.html", text.encode())
 
 
-def names(tracks: pd.DataFrame) -> pd.Series:
-    """The name of the animal of every row: another program's, or `animal_` and its number."""
-    if (named := DATA / "extract" / GIVEN_NAME).exists():
-        return load_table(named, GIVEN, ["animal"])["animal"]
-    told = load_table(DATA / "identity/identities.parquet", IDENTITIES, ["track_id", "identity"])
+def names(project: Project, tracks: pd.DataFrame) -> pd.Series:
+    """Return the name of every row's animal: another program's, or `animal_` and its number."""
+    if project.given is not None:
+        return project.given["animal"]
+    told = project.identities
     digits = len(str(told["identity"].max()))
     name = "animal_" + told["identity"].astype(str).str.zfill(digits)
     return tracks["track_id"].map(name.set_axis(told["track_id"]))
@@ -114,23 +107,20 @@ def names(tracks: pd.DataFrame) -> pd.Series:
 def main() -> None:
     """Make data/export/, reports/export/."""
     p: Settings = load("export")
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    drawn = load_drawn(p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0)
-    edit, _, tracks, sprites, _ = drawn
-    assert sprites is not None
-    features = load_table(DATA / "features/features.parquet", FEATURES, POINTS)
-    least = round(p.tracks_least_s * facts.frame_rate)
-    mm, length_px = facts.mm_per_px, load_size(p.mode) * float(features["body_length_px"].median())
-    animals = names(tracks)
-    points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
-    with whole_folder(OUT) as folder, open_gallery(drawn) as gallery:
-        made = films(folder, p, edit, sprites, gallery)
+    with Project() as project, whole_folder(OUT) as folder:
+        facts, features, sprites = project.facts, project.features[POINTS], project.sprites
+        drawn = project.drawn(p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0)
+        edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
+        length_px = project.size(p.mode) * float(features["body_length_px"].median())
+        least, animals = round(p.tracks_least_s * facts.frame_rate), names(project, tracks)
+        points = poses(tracks, features, facts.frames, p.body_points, least, p.tracks_most, animals)
+        made = films(folder, p, project, drawn)
         save_json(folder / "films.json", made)
-        save_alone(folder, p, drawn, gallery)
-        for atlas in sorted((DATA / "sprites").glob("atlas-*")):
+        save_alone(folder, p, project, drawn)
+        for atlas in sorted((project.data / "sprites").glob("atlas-*")):
             shutil.copyfile(atlas, folder / atlas.name)
         if edit["pose"].notna().any():
-            shutil.copyfile(DATA / "pose/shapes.json", folder / "shapes.json")
+            shutil.copyfile(project.data / "pose/shapes.json", folder / "shapes.json")
         listed = readable(edit, tracks, sprites, mm, length_px)
         save_csv(folder / f"{p.mode}.csv", flat(listed), decimals=4, exact=True)
         save_table(folder / f"{p.mode}.parquet", listed, READABLE)

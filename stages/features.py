@@ -6,7 +6,6 @@ import sys
 from pathlib import Path
 
 from finloop.drawn.truth import TRUTH
-from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
 from finloop.features.metrics import (
     against_given,
     against_truth,
@@ -17,23 +16,19 @@ from finloop.features.metrics import (
 )
 from finloop.features.settings import Settings
 from finloop.features.table import FEATURES, USED, delta_of, features, limits_of, spans
-from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import FACTS_NAME, TRUTH_NAME, load_facts
+from finloop.io.video import TRUTH_NAME
+from finloop.project import Project
 from stages.settings import load
 
-CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
 TABLE, REPORT = Path("data/features/features.parquet"), Path("reports/features")
 
 
 def main() -> None:
     """Make data/features/, reports/features/."""
     settings: Settings = load("features")
-    facts = load_facts(CLIP / FACTS_NAME)
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), USED)
-    path = EXTRACT / GIVEN_NAME
-    given = load_table(path, GIVEN) if path.exists() else None
+    project = Project()
+    facts, tracks, given = project.facts, project.tracks(USED), project.given
     table, backbones = features(tracks, facts.frame_rate_hz, settings, given)
     save_table(TABLE, table, FEATURES)
 
@@ -56,7 +51,7 @@ def main() -> None:
     if facts.mm_per_px is not None:
         tank = facts.width_px, facts.height_px
         metrics |= in_mm(table, tank, facts.frame_rate_hz, facts.mm_per_px)
-    if (truth := CLIP / TRUTH_NAME).exists():
+    if (truth := project.data / "clip" / TRUTH_NAME).exists():
         metrics |= against_truth(table, backbones, load_table(truth, TRUTH))
     if given is not None:
         metrics |= against_given(tracks, given, facts.frame_rate_hz)

@@ -9,8 +9,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.bpn.model import INPUTS, motion_model
-from finloop.features.table import FEATURES
+from finloop.bpn.model import INPUTS
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.learning import learn
@@ -20,34 +19,37 @@ from finloop.forecast.partition import Partition, split
 from finloop.forecast.sampling import Sampler, free_run, sampler
 from finloop.forecast.settings import Settings
 from finloop.io.atomic import whole_folder
-from finloop.io.mapped import open_array
+from finloop.io.mapped import open_array, save_array
 from finloop.io.record import load_record, save_json
-from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.table import save_csv, save_table
 from finloop.jumps.table import VisibleFacts
 from finloop.jumps.visible import VisibleDistance
-from finloop.pose.film import FilmPoses
-from stages.forecasts import load_look, save_graph, states_of
-from stages.poses import load_poses
+from finloop.project import Project
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/forecast"), Path("reports/forecast")
+OUT, REPORT = Path("data/forecast"), Path("reports/forecast")
 FREE_TICKS = 20_000  # of the fish that swims freely, at most
 CURVE = ["epoch", "train_error", "held_out_error"]
 
 
-def load_visible(poses: FilmPoses) -> VisibleDistance:
-    """The visible distance of rows, from the stage `jumps`; poses: of the same rows."""
-    folder = DATA / "jumps"
+def load_visible(project: Project) -> VisibleDistance:
+    """Load the visible distance of rows, from the stage `jumps`."""
+    folder, poses = project.data / "jumps", project.poses
     natural = load_record(folder / "facts.json", VisibleFacts, "jumps").natural
     pictures = open_array(folder / "pictures.npy", (len(poses.codes), None, None, None), "uint8")
     return VisibleDistance(pictures, poses.pose.posture, natural)
 
 
-def area_numbers(
-    features: pd.DataFrame, poses: FilmPoses, film: FilmStates, model: Forecast, parts: Partition
-) -> dict[str, float]:
+def save_graph(folder: Path, swim: Sampler) -> None:
+    """Write what `Project.forecast` maps: the graph of similar rows, and the predicted states."""
+    save_array(folder / "start.npy", swim.start)
+    save_array(folder / "neighbours.npy", swim.to)
+    save_array(folder / "mean.npy", swim.mean)
+
+
+def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[str, float]:
     """Errors of the relative motion area Δ later, on rows of the film itself that were held out."""
+    features, poses, film = project.features, project.poses, project.states
     rows = parts.held_out[parts.held_out < film.count]
     rows = rows[film.usable[rows[:, None] + np.arange(film.delta)].all(1)]
     if not len(rows):
@@ -56,9 +58,9 @@ def area_numbers(
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
     own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
     true = features["motion_area_rel"].to_numpy(float)
-    paper = load_record(DATA / "bpn/model.json", motion_model, "bpn")
     inputs = features[list(INPUTS)].to_numpy(float)[rows]
-    guesses = {"": own, "persistence_": true[rows], "paper_": paper.predict(inputs)[:, 0]}
+    paper = project.model.predict(inputs)[:, 0]
+    guesses = {"": own, "persistence_": true[rows], "paper_": paper}
     return {
         f"{name}area_rmse": float(np.sqrt(np.mean((guess - true[rows + film.delta]) ** 2)))
         for name, guess in guesses.items()
@@ -83,14 +85,12 @@ def quality(
 def main() -> None:
     """Make data/forecast/, reports/forecast/; without a model where the film shows too little."""
     p: Settings = load("forecast")
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    poses, look = load_poses(features), load_look()
+    project = Project()
     with whole_folder(OUT) as folder:
         try:
-            film = states_of(features, poses, look, rate_hz)
+            film = project.states
             parts = split(film, p)
-            graph = similar_rows(film, look, load_visible(poses), p)
+            graph = similar_rows(film, project.look, load_visible(project), p)
         except FinloopError as error:
             print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
             save_json(folder / "reason.json", {"reason": str(error)})
@@ -103,7 +103,7 @@ def main() -> None:
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
         save_graph(folder, swim)
         numbers = quality(film, swim, parts, rng, folder)
-        numbers |= area_numbers(features, poses, film, model, parts)
+        numbers |= area_numbers(project, model, parts)
     save_csv(REPORT / "curve.csv", curve[CURVE], decimals=4)
     save_metrics(REPORT / "metrics.json", {
         "models": 1,

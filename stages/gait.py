@@ -14,8 +14,6 @@ from numpy.typing import NDArray
 from finloop.base.errors import FinloopError
 from finloop.drawn.dog.draw import film, limb_masks
 from finloop.drawn.dog.walk import DogFilm, gammas, phases, truth
-from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.table import FEATURES
 from finloop.gait.compare import CLOCKS, Comparison, compare
 from finloop.gait.cycles import film_of_regions, film_of_swim
 from finloop.gait.film import Film, Keys, hips, samples_of
@@ -33,16 +31,15 @@ from finloop.io.animation import save_animation
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import save_figure
-from finloop.io.record import load_record, save_json
+from finloop.io.record import save_json
 from finloop.io.regions import load_regions, save_masks
 from finloop.io.svg import load_svg
-from finloop.io.table import load_table, save_csv
-from finloop.io.video import FACTS_NAME, load_facts, read_frames
+from finloop.io.table import save_csv
+from finloop.io.video import read_frames
 from finloop.plots.gait import figures
+from finloop.project import Project
 from stages.settings import load
 
-CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
-FEATURES_AT = Path("data/features/features.parquet")
 TRACKS = ("track_id", "frame", "outline_x_px", "outline_y_px", "backbone_x_px", "backbone_y_px")
 OUT, REPORT = Path("data/gait"), Path("reports/gait")
 LEAST_FRAMES, SECONDS = 8, 4  # of a drawn cycle; of a drawing's MP4
@@ -91,10 +88,9 @@ def fit_film(film: Film, name: str, beat: Period, p: Settings, source: str) -> F
 
 def outlines(p: Settings) -> tuple[Fit | None, pd.DataFrame]:
     """The gait of the track with the surest tail beat, None if none repeats; a row a track."""
-    rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
-    heads = load_table(FEATURES_AT, FEATURES, ("track_id", "frame", "head_x_px", "head_y_px"))
+    project = Project()
+    rate, tracks = project.rate_hz, project.tracks(TRACKS)
+    heads = project.features[["track_id", "frame", "head_x_px", "head_y_px"]]
     rows, fits = [], []
     with progress("gait", tracks["track_id"].nunique(), "tracks") as advance:
         for number, track in tracks.groupby("track_id"):

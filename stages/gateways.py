@@ -8,20 +8,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.distance.map import STEPS, MapFacts, mapped
-from finloop.features.table import FEATURES
+from finloop.distance.map import mapped
 from finloop.gateways.find import GATEWAYS, IN, OUT, gateways, nearest, nearness, numbers
 from finloop.gateways.settings import Settings
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
-from finloop.io.record import load_record
-from finloop.io.table import load_table, save_table
-from finloop.io.video import FACTS_NAME, load_facts
-from finloop.reel import Reel
-from finloop.sprites.orient import SPRITES
+from finloop.io.table import save_table
+from finloop.project import Project
 from stages.settings import load
 
-SPRITES_FOLDER, REPORT = Path("data/sprites"), Path("reports/gateways")
+REPORT = Path("reports/gateways")
 WORDS = {IN: "into", OUT: "out of"}
 
 
@@ -42,19 +37,12 @@ def say(ways: pd.DataFrame, every: pd.DataFrame, step: float, least: float) -> N
 def main() -> None:
     """Make data/gateways/, reports/gateways/."""
     settings: Settings = load("gateways")
-    rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
-    facts = load_record(Path("data/distance/facts.json"), MapFacts, "distance")
-    features = load_table(Path("data/features/features.parquet"), FEATURES)
-    sprites = load_table(SPRITES_FOLDER / "sprites.parquet", SPRITES)
-    rows = mapped(features, load_table(Path("data/distance/steps.parquet"), STEPS))
-    step = facts.step_median
-    with (
-        open_cutouts(SPRITES_FOLDER / "sprites.arrow") as store,
-        open_cutouts(Path("data/extract/cutouts.arrow")) as film,
-        progress("gateways", len(rows)) as advance,
-    ):
-        reel = Reel(features, film, sprites, store)
-        near = nearness(reel, rows, facts.size, facts.pose, advance)
+    with Project() as project:
+        features, sprites, facts = project.features, project.sprites, project.map_facts
+        rate_hz, step = project.rate_hz, facts.step_median
+        rows = mapped(features, project.steps)
+        with progress("gateways", len(rows)) as advance:
+            near = nearness(project.reel, rows, facts.size, facts.pose, advance)
         ways = gateways(near, sprites, features, step, settings)
         every = nearest(near, sprites, features, settings)
     say(ways, every, step, settings.least)

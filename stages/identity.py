@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from finloop.extract.table import GIVEN, GIVEN_NAME, SceneFacts, tracks_schema
-from finloop.features.table import FEATURES
 from finloop.identity.film import (
     IDENTITIES,
     USED,
@@ -19,30 +17,23 @@ from finloop.identity.film import (
     trial_gaps,
 )
 from finloop.identity.settings import Settings
-from finloop.io.cutouts import open_cutouts
-from finloop.io.record import load_record
-from finloop.io.table import load_table, save_table
-from finloop.io.video import FACTS_NAME, load_facts
-from finloop.reel import Reel
+from finloop.io.table import save_table
+from finloop.project import Project
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/identity"), Path("reports/identity")
+OUT, REPORT = Path("data/identity"), Path("reports/identity")
 
 
 def main() -> None:
     """Make data/identity/, reports/identity/."""
     p: Settings = load("identity")
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
-    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), USED)
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    cuts = [start for start, _ in facts.segments[1:]]
-    if (path := DATA / "extract" / GIVEN_NAME).exists():
-        table = from_names(features, load_table(path, GIVEN, ["animal"])["animal"])
-        trial = {}
-    else:
-        with open_cutouts(DATA / "extract/cutouts.arrow") as store:
-            film = evidence(Reel(features, store), tracks, cuts, p)
+    with Project() as project:
+        features, given = project.features, project.given
+        cuts = [start for start, _ in project.facts.segments[1:]]
+        if given is not None:
+            table, trial = from_names(features, given["animal"]), dict[str, float]()
+        else:
+            film = evidence(project.film_reel, project.tracks(USED), cuts, p)
             table = identities(film)
             trial = join_trial(film, table)
     save_table(OUT / "identities.parquet", table, IDENTITIES)

@@ -2,29 +2,76 @@
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from finloop.io.atomic import whole_folder
+from finloop.io.mapped import keep_array, new_array, open_array
 from finloop.io.record import save_record
 from finloop.io.table import save_table
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.settings import Settings
+from finloop.jumps.source import Pictures, shape_of
 from finloop.jumps.table import JUMPS, LOOK, VisibleFacts
+from finloop.pose.film import FilmPoses
+from finloop.project import Project
+from finloop.reel import Reel
 from stages.cluster import workers
-from stages.rows import StoredFilm
 from stages.settings import load
 
 OUT, REPORT = Path("data/jumps"), Path("reports/jumps")
-WORKERS_NEED = ["finloop.jumps.film", "stages.rows"]
+WORKERS_NEED = ["finloop.jumps.film", "finloop.project"]
+
+
+@dataclass
+class StoredFilm:
+    """A `finloop.jumps.source.Source` whose pictures, `size` px across, are in the file `path`.
+
+    Another process opens the file and the project anew. OSError if the disk is full.
+    """
+
+    path: Path
+    size: int
+    project: Project
+
+    def create(self) -> None:
+        """Make the file, in the process that will fill it; others open it."""
+        shape = shape_of(self.project.film_reel, self.size)
+        self._pictures = new_array(self.path, shape, "uint8")
+
+    @cached_property
+    def _pictures(self) -> Pictures:
+        return open_array(self.path, shape_of(self.project.film_reel, self.size), "uint8")
+
+    def film(self) -> tuple[Reel, FilmPoses]:
+        """As in `Source`."""
+        return self.project.film_reel, self.project.poses
+
+    def pictures(self) -> Pictures:
+        """As in `Source`."""
+        return self._pictures
+
+    def keep(self) -> None:
+        """As in `Source`."""
+        keep_array(self._pictures)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return StoredFilm, (self.path, self.size, self.project)
 
 
 def main() -> None:
     """Make data/jumps/, reports/jumps/."""
     p: Settings = load("jumps")
-    with workers(WORKERS_NEED, threads=True) as crew, whole_folder(OUT) as folder:
-        source = StoredFilm(folder / "pictures.npy", p.look_px)
+    with (
+        Project() as project,
+        workers(WORKERS_NEED, threads=True) as crew,
+        whole_folder(OUT) as folder,
+    ):
+        source = StoredFilm(folder / "pictures.npy", p.look_px, project)
         source.create()
         with progress("jumps", len(source.film()[0]), "rows") as advance:
             result = film_jumps(source, p, crew, advance)

@@ -5,20 +5,18 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 import sys
 from pathlib import Path
 
-from finloop.distance.map import PAIRS, STEPS, MapFacts, mapped
-from finloop.features.table import FEATURES, delta_of
+from finloop.distance.map import PAIRS, mapped
+from finloop.features.table import delta_of
 from finloop.io.atomic import whole_file, whole_folder
-from finloop.io.record import load_record
 from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import FACTS_NAME, load_facts
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.positions import far_ends, position_table, routes_table, table_ends
 from finloop.loops.search import LOOPS, NoLoops, as_map, find, least_frames
 from finloop.loops.settings import Settings
+from finloop.project import Project
 from stages.settings import load
 
-DISTANCE = Path("data/distance")
 FOLDER, REPORT = Path("data/loops"), Path("reports/loops")
 WAYS = 5  # ways from the last end to the first
 
@@ -38,15 +36,15 @@ def nothing(none: NoLoops) -> None:
 def main() -> None:
     """Make data/loops/, reports/loops/."""
     settings: Settings = load("loops")
-    rate_hz = load_facts(Path("data/clip") / FACTS_NAME).frame_rate_hz
-    facts = load_record(DISTANCE / "facts.json", MapFacts, "distance")
-    step = facts.step_median
-    features = load_table(Path("data/features/features.parquet"), FEATURES)
-    track = features["track_id"].to_numpy()
-    similar = as_map(load_table(DISTANCE / "pairs.parquet", PAIRS), len(features))
+    project = Project()
+    features, facts = project.features, project.map_facts
+    step, track = facts.step_median, features["track_id"].to_numpy()
+    pairs = load_table(project.data / "distance/pairs.parquet", PAIRS)
+    similar = as_map(pairs, len(features))
+    del pairs  # it is large
 
     try:
-        loops, counts = find(similar, features, rate_hz, step, settings)
+        loops, counts = find(similar, features, project.rate_hz, step, settings)
     except NoLoops as none:
         nothing(none)
         return
@@ -61,7 +59,7 @@ def main() -> None:
         graph, *far_ends(graph), WAYS, jump_frames=least_frames(delta_of(features), settings)
     )
     save_csv(REPORT / "routes.csv", routes_table(ways, graph, features, step), decimals=3)
-    rows = mapped(features, load_table(DISTANCE / "steps.parquet", STEPS))
+    rows = mapped(features, project.steps)
     save_metrics(REPORT / "metrics.json", numbers(loops, counts, graph, features, facts, rows))
 
 

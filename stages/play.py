@@ -18,19 +18,16 @@ import finloop.live
 from finloop.animate.settings import Settings
 from finloop.edit.pictures import fade_distance
 from finloop.edit.schema import FADE, FRAME, HYBRID, MODES, SPRITE
-from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.io.picture import load_picture
-from finloop.io.record import load_record
-from finloop.io.table import load_table
 from finloop.live.door import HOST, bound
 from finloop.live.message import MOST_FISH
 from finloop.live.server import Server
 from finloop.live.tank import LiveTank, rehearse
 from finloop.live.view import View
+from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import Settings as RenderSettings
-from stages.animate import DATA, bring
+from stages.animate import bring
 from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
@@ -39,19 +36,19 @@ PICTURES = 2048  # are held, for the film comes round again and again
 
 
 @contextmanager
-def opened(mode: str, fish: int | None, seed: int) -> Iterator[View]:
-    """The live tank, from what the stages have made. fish: None: as many as `animate.fish`."""
+def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
+    """Yield the live tank, of what the stages have made; fish: None = as many as `animate.fish`."""
     p: Settings = load("animate")
     q: RenderSettings = load("render")
-    scene = load_record(DATA / "extract/scene.json", SceneFacts, "extract")
-    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(scene.points), PLACE)
-    with bring(p) as brought:
+    with Project() as project:
+        brought = bring(project, p)
         pictures, most = brought.pictures, p.fade_steps * brought.step
         reel = pictures.reel
-        shadow = Shadow(q.shadow, q.shadow_blur * reel.size * scene.typical_length_px)
-        painter = Painter(load_picture(DATA / "extract/background.png"), shadow=shadow)
+        shadow = Shadow(q.shadow, q.shadow_blur * reel.size * project.scene.typical_length_px)
+        painter = Painter(project.background, shadow=shadow)
         stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
-        gallery = Gallery(shelves(stores, tracks, reel.sprites), pictures.bodies, PICTURES)
+        shelved = shelves(stores, project.tracks(PLACE), reel.sprites)
+        gallery = Gallery(shelved, pictures.bodies, PICTURES)
 
         def ghost(row: Any) -> bool:
             return p.join == FADE and fade_distance(row, pictures) > most
@@ -77,7 +74,7 @@ def main() -> None:
                 webbrowser.open(url)
 
         try:
-            with opened(asked.mode, asked.fish, asked.seed) as view:
+            with open_view(asked.mode, asked.fish, asked.seed) as view:
                 Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)

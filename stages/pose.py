@@ -7,19 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from finloop.extract.table import OUTLINE_POINTS, SceneFacts, tracks_schema
-from finloop.features.table import FEATURES
+from finloop.extract.table import OUTLINE_POINTS, tracks_schema
 from finloop.io.atomic import whole_folder
 from finloop.io.mapped import new_array, save_array
-from finloop.io.record import load_record, save_record
-from finloop.io.table import load_table, read_lists, save_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.record import save_record
+from finloop.io.table import read_lists, save_table
 from finloop.pose import film_poses
 from finloop.pose.film import POSES, USED, restored
 from finloop.pose.settings import Settings
+from finloop.project import Project
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/pose"), Path("reports/pose")
+OUT, REPORT = Path("data/pose"), Path("reports/pose")
 OUTLINE = ("outline_x_px", "outline_y_px")
 ROWS = 50_000  # of the table of tracks, at a time
 
@@ -27,18 +26,16 @@ ROWS = 50_000  # of the table of tracks, at a time
 def main() -> None:
     """Make data/pose/, reports/pose/."""
     p: Settings = load("pose")
-    points = load_record(DATA / "extract/scene.json", SceneFacts, "extract").points
-    tracks = load_table(DATA / "extract/tracks.parquet", tracks_schema(points), USED)
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    poses = film_poses(tracks, features, p)
+    project = Project()
+    features = project.features
+    poses = film_poses(project.tracks(USED), features, p)
     with whole_folder(OUT) as folder:
         save_table(folder / "poses.parquet", poses.table(features), POSES)
         save_record(folder / "shapes.json", poses.facts)
         # As they would be worked out from the files, to the last bit.
         again = restored(features, poses.codes, asdict(poses.facts))
         save_array(folder / "postures.npy", again.pose.posture)
-        save_outlines(folder / "outlines.npy", points, len(features))
+        save_outlines(folder / "outlines.npy", project)
     explained = 100 * poses.shapes.explained
     numbers = {
         "shapes": len(explained),
@@ -47,17 +44,17 @@ def main() -> None:
         "trunk_pct": 100.0 * poses.trunk,
         "tail_spread_body_lengths": poses.tail_spread,
         "gap": poses.shapes.gap,
-        "memory_s": poses.memory_frames / rate_hz,
+        "memory_s": poses.memory_frames / project.rate_hz,
         "bend_rms_rad": float(np.sqrt((poses.codes**2).sum(1).mean())),
     }
     save_metrics(REPORT / "metrics.json", numbers)
 
 
-def save_outlines(path: Path, points: int, rows: int) -> None:
-    """Write the outlines (rows, k, 2) x, y px of all rows, to be mapped; points: of a backbone."""
-    outlines = new_array(path, (rows, OUTLINE_POINTS, 2), "float32")
-    table, first = DATA / "extract/tracks.parquet", 0
-    for axes in read_lists(table, tracks_schema(points), OUTLINE, ROWS):
+def save_outlines(path: Path, project: Project) -> None:
+    """Write the outlines (n, k, 2) x, y px of all rows, to be mapped."""
+    outlines = new_array(path, (len(project.features), OUTLINE_POINTS, 2), "float32")
+    table, first = project.data / "extract/tracks.parquet", 0
+    for axes in read_lists(table, tracks_schema(project.scene.points), OUTLINE, ROWS):
         outlines[first : first + len(axes[0])] = np.stack(axes, -1)
         first += len(axes[0])
 

@@ -4,7 +4,8 @@ from stages.run import progress, run, save_metrics  # isort: skip  (before numpy
 
 import sys
 from collections.abc import Sized
-from dataclasses import replace
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -15,12 +16,11 @@ import pandas as pd
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
-from finloop.features.table import FEATURES, delta_of
+from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
-from finloop.io.picture import load_picture
 from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
+from finloop.project import Drawn, Project
 from finloop.realism import compare, examples
 from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
@@ -29,16 +29,32 @@ from finloop.realism.instrument import Instrument, Swimming, measure_list, swimm
 from finloop.realism.lists import Work, animations, filmed
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
+from finloop.render.gallery import Gallery
 from stages.animate import bring
 from stages.cluster import workers
-from stages.edit import DATA
-from stages.gallery import Pictures, pictures_of
 from stages.settings import load
 
-CLIP, OUT, REPORT = DATA / "clip", DATA / "realism", Path("reports/realism")
-WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "stages.gallery"]
+OUT, REPORT = Path("data/realism"), Path("reports/realism")
+WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "finloop.project"]
 LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it there is a note
 PANEL_PX, CRF = 320, 20  # of the film of examples
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Opens the pictures that edit lists of a mode draw from, also in another process."""
+
+    project: Project
+    mode: str
+
+    @property
+    def drawn(self) -> Drawn:
+        """The mode's edit list and tables, with sprites and postures."""
+        return self.project.drawn(self.mode, "realism", sprites=True, bodies=True)
+
+    def __call__(self) -> AbstractContextManager[Gallery]:
+        """Return the pictures; the project closes them."""
+        return nullcontext(self.project.gallery(self.drawn))
 
 
 def share_of(ticks: Sized, work: list[Work]) -> float:
@@ -97,12 +113,11 @@ def save_film(folder: Path, pictures: Pictures, slower: int) -> None:
     table = load_table(folder / "examples.parquet", examples.EXAMPLES)
     if table.empty:
         return
-    rate, tank = (
-        load_facts(CLIP / FACTS_NAME).frame_rate,
-        load_picture(DATA / "extract/background.png"),
-    )
+    project = pictures.project
+    rate, tank, length = (
+        project.facts.frame_rate, project.background, project.scene.typical_length_px,
+    )  # fmt: skip
     shape = PANEL_PX + examples.WORDS_PX, 2 * PANEL_PX, 3
-    length = pictures.drawn.scene.typical_length_px
     with (
         pictures() as gallery,
         Mp4Writer(folder / "examples.mp4", shape, rate / slower, CRF) as writer,
@@ -133,34 +148,30 @@ def save_report(
 
 def main() -> None:
     """Make data/realism/, reports/realism/."""
-    with workers(WORKERS_NEED) as crew:
-        compare_swimming(load("realism"), load("animate"), crew)
+    with Project() as project, workers(WORKERS_NEED) as crew:
+        compare_swimming(load("realism"), load("animate"), project, crew)
 
 
-def instrument_of(features: pd.DataFrame, pictures: Pictures) -> Instrument:
-    """What measures the film of a feature table, whose pictures these are, as extraction does."""
-    facts = load_facts(CLIP / FACTS_NAME)
-    rate, current = facts.frame_rate_hz, float(features["current"].iloc[0])
-    mask = load_mask(CLIP / ARENA_NAME, facts.width_px, facts.height_px)
+def instrument_of(project: Project) -> Instrument:
+    """Return what measures the film as extraction does."""
+    features, rate = project.features, project.rate_hz
+    delta_s, current = delta_of(features) / rate, float(features["current"].iloc[0])
     return Instrument(
-        load_picture(DATA / "extract/background.png"), mask.astype(np.uint8) * 255,
-        pictures.drawn.scene, load("extract"),
-        replace(load("features"), delta_s=delta_of(features) / rate, current=current), rate,
+        project.background, project.arena.astype(np.uint8) * 255, project.scene, load("extract"),
+        replace(load("features"), delta_s=delta_s, current=current), rate,
     )  # fmt: skip
 
 
-def compare_swimming(p: Settings, q: AnimateSettings, crew: Workers) -> None:
+def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Workers) -> None:
     """Compare film and animations; write the report."""
-    rate = load_facts(CLIP / FACTS_NAME).frame_rate_hz
-    features = load_table(DATA / "features/features.parquet", FEATURES)
+    rate, features = project.rate_hz, project.features
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
     amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    with bring(q) as planner:
-        size = planner.pictures.reel.size
-        for mode in planner.players:
-            works[mode] = list(animations(planner, mode, amount, q))
-    pictures = pictures_of(mode, "realism")
-    instrument = instrument_of(features, pictures)
+    planner = bring(project, q)
+    size = planner.pictures.reel.size
+    for mode in planner.players:
+        works[mode] = list(animations(planner, mode, amount, q))
+    pictures, instrument = Pictures(project, mode), instrument_of(project)
     drawn = instrument.of_animations(size)
     instruments = {name: instrument if name == FILM else drawn for name in works}
     swum = swimming_of(works, pictures, instruments, crew)

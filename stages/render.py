@@ -6,39 +6,28 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
-from finloop.edit.schema import Goal
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
-from finloop.io.picture import load_picture
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.project import Project
 from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import Marks
 from finloop.render.painter import Painter, Shadow
 from finloop.render.settings import Settings
 from finloop.render.steps import Steps, film_steps, step_numbers
-from stages.edit import DATA, load_drawn, load_goals, load_size
-from stages.gallery import open_gallery
 from stages.settings import load
 
-CLIP = DATA / "clip"
 OUT, REPORT = Path("data/render"), Path("reports/render")
 
 
 def films(
-    p: Settings,
-    edit: pd.DataFrame,
-    goals: list[Goal],
-    gallery: Gallery,
-    background: np.ndarray,
-    shadow: Shadow,
+    p: Settings, edit: pd.DataFrame, project: Project, gallery: Gallery, shadow: Shadow,
     advance: Callable[[], None],
-) -> list[float]:
+) -> list[float]:  # fmt: skip
     """Write the films of an edit list; the steps between its frames."""
     shown, ticks = frames(edit, gallery), edit["tick"].nunique()
-    rate = load_facts(CLIP / FACTS_NAME).frame_rate
+    rate, background = project.facts.frame_rate, project.background
     clean, change = Painter(background, shadow=shadow), list[float]()
     steps = Steps(clean)
     seen = Painter(background, colour=True, shadow=shadow) if p.marks else clean
@@ -46,7 +35,7 @@ def films(
         mp4 = Mp4Writer(folder / f"{p.mode}.mp4", clean.frame.shape, rate, p.crf)
         outputs: list[tuple[Movie, Painter, int]] = [(mp4, clean, ticks)]
         if p.marks:
-            marks = Marks(seen, edit, goals)
+            marks = Marks(seen, edit, project.goals(p.mode))
             mp4 = Mp4Writer(folder / f"{p.mode}_marked.mp4", seen.frame.shape, rate, p.crf)
             outputs.append((mp4, seen, ticks))
         if webp_ticks := round(p.webp_seconds * rate):
@@ -68,16 +57,15 @@ def films(
 def main() -> None:
     """Make data/render/, reports/render/."""
     p: Settings = load("render")
-    facts = load_facts(CLIP / FACTS_NAME)
-    background = load_picture(DATA / "extract/background.png")
-    drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
-    ticks = drawn.edit["tick"].nunique()
-    length_px = load_size(p.mode) * drawn.scene.typical_length_px
-    shadow = Shadow(p.shadow, p.shadow_blur * length_px)
-    with open_gallery(drawn) as gallery, progress("render", ticks) as advance:
-        change = films(p, drawn.edit, goals, gallery, background, shadow, advance)
-        natural = film_steps(Painter(background), gallery, drawn.tracks)
-    duration = {"frames": ticks, "duration_s": ticks / facts.frame_rate_hz}
+    with Project() as project:
+        drawn = project.drawn(p.mode, "render")
+        gallery, ticks = project.gallery(drawn), drawn.edit["tick"].nunique()
+        length_px = project.size(p.mode) * drawn.scene.typical_length_px
+        shadow = Shadow(p.shadow, p.shadow_blur * length_px)
+        with progress("render", ticks) as advance:
+            change = films(p, drawn.edit, project, gallery, shadow, advance)
+            natural = film_steps(Painter(project.background), gallery, drawn.tracks)
+        duration = {"frames": ticks, "duration_s": ticks / project.rate_hz}
     save_metrics(REPORT / "metrics.json", step_numbers(change, natural) | duration)
 
 

@@ -3,51 +3,35 @@
 from stages.run import run, save_metrics  # isort: skip  (before numpy)
 
 import sys
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
 
 from finloop.animate import measures
-from finloop.distance.map import STEPS, MapFacts
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import EDIT
-from finloop.features.table import FEATURES
 from finloop.given_motion import given_motion
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import open_cutouts
-from finloop.io.record import load_record
-from finloop.io.table import load_table, save_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, load_facts, load_mask
-from finloop.reel import Reel
+from finloop.io.table import save_table
+from finloop.project import Project
 from finloop.retarget import ASKED, Material, Parts, Retargeted, retargeted
 from finloop.retarget.settings import Settings
-from stages.forecasts import load_look
-from stages.poses import load_poses
 from stages.settings import load
 
-DATA, OUT, REPORT = Path("data"), Path("data/retarget"), Path("reports/retarget")
+OUT, REPORT = Path("data/retarget"), Path("reports/retarget")
 
 
-@contextmanager
-def material() -> Iterator[Material]:
-    """Results of the stages before, of the film that is drawn."""
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    features = load_table(DATA / "features/features.parquet", FEATURES)
-    with open_cutouts(DATA / "extract/cutouts.arrow") as cutouts:
-        yield Material(
-            facts.frame_rate_hz,
-            load_mask(DATA / "clip" / ARENA_NAME, facts.width_px, facts.height_px),
-            Reel(features, cutouts),
-            load_poses(features),
-            load_look(),
-            load_record(DATA / "distance/facts.json", MapFacts, "distance").size,
-        )
+def material(project: Project) -> Material:
+    """Return results of the stages before, of the film that is drawn."""
+    return Material(
+        project.rate_hz, project.arena, project.film_reel, project.poses, project.look,
+        project.map_facts.size,
+    )  # fmt: skip
 
 
 def of_film(p: Settings) -> Retargeted:
     """The track of the parameters, swum by the fish of the film."""
-    steps = load_table(DATA / "distance/steps.parquet", STEPS)[["step", "as_filmed"]].dropna()
-    with material() as film:
+    with Project() as project:
+        steps, film = project.steps[["step", "as_filmed"]].dropna(), material(project)
         others = Parts(load("jumps"), load("animate"))
         swum = retargeted(given_motion(film, p), film, p, others)
         mine = drawn_steps(swum.edit, film.pictures)

@@ -9,14 +9,12 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.table import FEATURES, delta_of, orientations_of
+from finloop.features.table import delta_of, orientations_of
 from finloop.io.atomic import whole_folder
 from finloop.io.cutouts import CutoutWriter, open_cutouts
-from finloop.io.record import load_record
-from finloop.io.table import load_table, save_csv, save_table
-from finloop.io.video import FACTS_NAME, load_facts
-from finloop.reel import Reel, sprite_row
+from finloop.io.table import save_csv, save_table
+from finloop.project import Project
+from finloop.reel import sprite_row
 from finloop.sprites import atlas
 from finloop.sprites.choice import Choice, choose
 from finloop.sprites.metrics import faults, is_still, loop_numbers, numbers, table1_after
@@ -26,8 +24,6 @@ from finloop.sprites.stretch import SIDES
 from finloop.sprites.swimmers import swimmers
 from stages.settings import load
 
-CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
-FEATURES_TABLE = Path("data/features/features.parquet")
 FOLDER, REPORT = Path("data/sprites"), Path("reports/sprites")
 TRACKS = ("track_id", "frame", "area_px", "contrast")
 
@@ -63,15 +59,10 @@ def write_atlas(folder: Path, sprites: pd.DataFrame, page_px: int, rate_hz: floa
 def main() -> None:
     """Make data/sprites/, reports/sprites/."""
     settings: Settings = load("sprites")
-    facts = load_facts(CLIP / FACTS_NAME)
-    rate_hz = facts.frame_rate_hz
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), TRACKS)
-    features = load_table(FEATURES_TABLE, FEATURES)
-    table, delta = swimmers(features, tracks, settings), delta_of(features)
-
-    with open_cutouts(EXTRACT / "cutouts.arrow") as cutouts:
-        look = partial(Reel(features, cutouts).headed, size=settings.picture_px)
+    with Project() as project:
+        features, facts, rate_hz = project.features, project.facts, project.rate_hz
+        table, delta = swimmers(features, project.tracks(TRACKS), settings), delta_of(features)
+        look = partial(project.film_reel.headed, size=settings.picture_px)
         choices = choose(table, look, delta, settings)
         sprites = sprite_table(table, choices, settings)
         with (
@@ -80,7 +71,7 @@ def main() -> None:
         ):
             save_table(folder / "sprites.parquet", sprites, SPRITES)
             with CutoutWriter(folder / "sprites.arrow", sprites=True) as writer:
-                for cutout in sprite_cutouts(sprites, cutouts):
+                for cutout in sprite_cutouts(sprites, project.cutouts):
                     writer.write(cutout)
                     advance()
             pages = write_atlas(folder, sprites, settings.page_px, rate_hz)

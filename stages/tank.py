@@ -2,8 +2,6 @@
 
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -12,14 +10,11 @@ import pandas as pd
 
 from finloop.base.arrays import Floats
 from finloop.edit.schema import by_fish
-from finloop.features.table import FEATURES
 from finloop.io.atomic import save_bytes, whole_folder
-from finloop.io.cutouts import open_cutouts
 from finloop.io.movie import Mp4Writer
-from finloop.io.picture import load_picture, save_picture
-from finloop.io.table import load_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.io.picture import save_picture
 from finloop.io.viewer import save_viewer
+from finloop.project import Project
 from finloop.tank.body import lengths, typical_width
 from finloop.tank.camera import FOLLOW, PRESETS, Room, views
 from finloop.tank.display import choose_window
@@ -29,10 +24,9 @@ from finloop.tank.scene import Scene
 from finloop.tank.settings import Settings
 from finloop.tank.skin import Skins
 from finloop.tank.swim import USED, film_bodies, heights, poses
-from stages.edit import DATA, load_drawn
 from stages.settings import load
 
-EXTRACT, OUT, REPORT = DATA / "extract", DATA / "tank", Path("reports/tank")
+OUT, REPORT = Path("data/tank"), Path("reports/tank")
 ALT = (
     "A tank with a glass wall on every side; a fish swims in it, as bent and as coloured as it was "
     "filmed from above, over its shadow on the floor of the film."
@@ -41,25 +35,23 @@ MOMENTS = 3  # on the contact sheet, spread over the film
 _SHEET_PX = 480  # width of a picture on the contact sheet
 
 
-@contextmanager
-def opened(p: Settings) -> Iterator[tuple[list[Fish], Floats]]:
-    """The fish of the edit list, for the seconds that are filmed, and the time of each tick."""
-    edit, _, tracks, sprites, bodies = load_drawn(p.mode, "tank", USED)
+def swum_fish(p: Settings, project: Project) -> tuple[list[Fish], Floats]:
+    """Return the fish of the edit list, for the seconds that are filmed, and the ticks' times."""
+    edit, _, tracks, sprites, bodies = project.drawn(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = each[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]
-    film = film_bodies(tracks, load_table(DATA / "features/features.parquet", FEATURES, columns))
+    film = film_bodies(tracks, project.features[columns])
     table = pd.DataFrame() if sprites is None else sprites
     swum = [poses(one, film, table, bodies) for one in each]
     typical = typical_width(film.half_width, film.backbone)
     length = float(np.median(np.concatenate([lengths(pose.backbone) for pose in swum])))
     depth = p.depth * length
     places = [np.c_[pose.centre, heights(time, depth, fish)] for fish, pose in enumerate(swum)]
-    with open_cutouts(EXTRACT / "cutouts.arrow") as store:
-        centres = tracks[["x_px", "y_px"]].to_numpy(float)
-        skins = Skins(film, typical, centres, store.__getitem__)
-        pairs = zip(swum, places, strict=True)
-        yield [Fish(pose, place, skins, typical, length) for pose, place in pairs], time
+    centres = tracks[["x_px", "y_px"]].to_numpy(float)
+    skins = Skins(film, typical, centres, project.cutouts.__getitem__)
+    pairs = zip(swum, places, strict=True)
+    return [Fish(pose, place, skins, typical, length) for pose, place in pairs], time
 
 
 def swimming(fish: Fish) -> Swum:
@@ -82,9 +74,9 @@ def main() -> None:
     """Make data/tank/, reports/tank/."""
     p: Settings = load("tank")
     choose_window()
-    facts = load_facts(DATA / "clip" / FACTS_NAME)
-    background, rate = load_picture(EXTRACT / "background.png"), facts.frame_rate_hz
-    with opened(p) as (fish, time), whole_folder(OUT) as folder:
+    with Project() as project, whole_folder(OUT) as folder:
+        facts, background, rate = project.facts, project.background, project.rate_hz
+        fish, time = swum_fish(p, project)
         first, ticks = fish[0], len(time)
         depth, size = p.depth * first.length_px, (p.width_px, p.height_px)
         room = Room(facts.width_px, facts.height_px, depth, first.length_px, size[0] / size[1])

@@ -22,11 +22,11 @@ from finloop.features.table import FEATURES
 from finloop.io.record import save_records
 from finloop.io.several import PARTS_NAME, Part
 from finloop.io.table import load_table, save_table
+from finloop.project import Project
 from finloop.social.measures import SHOAL, apart, values
 from finloop.social.neighbours import neighbours
 from finloop.social.rule import rule_of
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
-from stages.rules import load_rule
 
 PX, OWN, STEP = 20.0, 0.6, 0.3
 ARENA = np.ones((300, 300), bool)
@@ -278,9 +278,9 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monke
     assert set(table["beside"]) == {"film", "second_half"}
     film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
     assert len(film) == 6 * 400 and len(values(film, "polarisation")) == 400
-    assert load_rule().horizon == 1
-    assert load_rule().zones.attraction == numbers["attraction"]
-    assert len(load_rule().steps.move) > 100
+    assert Project().rule.horizon == 1
+    assert Project().rule.zones.attraction == numbers["attraction"]
+    assert len(Project().rule.steps.move) > 100
 
 
 def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypatch, capsys):
@@ -289,8 +289,8 @@ def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypat
     )
     assert "show 0 and 0 times a fish in company" in capsys.readouterr().err
     assert numbers["fitted"] == 0 and numbers["fish"] == 1
-    assert load_rule().zones == replace(COUZIN, repulsion=2.0)
-    assert len(load_rule().steps.move) > 50  # by these it swims, in company of its own kind
+    assert Project().rule.zones == replace(COUZIN, repulsion=2.0)
+    assert len(Project().rule.steps.move) > 50  # by these it swims, in company of its own kind
 
 
 def test_of_several_films_the_first_alone_teaches(tmp_path, monkeypatch):
@@ -310,7 +310,7 @@ def test_the_verb_returns_the_rule_of_the_stage(tmp_path, monkeypatch):
     table = swim(TRUE, frames=400)
     run(tmp_path, monkeypatch, table)
     film = SimpleNamespace(arena=ARENA)
-    rule, stored = finloop.find_zones(table, film, horizon=1.0), load_rule()
+    rule, stored = finloop.find_zones(table, film, horizon=1.0), Project().rule
     assert (rule.zones, rule.horizon, rule.alike) == (stored.zones, stored.horizon, stored.alike)
     assert rule.steps.move.tolist() == stored.steps.move.tolist()
     assert (rule.steps.forward, rule.steps.onward) == (stored.steps.forward, stored.steps.onward)

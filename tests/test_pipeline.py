@@ -47,13 +47,87 @@ def module_files(name: str) -> set[str]:
 
 @cache
 def imported(file: str) -> set[str]:
-    """The files of ours that a file imports, at its top or inside a function."""
+    """The files of ours that a file imports, at its top or inside a function.
+
+    finloop/project.py is an exception. Each property and method of `Project` imports the rooms that
+    it needs inside itself, so that a stage depends on what it uses and not on the whole pipeline:
+
+    - project.py itself counts with the imports at its top alone, without those for type checkers;
+    - a file that imports project.py also counts with the imports of those properties and methods
+      that it uses, of an object called `project` or of `Project(…)`, and of those that these use.
+    """
+    tree = ast.parse((ROOT / file).read_text())
+    if file == PROJECT:
+        return imports_in(tree.body)
+    found = imports_in([*ast.walk(tree)])
+    if PROJECT in found:
+        for member in members_used(attributes(tree, "project")):
+            found |= imports_in([*ast.walk(members()[member])])
+    return found
+
+
+PROJECT = "finloop/project.py"
+
+
+@cache
+def members() -> dict[str, ast.FunctionDef]:
+    """The properties and methods of `Project` by name."""
+    body = ast.parse((ROOT / PROJECT).read_text()).body
+    (project,) = (one for one in body if isinstance(one, ast.ClassDef) and one.name == "Project")
+    return {one.name: one for one in project.body if isinstance(one, ast.FunctionDef)}
+
+
+def attributes(tree: ast.AST, of: str) -> set[str]:
+    """The names after the dot of an object of this name: `of.x`, `other.of.x` or `Of(…).x`."""
+
+    def called(node: ast.AST) -> str:
+        if isinstance(node, ast.Call):
+            return called(node.func).lower()
+        return getattr(node, "id", getattr(node, "attr", ""))
+
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    return {node.attr for node in nodes if called(node.value) == of}
+
+
+def members_used(names: set[str]) -> set[str]:
+    """Members of `Project` among these names, and those that they use themselves."""
+    todo, seen = names & set(members()), set[str]()
+    while todo:
+        member = todo.pop()
+        seen.add(member)
+        todo |= (attributes(members()[member], "self") & set(members())) - seen
+    return seen
+
+
+def names_of_projects(tree: ast.AST) -> set[str]:
+    """What a file calls its projects: in assignments, `with` statements and arguments."""
+
+    def is_project(node: ast.AST | None) -> bool:
+        node = node.func if isinstance(node, ast.Call) else node
+        return isinstance(node, ast.Name) and node.id == "Project"
+
+    found = set()
+    for node in ast.walk(tree):
+        bound: list[ast.AST | None] = []
+        if isinstance(node, ast.Assign | ast.NamedExpr) and is_project(node.value):
+            bound = [*node.targets] if isinstance(node, ast.Assign) else [node.target]
+        elif isinstance(node, ast.withitem) and is_project(node.context_expr):
+            bound = [node.optional_vars]
+        elif isinstance(node, ast.arg | ast.AnnAssign) and is_project(node.annotation):
+            bound = [node]
+        for one in filter(None, bound):
+            found.add(ast.unparse(one).partition(":")[0])
+    return found
+
+
+def imports_in(nodes: list[Any]) -> set[str]:
+    """The files of ours that the import statements among these nodes run."""
     names = set()
-    for node in ast.walk(ast.parse((ROOT / file).read_text())):
+    for node in nodes:
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, f"{file}: relative import"
+            assert node.level == 0, "relative import"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return {
         found
@@ -114,6 +188,41 @@ def test_the_closure_sees_imports_of_imports_and_inside_functions():
     assert "finloop/base/errors.py" in closure({"stages/run.py"})
     assert {"stages/__init__.py", "stages/run.py"} == module_files("stages.run")
     assert "finloop/io/atomic.py" in imported("stages/run.py")
+
+
+def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
+    use = "from finloop.project import Project\n"
+
+    def rooms(number: int, text: str) -> set[str]:
+        path = tmp_path / f"{number}.py"  # another one each time, for what is found is kept
+        path.write_text(use + text)
+        return {folder(file) for file in imported(str(path)) - EMPTY - {PROJECT}}
+
+    assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
+    assert rooms(2, "project.features") == rooms(3, "Project().features") == {"finloop/features"}
+    assert rooms(4, "a.project.poses") == {"finloop/features", "finloop/pose"}  # one uses the other
+    forecast = rooms(5, "project.forecast")
+    assert "finloop/forecast" in forecast and "finloop/bpn" not in forecast
+    assert rooms(6, "project.gallery(drawn)") == {"finloop/edit", "finloop/render"}
+
+
+def test_a_project_is_called_project_wherever_dependencies_are_read():
+    files = {file for word in STAGES for file in closure(module_files(module(word)))}
+    users = {file for file in files - {PROJECT} if PROJECT in imported(file)}
+    assert "stages/animate.py" in users
+    for file in users:
+        assert names_of_projects(ast.parse((ROOT / file).read_text())) <= {"project"}, file
+    text = "a = Project()\nwith Project() as b: pass\ndef f(c: Project, d=Project()): pass"
+    assert names_of_projects(ast.parse(text)) == {"a", "b", "c"}
+
+
+def test_a_project_imports_only_files_at_its_top_and_rooms_inside_its_members():
+    assert {folder(file) for file in imported(PROJECT) - EMPTY} == {"finloop/base", "finloop/io"}
+    tree = ast.parse((ROOT / PROJECT).read_text())
+    top = [node for node in tree.body if not isinstance(node, ast.If)]  # of type checkers
+    everywhere = {file for node in top for file in imports_in([*ast.walk(node)])}
+    inside = {file for one in members().values() for file in imports_in([*ast.walk(one)])}
+    assert everywhere == imported(PROJECT) | inside
 
 
 PLOTS = [stage for stage in STAGES if stage.startswith("plots-")]

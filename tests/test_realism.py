@@ -27,6 +27,7 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import load_facts, load_mask
+from finloop.project import Project
 from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
@@ -41,8 +42,7 @@ from finloop.realism.windows import (
 )
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
-from stages.edit import load_drawn
-from stages.gallery import open_gallery, pictures_of
+from stages.realism import Pictures
 from stages.settings import load
 
 RATE, DELTA = 25.0, 5
@@ -346,11 +346,13 @@ def instrument_of(folder):
 
 
 def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
-    one, drawn = instrument_of(carp), load_drawn(NETWORK, "realism", sprites=True, bodies=True)
+    one = instrument_of(carp)
     facts, painter = one.facts, Painter(one.tank)
     scene = Scene(one.tank, facts.polarity, facts.noise_grey, facts.threshold_grey)
     detector = Detector(one.arena, one.typical, one.extract)
-    with open_gallery(drawn) as gallery:
+    with Project() as project:
+        drawn = project.drawn(NETWORK, "realism", sprites=True, bodies=True)
+        gallery = project.gallery(drawn)
         fish = list(placed(drawn.edit, gallery))[::7]
         for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
             painter.show(drawn_fish)
@@ -370,7 +372,8 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     features = load_table(carp / "data/features/features.parquet", FEATURES)
     places = features[["x_px", "y_px"]].to_numpy()
     edit = as_filmed(np.arange(len(features)), places)
-    with open_gallery(load_drawn(NETWORK, "realism")) as gallery:
+    with Project() as project:
+        gallery = project.gallery(project.drawn(NETWORK, "realism"))
         table = instrument_of(carp).measure(placed(edit, gallery))
     swum = swimming([edit], [table], RATE)
     assert (swum.row == np.arange(len(features))).all()
@@ -391,7 +394,8 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     about = (filmed - filmed.mean(0)) * size
     places = about + np.array(one.tank.shape[1::-1]) / 2
     edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
-    with open_gallery(load_drawn(NETWORK, "realism")) as gallery:
+    with Project() as project:
+        gallery = project.gallery(project.drawn(NETWORK, "realism"))
         table = drawn.measure(placed(drawn.through_lens(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2
@@ -400,7 +404,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
 
 
 def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
-    here = pictures_of(NETWORK, "realism")
+    here = Pictures(Project(), NETWORK)
     sent = pickle.dumps(here)
     assert len(sent) < 1000
     with here() as own, pickle.loads(sent)() as other:
@@ -454,7 +458,7 @@ def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
     monkeypatch.setattr(
         stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
     )
-    pictures = pictures_of(NETWORK, "realism")
+    pictures = Pictures(Project(), NETWORK)
     assert (
         stages.realism.swimming_of(
             works, pictures, dict.fromkeys(works, instrument_of(carp)), Processes()

@@ -27,6 +27,7 @@ from finloop.export.keypoints import deeplabcut
 from finloop.given_motion import film_files, given_motion
 from finloop.io.table import load_table, save_csv_in_blocks
 from finloop.plots.retarget import MOMENTS, moments
+from finloop.project import Project
 from finloop.puppet import Pose
 from finloop.retarget import Parts, Track, retargeted, track_of
 from finloop.retarget.motion import forward_share, motion_of
@@ -60,7 +61,8 @@ def made(folder):
     """The same as `Material`, with mirror images."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        with stages.retarget.material() as whole:
+        with Project() as project:
+            whole = stages.retarget.material(project)
             look = whole.look[: len(whole.reel)]
             yield whole._replace(look=np.concatenate([look, look]))
 

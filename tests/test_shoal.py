@@ -40,6 +40,7 @@ from finloop.given_path import given_lines
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
+from finloop.project import Project
 from finloop.realism import lists
 from finloop.realism.lists import animations
 from stages.settings import load
@@ -466,7 +467,8 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
     p = replace(settings("animate"), fish=1, tank="arena")
     with ExitStack() as stack:
         whole, half = (
-            stack.enter_context(stages.animate.bring(replace(p, size=size))) for size in (1.0, 0.5)
+            stages.animate.bring(stack.enter_context(Project()), replace(p, size=size))
+            for size in (1.0, 0.5)
         )
         assert half.reach_px == pytest.approx(whole.reach_px / 2)
         assert half.waters.touch_px == pytest.approx(whole.waters.touch_px / 2)
@@ -491,10 +493,11 @@ def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
     facts = load_facts(Path("data/clip") / FACTS_NAME)
     narrow = np.zeros((facts.height_px, facts.width_px), bool)
     narrow[100:130] = True
-    monkeypatch.setattr(stages.animate, "load_mask", lambda *_: narrow)
     p = replace(settings("animate"), fish=1, trials=0, seconds=1.0)
-    with stages.animate.bring(p) as plans:
+    with Project() as project:
+        project.arena = narrow
+        plans = stages.animate.bring(project, p)
         size = plans.pictures.reel.size
         assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
-    with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.size"):
-        stages.animate.bring(replace(p, size=1.0)).__enter__()
+        with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.size"):
+            stages.animate.bring(project, replace(p, size=1.0))

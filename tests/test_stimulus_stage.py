@@ -14,7 +14,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
 from finloop.stimulus.display import Display, save_display
 from finloop.stimulus.replay import Record, open_record
-from stages.scene import display_file, known_display, opened
+from stages.stimulus import display_file, known_display, open_scene
 
 CONDITIONS = {
     "goals": {"seconds": 1.0, "motion": {"goals": [[0.2, 0.5], [0.8, 0.5]]}},
@@ -91,7 +91,7 @@ def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
     command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path)
     [session] = tmp_path.glob("*.parquet")
     with monkeypatch.context() as patch:
-        patch.setattr("stages.scene._MADE_FROM", ("clip/facts.json",))
+        patch.setattr("stages.stimulus._MADE_FROM", ("clip/facts.json",))
         with pytest.raises(FinloopError, match=r"from another film\n"):
             command(monkeypatch, "replay", session, "--check")
     header = open_record(session).header
@@ -131,7 +131,7 @@ def test_the_length_of_a_fish_on_the_display_settles_its_scale(there, tmp_path):
     path = protocol(tmp_path, display={"calibrated": True, "fish_mm": 35.0})
     from pathlib import Path
 
-    with opened(load_protocol(Path(path))) as scene:
+    with open_scene(load_protocol(Path(path))) as scene:
         assert scene.scene.mm_per_px * scene.scene.length_px == pytest.approx(35.0)
 
 

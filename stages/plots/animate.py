@@ -10,10 +10,11 @@ import pandas as pd
 from finloop.animate.measures import KINEMATICS
 from finloop.animate.path_measures import SWUM
 from finloop.io.atomic import whole_folder
-from finloop.io.picture import load_picture, save_figure
+from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.animate import kinematics
 from finloop.plots.path import path
+from finloop.project import Project
 
 DATA, REPORT = Path("data/animate"), Path("reports/animate")
 
@@ -26,7 +27,7 @@ def main() -> None:
     with whole_folder(REPORT / "path") as folder:
         if (DATA / "path.parquet").exists():
             swum, left = load_table(DATA / "path.parquet", SWUM), pd.read_csv(REPORT / "left.csv")
-            background = load_picture(Path("data/extract/background.png"))
+            background = Project().background
             for fish, way in swum.groupby("fish"):
                 name = "path.png" if fish == swum["fish"].min() else f"path-{fish + 1}.png"
                 save_figure(folder / name, path(way, left[left["fish"] == fish], background))

@@ -4,31 +4,23 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.extract.table import SceneFacts, tracks_schema
-from finloop.features.table import FEATURES
-from finloop.io.cutouts import open_cutouts
-from finloop.io.picture import load_picture, save_figure, save_picture
-from finloop.io.record import load_record
-from finloop.io.table import load_table
+from finloop.io.picture import save_figure, save_picture
 from finloop.plots import features as draw
+from finloop.project import Project
 from stages.run import progress
 
-EXTRACT, REPORT = Path("data/extract"), Path("reports/features")
+REPORT = Path("reports/features")
 COLUMNS = ("backbone_x_px", "backbone_y_px")
 FISH = 48  # on the contact sheet
 
 
 def main() -> None:
     """Draw contact_sheet.png, fig7.png, trajectories.png and rose.png."""
-    table = load_table(Path("data/features/features.parquet"), FEATURES)
-    scene = load_record(EXTRACT / "scene.json", SceneFacts, "extract")
-    tracks = load_table(EXTRACT / "tracks.parquet", tracks_schema(scene.points), COLUMNS)
-    background = load_picture(EXTRACT / "background.png")
-    rows = draw.most_doubtful(table, FISH)
-    with progress("plots", 4, "pictures") as advance:
-        with open_cutouts(EXTRACT / "cutouts.arrow") as film:
-            fish = draw.specimens(table, tracks, rows, film, background)
-            save_picture(REPORT / "contact_sheet.png", draw.contact_sheet(fish))
+    with Project() as project, progress("plots", 4, "pictures") as advance:
+        table, background = project.features, project.background
+        tracks, rows = project.tracks(COLUMNS), draw.most_doubtful(table, FISH)
+        fish = draw.specimens(table, tracks, rows, project.cutouts, background)
+        save_picture(REPORT / "contact_sheet.png", draw.contact_sheet(fish))
         advance()
         for name, figure in (
             ("fig7", draw.figure7(table)),

@@ -4,49 +4,43 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.distance.map import MapFacts
-from finloop.features.table import FEATURES, delta_of
-from finloop.io.cutouts import open_cutouts
-from finloop.io.picture import load_picture, save_figure
-from finloop.io.record import load_record
-from finloop.io.table import load_table
-from finloop.io.video import FACTS_NAME, load_facts
+from finloop.features.table import delta_of
+from finloop.io.picture import save_figure
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, table_ends
-from finloop.loops.search import LOOPS, least_frames
+from finloop.loops.search import least_frames
 from finloop.loops.settings import Settings
 from finloop.plots import loops as draw
-from finloop.reel import Reel
+from finloop.project import Project
 from stages.settings import load
 
-DATA, REPORT = Path("data"), Path("reports/loops")
+REPORT = Path("reports/loops")
 BEST = 6  # loops drawn, and as many of the worst
 
 
 def main() -> None:
     """Draw over_time.png, over_tank.png, fig11.png and best_and_worst.png."""
     p: Settings = load("loops")
-    loops = load_table(DATA / "loops/loops.parquet", LOOPS)
+    project = Project()
+    loops = project.loops
     if loops.empty:
-        why = (DATA / "loops/none.txt").read_text(encoding="utf-8")
+        why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
         for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
             save_figure(REPORT / f"{name}.png", draw.message(why))
         return
-    rate_hz = load_facts(DATA / "clip" / FACTS_NAME).frame_rate_hz
-    facts = load_record(DATA / "distance/facts.json", MapFacts, "distance")
-    features = load_table(DATA / "features/features.parquet", FEATURES)
+    features, tank = project.features, project.background
     track = features["track_id"].to_numpy()
     graph = loop_graph(loops, track)
-    tank = load_picture(DATA / "extract/background.png")
     ends = table_ends(graph.ends, track)
-    save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, rate_hz))
+    save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, project.rate_hz))
     save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
     fig11 = draw.table_picture(position_table(ends, features), ends, features)
     save_figure(REPORT / "fig11.png", fig11)
     gap = least_frames(delta_of(features), p)
-    with open_cutouts(DATA / "extract/cutouts.arrow") as film:
+    with project:
+        reel, facts = project.film_reel, project.map_facts
         best, worst = (
-            list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], Reel(features, film), facts))
+            list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], reel, facts))
             for some in (loops, loops[::-1])
         )
     save_figure(REPORT / "best_and_worst.png", draw.best_and_worst(best, worst))

@@ -6,15 +6,14 @@ from pathlib import Path
 
 import pandas as pd
 
-from finloop.io.picture import load_picture, save_figure
+from finloop.io.picture import save_figure
 from finloop.io.table import load_table
 from finloop.plots.realism import areas, sheet
+from finloop.project import Project
 from finloop.realism.examples import CURVES, EXAMPLES, SIDES, strip
 from finloop.render.painter import Painter
-from stages.edit import DATA, load_drawn
-from stages.gallery import open_gallery
 
-OUT, REPORT = DATA / "realism", Path("reports/realism")
+OUT, REPORT = Path("data/realism"), Path("reports/realism")
 MODE = "nn"  # whose edit list there always is; only the tables beside it are used
 STRIP = 10, 130  # pictures, px
 
@@ -25,10 +24,10 @@ def main() -> None:
     save_figure(REPORT / "auc.png", areas(auc, roc))
 
     table = load_table(OUT / "examples.parquet", EXAMPLES)
-    drawn = load_drawn(MODE, "realism", sprites=True, bodies=True)
-    painter = Painter(load_picture(DATA / "extract/background.png"))
     titles, strips = [], []
-    with open_gallery(drawn) as gallery:
+    with Project() as project:
+        drawn = project.drawn(MODE, "realism", sprites=True, bodies=True)
+        gallery, painter = project.gallery(drawn), Painter(project.background)
         for number, example in table.groupby("example"):
             length = drawn.scene.typical_length_px
             strips.append(

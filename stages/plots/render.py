@@ -4,13 +4,12 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.io.picture import load_picture, save_figure, save_picture
+from finloop.io.picture import save_figure, save_picture
 from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
+from finloop.project import Project
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from finloop.render.settings import Settings
-from stages.edit import DATA, load_drawn, load_goals, load_size
-from stages.gallery import open_gallery
 from stages.settings import load
 
 REPORT = Path("reports/render")
@@ -19,11 +18,11 @@ REPORT = Path("reports/render")
 def main() -> None:
     """Draw trajectory.png, contact_sheet.png and switches.png."""
     p: Settings = load("render")
-    background = load_picture(DATA / "extract/background.png")
-    drawn, goals = load_drawn(p.mode, "render"), load_goals(p.mode)
-    half_px = round(0.75 * load_size(p.mode) * drawn.scene.typical_length_px)
-    edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
-    with open_gallery(drawn) as gallery:
+    with Project() as project:
+        background, drawn = project.background, project.drawn(p.mode, "render")
+        gallery, goals = project.gallery(drawn), project.goals(p.mode)
+        half_px = round(0.75 * project.size(p.mode) * drawn.scene.typical_length_px)
+        edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in sheet_ticks(edit, drawn.tracks).items():
             some = edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows = placed(some, gallery) if ticks else ()

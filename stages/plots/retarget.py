@@ -6,14 +6,13 @@ from pathlib import Path
 
 from finloop.edit.schema import RETARGET
 from finloop.io.atomic import whole_folder
-from finloop.io.picture import load_picture, save_picture
+from finloop.io.picture import save_picture
 from finloop.io.table import load_table
 from finloop.plots.retarget import moments, sheet
+from finloop.project import Project
 from finloop.render.gallery import placed
 from finloop.render.painter import Painter
 from finloop.retarget import ASKED
-from stages.edit import DATA, load_drawn
-from stages.gallery import open_gallery
 
 REPORT = Path("reports/retarget")
 _SPAN = 1.6  # body lengths across a tile
@@ -21,17 +20,17 @@ _SPAN = 1.6  # body lengths across a tile
 
 def main() -> None:
     """Draw pictures/backbones.png, where a track is retargeted."""
-    asked = load_table(DATA / "retarget/asked.parquet", ASKED)
+    asked = load_table(Path("data/retarget/asked.parquet"), ASKED)
     with whole_folder(REPORT / "pictures") as folder:
         if asked.empty:
             return
-        drawn = load_drawn(RETARGET, "plots-retarget")
         ticks = moments(asked)
-        some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
-        painter = Painter(load_picture(DATA / "extract/background.png"))
-        with open_gallery(drawn) as gallery:
+        with Project() as project:
+            drawn = project.drawn(RETARGET, "plots-retarget")
+            some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
+            rows, painter = placed(some, project.gallery(drawn)), Painter(project.background)
             size = round(_SPAN * drawn.scene.typical_length_px)
-            picture = sheet(asked, ticks, placed(some, gallery), painter, size)
+            picture = sheet(asked, ticks, rows, painter, size)
         save_picture(folder / "backbones.png", picture)
 
 

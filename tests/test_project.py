@@ -1,0 +1,114 @@
+"""`Project`, the view of a run: it loads a file once, at its first use, and closes its stores."""
+
+import pickle
+from collections import Counter
+from contextlib import contextmanager
+
+import pytest
+from conftest import TINY_CARP
+from scratch import prepare
+from tiny_run import TinyRun
+
+import finloop.project
+from finloop.base.errors import FinloopError
+from finloop.edit.schema import NETWORK, RETARGET
+from finloop.io.cutouts import open_cutouts
+from finloop.project import Project
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, tiny_run: TinyRun):
+    path = tmp_path_factory.mktemp("project")
+    prepare(path, *TINY_CARP)
+    tiny_run.bring(path, ["animate", "retarget"])
+    return path
+
+
+@pytest.fixture
+def project(folder):
+    with Project(folder) as project:
+        yield project
+
+
+def test_a_project_loads_nothing_before_it_is_used(tmp_path):
+    project = Project(tmp_path)
+    with pytest.raises(FinloopError, match=r"facts\.json"):
+        _ = project.rate_hz
+
+
+def test_a_file_is_loaded_once(project, monkeypatch):
+    loaded = Counter()
+
+    def counted(load):
+        def counts(path, *rest):
+            loaded[path] += 1
+            return load(path, *rest)
+
+        return counts
+
+    for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
+        monkeypatch.setattr(finloop.project, name, counted(getattr(finloop.project, name)))
+    for _ in range(2):
+        drawn = project.drawn(NETWORK, "render", sprites=True, bodies=True)
+        project.gallery(drawn).frame(0)
+        assert project.arena.shape == project.background.shape[:2]
+        assert len(project.reel) == len(project.film_reel) == len(project.outlines)
+        assert len(project.steps) and len(project.jumps) and project.loops is not None
+        assert project.rule.horizon and project.has_forecast == (project.forecast is not None)
+    assert len(loaded) > 8 and set(loaded.values()) == {1}
+    project.forget("steps")
+    assert len(project.steps) and loaded.pop(project.data / "distance/steps.parquet") == 2
+    assert set(loaded.values()) == {1}
+
+
+def test_parts_of_a_project_belong_to_each_other(project):
+    assert project.reel.features is project.film_reel.features is project.features
+    assert project.reel.film is project.film_reel.film is project.cutouts
+    columns = project.tracks(["x_px", "y_px"])
+    assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
+    assert project.edit(NETWORK, "render") is project.drawn(NETWORK, "render").edit
+    assert project.goals(NETWORK) and project.size(NETWORK) > 0
+
+
+def test_a_recorded_track_has_no_goals_and_must_have_been_named(project):
+    assert project.goals(RETARGET) == [] and project.size(RETARGET) == 1.0
+    for _ in range(2):
+        with pytest.raises(FinloopError, match=r"tank\.mode is retarget, and no track"):
+            project.edit(RETARGET, "tank")
+
+
+def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monkeypatch):
+    there = Counter()
+
+    @contextmanager
+    def counted(path):
+        with open_cutouts(path) as store:
+            there[path.name] += 1
+            yield store
+            there[path.name] -= 1
+
+    monkeypatch.setattr(finloop.project, "open_cutouts", counted)
+    with Project(folder) as project:
+        assert len(project.reel.store) and there == {"cutouts.arrow": 1, "sprites.arrow": 1}
+        first = project.features
+    assert there == {"cutouts.arrow": 0, "sprites.arrow": 0}
+    with project:
+        assert project.features is not first and project.features.equals(first)
+        assert len(project.cutouts) and there["cutouts.arrow"] == 1
+    assert there["cutouts.arrow"] == 0
+
+
+def test_another_process_has_one_project_for_all_that_it_is_sent(project):
+    assert project.features is not None
+    sent = pickle.dumps(project)
+    assert len(sent) < 300
+    there = pickle.loads(sent)
+    assert there is pickle.loads(sent) and there is not project
+    assert there.root == project.root
+    assert pickle.loads(pickle.dumps(Project(project.root))) is not there  # of a later run
+
+
+def test_without_the_model_of_a_short_film_there_is_no_forecast(tmp_path):
+    (tmp_path / "data/forecast").mkdir(parents=True)
+    (tmp_path / "data/forecast/reason.json").write_text("{}")
+    assert not Project(tmp_path).has_forecast and Project(tmp_path).forecast is None
