@@ -31,11 +31,14 @@ demo: display setup ## fetch the zebrafish clip, run the pipeline on it, say wha
 	@echo "Done. Open:"
 	@echo "  reports/index.html                   everything on one page"
 	@echo "  data/tank/tank.html                  the tank in three dimensions, to turn"
-	@echo "  data/render/hybrid_marked.mp4        the fish that swims to A, B and C"
-	@echo "  reports/render/trajectory.png        its way, film and sprites in two colours"
-	@echo "  reports/render/switches.png          where it goes from one to the other, tick by tick"
-	@echo "  reports/animate/measures.csv         its measures, beside the film's own"
-	@echo "  reports/sprites/contact_sheet.png    the frames it is made of"
+	@echo "  data/render/modes.mp4                the film and all modes, side by side"
+	@echo "  data/render/hybrid_marked.mp4        mode hybrid on its way to A, B and C"
+	@echo "  reports/render/                      network.png, loops.png, hybrid.png, matching.png: the route of"
+	@echo "                                       each mode, in colours by what is shown"
+	@echo "  reports/render/switches.png          mode hybrid between film and sprites, tick by tick"
+	@echo "  reports/loops/fig11.png              the position table of the video loops"
+	@echo "  reports/animate/measures.csv         the measures of all modes, beside the film's own"
+	@echo "  reports/sprites/contact_sheet.png    the frames that network and hybrid show"
 	@echo "  reports/features/contact_sheet.png   the fish, with what was found in them"
 	@echo "  reports/features/metrics.json        the numbers (dvc metrics show)"
 	@echo "  dvc_plots/index.html                 every chart and picture"
@@ -50,11 +53,12 @@ film: display setup ## your own film, from file to report:  make film FILM=/path
 test: setup ## run the tests
 	@python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
-# Products, decompositions and training: an older kernel rounds them differently, one thread sums in another order.
+# Products, decompositions, training and complex numbers: an older processor rounds them differently, one thread sums in another order.
 NUMERICAL := distance_map jumps bpn forecast pose puppet tracks curve curve_dynamics curve_stiffness curve_wavelet gait_fit gait_limbs gait_outline gait_period calibrate social rule retarget
 
 test-kernel: setup ## run the numerical tests as an older processor computes, half a minute
 	@OPENBLAS_CORETYPE=Prescott ATEN_CPU_CAPABILITY=default FINLOOP_THREADS=1 OPENBLAS_NUM_THREADS=1 \
+	NPY_DISABLE_CPU_FEATURES=X86_V3,X86_V4,AVX512_ICL GLIBC_TUNABLES=glibc.cpu.hwcaps=-AVX2,-FMA \
 	python -m pytest -n 2 --dist loadfile $(NUMERICAL:%=tests/test_%.py)
 
 .PHONY: display

@@ -1,9 +1,9 @@
 """Speed of planning: ticks per second, beside the copy of one frame through memory.
 
-`python -m benchmarks.animate` swims a drawn carp and writes benchmarks/animate.csv. A tick costs
-its share of deciding, moving and writing the edit list; the limit is what a player cannot do
-without, to copy one 1280×720 frame. Both are run in turn, and the median of the pairwise ratios is
-given.
+`python -m benchmarks.animate` swims a drawn carp in every mode and writes benchmarks/animate.csv. A
+tick costs its share of deciding, moving and writing the edit list; the limit is what a player
+cannot do without, to copy one 1280×720 frame. Both are run in turn, and the median of the pairwise
+ratios is given.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
@@ -17,15 +17,16 @@ import pandas as pd
 
 from benchmarks.pipeline import needed, prepare, stage
 from benchmarks.speed import paired
+from finloop.animate.protocols import AnyPlayer
 from finloop.animate.shoal import play
-from finloop.animate.swim import Player, random_goals
+from finloop.animate.swim import random_goals
 from finloop.edit.schema import Goal
 from finloop.project import Project
-from stages.animate import bring
-from stages.settings import load
+from stages.all_modes import open_modes
 
 TICKS, COPIES = 20_000, 500
-STAGES = tuple(word for word in needed(["animate"]) if word != "animate")
+MODES = "modes-"  # stages that are not run, but brought together here
+STAGES = [one for one in needed(["animate"]) if one != "animate" and not one.startswith(MODES)]
 
 
 def main() -> None:
@@ -39,7 +40,7 @@ def main() -> None:
         os.chdir(scratch)
         try:
             with Project() as project:
-                players = bring(project, load("animate")).players
+                players = {name: one.player for name, one in open_modes(project).items()}
         finally:
             os.chdir(home)
     frame = np.zeros((720, 1280, 3), np.uint8)
@@ -53,7 +54,7 @@ def main() -> None:
     for name, fish in players.items():
         goals = random_goals(fish.waters, 20, np.random.default_rng(0))
 
-        def swim(fish: Player = fish, goals: list[Goal] = goals) -> None:
+        def swim(fish: AnyPlayer = fish, goals: list[Goal] = goals) -> None:
             play(fish, goals, TICKS, np.random.default_rng(1))
 
         ours, theirs, _, _ = paired(swim, copy)

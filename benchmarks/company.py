@@ -3,31 +3,28 @@
 `python -m benchmarks.company FOLDER …` takes working copies in which the pipeline was run, of a
 film each (none: the one that it is called in), and writes benchmarks/company.csv. Eight fish, or as
 many as there is room for, swim in the live tank for a minute of film, each to a random place and
-at once to the next: clear of each other, and with `animate.overlap=true`. Outlines are those of the
-pictures, at the heading that is planned, without what joins still bend and turn. A fish that moves
-less than a twentieth of a body length in a second is still. Beside it stands what the animals of
-the film do.
+at once to the next: clear of each other, and with `matching.overlap=true`. Outlines are those of
+the pictures, at the heading that is planned, without what joins still bend and turn. A fish that
+moves less than a twentieth of a body length in a second is still. Beside it stands what the animals
+of the film do.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import film_nearest, nearest, of_distances, outline, overlap
 from finloop.animate.planner import Planner, planner
-from finloop.animate.settings import Settings
 from finloop.distance.picture import typical_length
 from finloop.live.tank import LiveTank
 from finloop.project import Project
-from stages.animate import material
-from stages.settings import load
 
 FISH, SECONDS, STILL = 8, 60.0, 0.05
 
@@ -49,11 +46,11 @@ def summary(near: np.ndarray, speeds: np.ndarray, rate_hz: float) -> dict[str, f
     }
 
 
-def swum(mode: str, plans: Planner) -> dict[str, object]:
-    """What fish do in a mode."""
-    waters, player = plans.waters, plans.players[mode]
+def swum(plans: Planner) -> dict[str, object]:
+    """Return what fish do."""
+    waters, player = plans.waters, plans.player
     length, rate = waters.motion.body_length_px, waters.motion.rate_hz
-    tank, rng = LiveTank(plans.players, mode, FISH, 0), np.random.default_rng(1)
+    tank, rng = LiveTank({MODE: player}, MODE, FISH, 0), np.random.default_rng(1)
     y, x = np.nonzero(waters.tank.legal)
     count, ticks = len(tank.fish), round(SECONDS * rate)
     places, near, met, reached, took = np.empty((ticks, count, 2)), [], 0, 0, 0.0
@@ -74,7 +71,7 @@ def swum(mode: str, plans: Planner) -> dict[str, object]:
     speeds = np.hypot(*np.diff(places, axis=0).transpose(2, 0, 1)) / length * rate
     distances = np.concatenate([np.zeros(0), *near])
     return {
-        "mode": mode, "overlap": waters.settings.overlap, "fish": count,
+        "mode": MODE, "overlap": waters.settings.overlap, "fish": count,
         "overlapping_pairs_per_1000_ticks": 1000 * met / ticks,
         "goals_per_fish_min": reached / count / SECONDS * 60,
         **summary(distances, speeds, rate), "real_times": ticks / rate / took,
@@ -93,15 +90,13 @@ def filmed(features: pd.DataFrame, rate_hz: float) -> dict[str, object]:
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """All modes on the film in the present folder."""
-    p: Settings = replace(load("animate"), path=None)
+    """Return what is swum of the film in the present folder."""
+    p = settings_without_path()
     with Project() as project:
         made = material(project, p)
         yield {"film": film, **filmed(made.reel.features, made.rate_hz)}
         for through in (False, True):
-            plans = planner(made, replace(p, overlap=through))
-            for mode in plans.players:
-                yield {"film": film, **swum(mode, plans)}
+            yield {"film": film, **swum(planner(made, changed(p, overlap=through)))}
 
 
 if __name__ == "__main__":

@@ -25,6 +25,7 @@ from benchmarks.pipeline import ROOT, needed, prepare, stage
 from finloop.base.settings import settings
 from finloop.drawn.carp.film import film
 from finloop.drawn.truth import TRUTH
+from finloop.edit.modes import MODES
 from finloop.io.movie import VideoWriter
 from finloop.io.table import save_csv, save_table
 from finloop.io.video import TRUTH_NAME
@@ -39,7 +40,6 @@ DRAWN: dict[str, dict[str, Any]] = {
     "light that flickers by 10 %, 16 s": {"frames": 400},
     "camera that shakes by 2 px, 16 s": {"frames": 400},
 }  # fmt: skip
-MODES = ("nn", "loops", "hybrid")
 _RATE = 25
 _TABLE = ROOT / "benchmarks/films.csv"
 

@@ -2,26 +2,26 @@
 
 `python -m benchmarks.path_realism FOLDER …` takes working copies in which the pipeline was run, of
 a film each (none: the one that it is called in), and writes benchmarks/path_realism.csv: the area
-under the ROC curve of the stage `realism` for each mode, as many seconds of each as
-`realism.seconds` says. Fish wander; swim the fourteen shapes of `benchmarks.paths` at their own
-pace; and swim eighteen tracks of the film, each left out of the film while it is swum, at their own
-pace and at its times. The film's halves and the film drawn again stand beside them.
+under the ROC curve of the stage `realism`, as many seconds of each as `realism.seconds` says. Fish
+wander; swim the fourteen shapes of `benchmarks.paths` at their own pace; and swim eighteen tracks
+of the film, each left out of the film while it is swum, at their own pace and at its times. The
+film's halves and the film drawn again stand beside them.
 """
 
 import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before numpy)
 
 from collections.abc import Iterator
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.paths import shapes, tracks
 from benchmarks.pipeline import write_table
 from finloop.animate.paths import lay
+from finloop.animate.plan_settings import Settings
 from finloop.animate.planner import Material, Planner, planner
 from finloop.animate.route import Route
-from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.animate.swim import Player
 from finloop.edit.build import edit_lists
@@ -29,7 +29,6 @@ from finloop.project import Project
 from finloop.realism import compare
 from finloop.realism.examples import FILM
 from finloop.realism.lists import Work, filmed
-from stages.animate import material
 from stages.cluster import workers
 from stages.realism import WORKERS_NEED, Pictures, instrument_of, swimming_of, verdicts_of
 from stages.settings import load
@@ -79,25 +78,23 @@ def routes_of(made: Material, plans: Planner, p: Settings) -> dict[str, list[Swi
 
 
 def animations(routes: dict[str, list[Swimming]], seconds: float) -> dict[str, list[Work]]:
-    """The animations that are compared, by mode and by what the fish do."""
+    """Return the animations that are compared, by what the fish do."""
     plans = routes["wandering"][0].plans
     rate = plans.waters.motion.rate_hz
     works: dict[str, list[Work]] = {}
-    for mode in plans.players:
-        for name, ways in routes.items():
-            made, left, seed = works.setdefault(f"{mode}, {name}", []), seconds * rate, 0
-            while left > rate:
-                by, route = ways[seed % len(ways)]
-                work = swum(by.players[mode], round(min(left, PIECE_S * rate)), seed, route)
-                made.append(work)
-                left, seed = left - len(work[0]), seed + 1
+    for name, ways in routes.items():
+        made, left, seed = works.setdefault(f"{MODE}, {name}", []), seconds * rate, 0
+        while left > rate:
+            by, route = ways[seed % len(ways)]
+            work = swum(by.player, round(min(left, PIECE_S * rate)), seed, route)
+            made.append(work)
+            left, seed = left - len(work[0]), seed + 1
     return works
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All comparisons of the film in the present folder."""
-    p, q = load("realism"), replace(load("animate"), path=None, path_film=False)
-    assert isinstance(q, Settings)
+    p, q = load("realism"), changed(settings_without_path(), path_film=False)
     project = Project()
     rate, features = project.rate_hz, project.features
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
@@ -107,7 +104,7 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         plans = planner(made, q)
         size = plans.pictures.reel.size
         works |= animations(routes_of(made, plans, q), amount)
-        pictures, instrument = Pictures(project, "hybrid"), instrument_of(project)
+        pictures, instrument = Pictures(project), instrument_of(project)
         drawn = instrument.of_animations(size)
         instruments = {name: instrument if name == FILM else drawn for name in works}
         measured = swimming_of(works, pictures, instruments, crew)

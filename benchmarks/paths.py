@@ -12,22 +12,19 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import scipy
 
+from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import film_table
 from finloop.animate.path_measures import limits, of_path, swum_path, where_left
 from finloop.animate.paths import lay, track_line
 from finloop.animate.planner import Material, Planner, planner
-from finloop.animate.settings import Settings
 from finloop.animate.shoal import swim
 from finloop.base.line import PX, TRACK, Line
 from finloop.project import Project
-from stages.animate import material
-from stages.settings import load
 
 SECONDS, TRACK_S, TRACKS, SPLINES = 30.0, 10.0, 6, 10
 TRIES, KNOTS = 20_000, 6
@@ -117,39 +114,37 @@ def timed(line: Line, speed_px: float) -> Line:
     return line._replace(x=x, y=y, time_s=way / speed_px, closed=False)
 
 
-def measure(film: str, name: str, line: Line, plans: Planner) -> list[dict[str, object]]:
-    """What each mode makes of a path."""
+def measure(film: str, name: str, line: Line, plans: Planner) -> dict[str, object]:
+    """Return how a path is followed."""
     waters = plans.waters
     path = lay(line, waters.tank, waters.motion, None)
     ticks = round(SECONDS * waters.motion.rate_hz)
     if path.route.timed:
         ticks = min(ticks, len(path.route.when))
-    rows: list[dict[str, object]] = []
-    for mode, player in plans.players.items():
-        swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
-        played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
-        begin = time.process_time()  # of the path alone: after an open one the fish wanders
-        swim(player, [], played, np.random.default_rng(0), path.route)
-        took = time.process_time() - begin
-        table = swum_path(mode, swum, path, ticks, waters)
-        left = where_left(table, path, waters, limits(waters.film, waters))
-        numbers = of_path(table, left, path, player.follower.spread, waters)
-        new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
-        jumps = [one.decision.seam for one in new]
-        rows.append({
-            "film": film, "path": name, "timed": path.route.timed, "mode": mode,
-            **{key.removeprefix("path_"): value for key, value in numbers.items()},
-            "seconds": len(table) / waters.motion.rate_hz,
-            "jumps_per_s": len(jumps) / max(played, 1) * waters.motion.rate_hz,
-            "seam_median": float(np.nanmedian(jumps)) if np.isfinite(jumps).any() else np.nan,
-            "real_times": played / waters.motion.rate_hz / took,
-        })  # fmt: skip
-    return rows
+    player = plans.player
+    swum = swim(player, [], ticks, np.random.default_rng(0), path.route)
+    played = sum(len(one.way) for one, at in zip(swum.stretches, swum.names, strict=True) if at)
+    begin = time.process_time()  # of the path alone: after an open one the fish wanders
+    swim(player, [], played, np.random.default_rng(0), path.route)
+    took = time.process_time() - begin
+    table = swum_path(MODE, swum, path, ticks, waters)
+    left = where_left(table, path, waters, limits(waters.film, waters))
+    numbers = of_path(table, left, path, player.follower.spread, waters)
+    new = [one for one, at in zip(swum.stretches, swum.names, strict=True) if at and one.new]
+    jumps = [one.decision.seam for one in new]
+    return {
+        "film": film, "path": name, "timed": path.route.timed, "mode": MODE,
+        **{key.removeprefix("path_"): value for key, value in numbers.items()},
+        "seconds": len(table) / waters.motion.rate_hz,
+        "jumps_per_s": len(jumps) / max(played, 1) * waters.motion.rate_hz,
+        "seam_median": float(np.nanmedian(jumps)) if np.isfinite(jumps).any() else np.nan,
+        "real_times": played / waters.motion.rate_hz / took,
+    }  # fmt: skip
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
     """All paths of the film in the present folder."""
-    p: Settings = replace(load("animate"), path=None, path_film=False)
+    p = changed(settings_without_path(), path_film=False)
     with Project() as project:
         made = material(project, p)
         plans = planner(made, p)
@@ -157,12 +152,12 @@ def film_rows(film: str) -> Iterator[dict[str, object]]:
         swims = plans.waters.film.speed[plans.waters.film.more]
         speed_px = float(np.median(swims)) * motion.body_length_px
         for name, line in shapes(plans, np.random.default_rng(0)):
-            yield from measure(film, name, line, plans)
-            yield from measure(film, name, timed(line, speed_px), plans)
+            yield measure(film, name, line, plans)
+            yield measure(film, name, timed(line, speed_px), plans)
         for name, line in tracks(made, plans):
             without = planner(made._replace(lines=[line]), p)
-            yield from measure(film, name, line._replace(time_s=None, heading_deg=None), without)
-            yield from measure(film, name, line, without)
+            yield measure(film, name, line._replace(time_s=None, heading_deg=None), without)
+            yield measure(film, name, line, without)
 
 
 def main() -> None:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -12,6 +13,8 @@ from typing import Any
 
 import pandas as pd
 import yaml
+
+from finloop.base.settings import values_of
 
 ROOT = Path(__file__).parents[1]
 STAGES = ("clip", "extract", "features")
@@ -47,13 +50,17 @@ def prepare(folder: Path, overrides: Sequence[str]) -> None:
 
 
 def stage(folder: Path, word: str) -> dict[str, Any]:
-    """Run one stage in `folder`; its metrics."""
-    _python(folder, f"stages.{word}")
-    return json.loads((folder / f"reports/{word}/metrics.json").read_text(encoding="utf-8"))
+    """Run one stage in `folder`; return its metrics, none of a stage `modes-…`."""
+    _python(folder, f"stages.{word.replace('-', '.')}")
+    path = folder / f"reports/{word}/metrics.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
 def needed(last: Sequence[str]) -> list[str]:
-    """The stages that some wait for, and these, in their order; those of plots are left out."""
+    """The stages that some wait for, and these, in their order; those of plots are left out.
+
+    Where a dependency names a mode, that is the mode in conf/.
+    """
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     makers = {
         out if isinstance(out, str) else next(iter(out)): word
@@ -63,8 +70,16 @@ def needed(last: Sequence[str]) -> list[str]:
     todo, wanted = [*last], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        todo += {makers[dep] for dep in stages[word]["deps"] if dep in makers} - wanted
+        deps = map(in_conf, stages[word]["deps"])
+        todo += {makers[dep] for dep in deps if dep in makers} - wanted
     return [word for word in stages if word in wanted - {"params"}]
+
+
+def in_conf(dep: str) -> str:
+    """Return a dependency of dvc.yaml with the values in conf/ for its parameters."""
+    return re.sub(
+        r"\$\{(\w+)\.(\w+)\}", lambda name: str(values_of(name[1], "default")[name[2]]), dep
+    )
 
 
 _LAUNCHER = """

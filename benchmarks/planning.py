@@ -15,18 +15,16 @@ import numpy as np
 
 from finloop.animate.shoal import play
 from finloop.animate.swim import random_goals
-from finloop.edit.schema import HYBRID
 from finloop.project import Project
-from stages.animate import bring
+from stages.all_modes import open_modes
 from stages.play import open_view
-from stages.settings import load
 
 TICKS, WARM_UP, GOALS = 10_000, 1_000, 20
 
 
 def start() -> None:
     """Open the live tank and show its first frame."""
-    with open_view(HYBRID, None, 0) as view:
+    with open_view("hybrid", None, 0) as view:
         view.show()
 
 
@@ -34,7 +32,8 @@ def plan() -> None:
     """Write planning.json: ticks a second by mode, on the wall and of the processor."""
     numbers = {}
     with Project() as project:
-        for mode, player in bring(project, load("animate")).players.items():
+        for mode, animator in open_modes(project).items():
+            player = animator.player
             goals = random_goals(player.waters, GOALS, np.random.default_rng(0))
             play(player, goals, WARM_UP, np.random.default_rng(2))
             wall, processor = time.perf_counter(), time.process_time()

@@ -24,7 +24,6 @@ from websockets.typing import Origin
 
 from benchmarks.animate import STAGES
 from benchmarks.pipeline import ROOT, prepare, stage
-from finloop.edit.schema import HYBRID
 from finloop.live.door import bound
 from finloop.live.message import SetGoal
 from finloop.live.server import Host, Server
@@ -119,7 +118,7 @@ def flood(page: ClientConnection) -> tuple[float, float, int]:
 
 def measured(what: str) -> Iterator[Row]:
     """The rows of the results in the present folder."""
-    with open_view(HYBRID, FISH, 0) as view:
+    with open_view("matching", FISH, 0) as view:
         frames(view)  # compiles, and fills the caches
         took = frames(view)
         size = "×".join(map(str, view.painter.canvas.shape[1::-1]))

@@ -27,7 +27,7 @@ from finloop.io.video import THREADS
 from finloop.pose import film_poses
 from finloop.project import Project
 from finloop.render.gallery import Gallery, Shelf
-from finloop.render.marks import COLOURS, Marks
+from finloop.render.marks import Marks
 from finloop.render.painter import Painter, Placed
 
 SIZE = ["clip.width_px=1280", "clip.height_px=720", "clip.frames=100"]
@@ -60,14 +60,17 @@ def swim(
 
 def journey(way: list[Placed]) -> pd.DataFrame:
     """What marks want to know of it."""
-    states = [name for name in COLOURS if name not in ("nn", "loop")]
+    states = ["straight", "turn", "slide", "accelerate", "decelerate"]
     return pd.DataFrame(
         {
             "fish": 0,
             "x_px": [one.x_px for one in way],
             "y_px": [one.y_px for one in way],
             "time_s": np.arange(TICKS) / float(RATE),
-            "mode": "nn",
+            "mode": "network",
+            "kind": "sprite",
+            "mirrored": False,
+            "pose": None,
             "state": [states[tick // 20 % len(states)] for tick in range(TICKS)],
             "goal": ["AB"[tick // 100 % 2] for tick in range(TICKS)],
         }

@@ -1,4 +1,4 @@
-"""Several fish planned together by `animate`: overlaps, goals, rests, and the time that it takes.
+"""Several fish planned together in mode `matching`: overlaps, goals, rests, and time taken.
 
 `python -m benchmarks.shoal FOLDER …` takes working copies in which the pipeline was run, of a film
 each (none: the one that it is called in), and writes benchmarks/shoal.csv. Eight fish swim for ten
@@ -11,30 +11,27 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 
 import time
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.company import summary
+from benchmarks.matching import MODE, changed, material, settings_without_path
 from benchmarks.pipeline import write_table
 from finloop.animate.encounters import nearest, overlaps, places
 from finloop.animate.planner import Planner, planner
-from finloop.animate.settings import Settings
 from finloop.animate.shoal import shoal, tasks
 from finloop.animate.swim import random_goals
 from finloop.edit.build import edit_lists
 from finloop.project import Project
-from stages.animate import material
-from stages.settings import load
 
 SHOALS = ((8, 1.0, 600.0, 30.0), (64, 1 / 3, 120.0, 60.0))
 """Fish, their drawn size / filmed size, s, s a goal."""
 WARM_UP = 20  # ticks, after which everything is compiled
 
 
-def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
-    """What fish do in a mode."""
-    waters, player = plans.waters, plans.players[mode]
+def swum(plans: Planner, goal_s: float) -> dict[str, object]:
+    """Return what fish do."""
+    waters, player = plans.waters, plans.player
     p, rate, ticks = waters.settings, waters.motion.rate_hz, waters.duration
     goals = random_goals(waters, p.fish * round(p.seconds / goal_s), np.random.default_rng(1))
     shoal(player, tasks(goals, p.fish, np.random.default_rng(0)), WARM_UP)
@@ -48,7 +45,7 @@ def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
     near = np.concatenate([nearest(tick) for tick in where.transpose(1, 0, 2)]) / length
     speeds = np.hypot(*np.diff(where, axis=1).transpose(2, 1, 0)) / length * rate
     return {
-        "mode": mode, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
+        "mode": MODE, "fish": p.fish, "overlap": p.overlap, "s": p.seconds,
         "overlapping_pairs": int(overlaps(edit, player).sum()),
         "goals_reached_pct": 100 * np.concatenate([one.reached >= 0 for one in swims]).mean(),
         **summary(near, speeds, rate), "planned_real_times": p.seconds / (planned - begin),
@@ -57,17 +54,15 @@ def swum(mode: str, plans: Planner, goal_s: float) -> dict[str, object]:
 
 
 def film_rows(film: str) -> Iterator[dict[str, object]]:
-    """All modes on the film in the present folder."""
-    p: Settings = replace(load("animate"), path=None)
+    """Return what is swum of the film in the present folder."""
+    p = settings_without_path()
     with Project() as project:
         made = material(project, p)
         for fish, size, seconds, goal_s in SHOALS:
-            own = replace(p, fish=fish, size=size, seconds=seconds, overlap=False)
-            plans = planner(made, own)
-            for mode in plans.players:
-                row = swum(mode, plans, goal_s)
-                print(row, flush=True)
-                yield {"film": film, "size": size, **row}
+            own = changed(p, fish=fish, size=size, seconds=seconds, overlap=False)
+            row = swum(planner(made, own), goal_s)
+            print(row, flush=True)
+            yield {"film": film, "size": size, **row}
 
 
 if __name__ == "__main__":

@@ -43,7 +43,7 @@ from finloop.stimulus.rules import RuleSpec
 from finloop.stimulus.session import Session
 from finloop.stimulus.show import Dry
 from finloop.stimulus.summary import reactions_ms, table_of, tick_errors_ms
-from stages.stimulus import FilmedScene, open_scene
+from stages.stimulus_scene import FilmedScene, open_scene
 
 GPU = ["--no-sandbox", "--enable-unsafe-swiftshader"]
 RATE_HZ = 60.0  # of the tracker

@@ -2,8 +2,8 @@
 
 `python -m benchmarks.zones FOLDER …` takes working copies in which the pipeline was run, of a film
 of several fish each (none: the one that it is called in), and writes benchmarks/zones.csv. As many
-fish as the film shows at once swim for a minute in every mode by the zones of the stage `calibrate`
-(`animate.rule=zones`), and without a rule; points do for `calibrate.steps` steps, by these zones,
+fish as the film shows at once swim for a minute by the zones of the stage `calibrate`
+(`matching.rule=zones`), and without a rule; points do for `calibrate.steps` steps, by these zones,
 by those of Couzin et al. 2002, and without. Beside them, if it is installed, couzinswarm 0.0.3 with
 its own values, in a box of the tank's size, a body length deep. Numbers are Wasserstein distances
 to the film and to its second half, to which the zones were not fitted; `first_half` is the film's
@@ -15,15 +15,14 @@ import stages.run  # noqa: F401  # isort: skip  (sets the thread counts before n
 import sys
 from collections.abc import Iterator
 from contextlib import chdir
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
+from benchmarks.matching import MODE, changed, material, settings_without_path
 from finloop.animate.planner import planner
-from finloop.animate.settings import Settings
 from finloop.calibrate.film import FilmShoal, film_shoal
 from finloop.calibrate.points import own_steps, swum_points
 from finloop.features.table import delta_of
@@ -31,11 +30,11 @@ from finloop.project import Project
 from finloop.social.measures import beside, shoal_table
 from finloop.social.walls import Walls
 from finloop.social.zones import COUZIN, NO_ZONES, Zones
-from stages.animate import material
 from stages.calibrate import first_film
 from stages.settings import load
 
 SEEDS, SECONDS, MOST_FISH = 3, 60.0, 64
+POINT_SEEDS = 10
 STEPS, EVERY = 20_000, 20  # of couzinswarm
 
 
@@ -44,8 +43,9 @@ def points(film: FilmShoal, fitted: Zones) -> Iterator[tuple[str, pd.DataFrame]]
     p = load("calibrate")
     for name, zones in (("zones", fitted), ("couzin", COUZIN), ("alone", NO_ZONES)):
         steps = own_steps(film, film.whole_steps(p.rows), zones)
-        rng = np.random.default_rng(p.seed)
-        yield f"points_{name}", swum_points(film, steps, zones, p, rng)
+        for seed in range(POINT_SEEDS):
+            rng = np.random.default_rng(seed)
+            yield f"points_{name}", swum_points(film, steps, zones, p, rng)
 
 
 def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
@@ -69,7 +69,7 @@ def package(film: FilmShoal) -> Iterator[tuple[str, pd.DataFrame]]:
 
 def film_tables(folder: Path) -> pd.DataFrame:
     """All shoals beside the film in a folder."""
-    p: Settings = replace(load("animate"), path=None, seconds=SECONDS, trials=0, follow=[])
+    p = changed(settings_without_path(), seconds=SECONDS, trials=0, follow=[])
     tables: dict[str, list[pd.DataFrame]] = {}
     with Project() as project:
         made = material(project, p)
@@ -79,21 +79,18 @@ def film_tables(folder: Path) -> pd.DataFrame:
         fish = min(film.fish, MOST_FISH)
         tables["first_half"] = [film.half(True)]
         for name, table in (*points(film, project.rule.zones), *package(film)):
-            tables[name] = [table]
+            tables.setdefault(name, []).append(table)
         for rule in ("zones", "none"):
             for seed in range(SEEDS):
                 # One goal a fish at most: afterwards it wanders.
-                swum = replace(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
+                swum = changed(p, fish=fish, rule=rule, seed=seed, goals=[[0.5, 0.5]])
                 plans = planner(made, swum)
-                for mode in plans.players:
-                    edit = plans.plan(mode, plans.goals())[1]
-                    where = edit[["x_px", "y_px"]].to_numpy(float)
-                    heading = edit["heading_deg"].to_numpy(float)
-                    frame = edit["tick"].to_numpy()
-                    name = f"{mode}_{'zones' if rule == 'zones' else 'alone'}"
-                    tables.setdefault(name, []).append(
-                        shoal_table(frame, where, heading, film.walls)
-                    )
+                edit = plans.plan(plans.goals())[1]
+                where = edit[["x_px", "y_px"]].to_numpy(float)
+                heading = edit["heading_deg"].to_numpy(float)
+                frame = edit["tick"].to_numpy()
+                name = f"{MODE}_{'zones' if rule == 'zones' else 'alone'}"
+                tables.setdefault(name, []).append(shoal_table(frame, where, heading, film.walls))
     films = {"film": film.table, "second_half": film.half(False)}
     rows = [
         beside(films, {name: one}).assign(run=run)

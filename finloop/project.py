@@ -1,44 +1,29 @@
 """One view of a run: what its stages have made, loaded when it is used.
 
-Each property imports the room that it needs inside itself. So a stage depends on the rooms of the
-properties that it uses, and on no others; tests/test_pipeline.py reads that from this file.
+Each property imports the room that it needs inside itself, here and in finloop/run_files.py. So a
+stage depends on the rooms of the properties that it uses, and on no others;
+tests/test_pipeline.py reads that from these two files.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import ExitStack
-from functools import cached_property, lru_cache
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
-from uuid import uuid4
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from finloop.base.arrays import Floats, Mask, Picture
 from finloop.base.errors import FinloopError
-from finloop.io.cutouts import CutoutStore, open_cutouts
 from finloop.io.edit_list import load_edit
-from finloop.io.mapped import open_array
-from finloop.io.parameters import parameters, read_parameters
-from finloop.io.picture import load_picture
-from finloop.io.record import load_json, load_record, load_records, made_by
-from finloop.io.table import load_lists, load_table
-from finloop.io.video import ARENA_NAME, FACTS_NAME, VideoFacts, load_facts, load_mask
+from finloop.io.record import load_json, load_records, made_by
+from finloop.run_files import RunFiles
 
 if TYPE_CHECKING:  # what properties return; they import it themselves
-    from finloop.bpn.model import MotionModel
-    from finloop.distance.map import MapFacts
     from finloop.edit.bodies import Bodies
     from finloop.edit.schema import Goal
     from finloop.extract.table import SceneFacts
-    from finloop.forecast.film import FilmStates
-    from finloop.forecast.sampling import Sampler
-    from finloop.pose.film import FilmPoses
-    from finloop.reel import Reel
     from finloop.render.gallery import Gallery
-    from finloop.social.rule import Shoaling
 
 PLACES = ("track_id", "frame", "x_px", "y_px")
 
@@ -67,7 +52,7 @@ class Drawn(NamedTuple):
     bodies: Bodies | None
 
 
-class Project:
+class Project(RunFiles):
     """What the stages of a run have made; each file is loaded once, at its first use.
 
     As a context manager it closes the stores that it has opened. Pickled, it is its root alone; all
@@ -81,273 +66,25 @@ class Project:
         The working copy, with params.yaml and data/.
     """
 
-    def __init__(self, root: str | Path = ".") -> None:
-        self.root = Path(root)
-        self.data = self.root / "data"
-        self._run = uuid4().hex  # a worker may outlive it
-        self._stores = ExitStack()
-        self._kept: dict[tuple[Any, ...], Any] = {}  # results of methods, by name and arguments
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _unpickle, (self.root, self._run)
-
-    def close(self) -> None:
-        """Close the stores, and forget what was loaded."""
-        self.forget(*[name for name in vars(self) if hasattr(Project, name)])
-        self._kept.clear()
-        self._stores.close()
-
-    def forget(self, *names: str) -> None:
-        """Forget what these properties have loaded, to free memory."""
-        for name in names:
-            vars(self).pop(name, None)
-
-    def settings(self, word: str) -> Any:
-        """Return the parameters of a stage word, as its `Settings`."""
-        return parameters(word, read_parameters(self.root / "params.yaml"))
-
-    # --- clip
-
-    @cached_property
-    def facts(self) -> VideoFacts:
-        """Facts of the clip."""
-        return load_facts(self.data / "clip" / FACTS_NAME)
-
-    @property
-    def rate_hz(self) -> float:
-        """Frames per second."""
-        return self.facts.frame_rate_hz
-
-    @cached_property
-    def arena(self) -> Mask:
-        """Where animals can be (h, w)."""
-        return load_mask(self.data / "clip" / ARENA_NAME, self.facts.width_px, self.facts.height_px)
-
-    # --- extract
-
-    @cached_property
-    def background(self) -> Picture:
-        """The empty tank (h, w) or (h, w, 3), uint8."""
-        return load_picture(self.data / "extract/background.png")
-
-    @cached_property
-    def scene(self) -> SceneFacts:
-        """Facts of the film that extraction has measured."""
-        from finloop.extract.table import SceneFacts
-
-        return load_record(self.data / "extract/scene.json", SceneFacts, "extract")
-
-    def tracks(self, columns: Sequence[str] | None = None) -> pd.DataFrame:
-        """Return columns of the table of tracks (n rows), all where none are named."""
-        from finloop.extract.table import tracks_schema
-
-        key = "tracks", *(columns or ())
-        if key not in self._kept:
-            schema = tracks_schema(self.scene.points)
-            self._kept[key] = load_table(self.data / "extract/tracks.parquet", schema, columns)
-        return self._kept[key]
-
-    @cached_property
-    def given(self) -> pd.DataFrame | None:
-        """What another program's tracks say of the n rows; None where there are none."""
-        from finloop.extract.table import GIVEN, GIVEN_NAME
-
-        path = self.data / "extract" / GIVEN_NAME
-        return load_table(path, GIVEN) if path.exists() else None
-
-    @cached_property
-    def cutouts(self) -> CutoutStore:
-        """The n cut-outs of the film."""
-        return self._stores.enter_context(open_cutouts(self.data / "extract/cutouts.arrow"))
-
-    # --- features, identity, pose
-
-    @cached_property
-    def features(self) -> pd.DataFrame:
-        """The feature table (n rows)."""
-        from finloop.features.table import FEATURES
-
-        return load_table(self.data / "features/features.parquet", FEATURES)
-
-    @cached_property
-    def identities(self) -> pd.DataFrame:
-        """Whose each track is."""
-        from finloop.identity.film import IDENTITIES
-
-        return load_table(self.data / "identity/identities.parquet", IDENTITIES)
-
-    @cached_property
-    def poses(self) -> FilmPoses:
-        """The postures of the n rows."""
-        from finloop.pose.film import POSES, restored
-
-        folder, features = self.data / "pose", self.features
-        (codes,) = load_lists(folder / "poses.parquet", POSES, "codes")
-        postures = open_array(folder / "postures.npy", (len(features), None), "float64")
-        return load_json(
-            folder / "shapes.json",
-            lambda facts: restored(features, codes, facts, postures),
-            *made_by("pose"),
-        )
-
-    @cached_property
-    def outlines(self) -> Floats:
-        """Outlines (n, k, 2) x, y px of the n rows."""
-        shape = len(self.features), None, 2
-        return open_array(self.data / "pose/outlines.npy", shape, "float32")
-
-    # --- sprites, and the film's pictures
-
-    @cached_property
-    def sprites(self) -> pd.DataFrame:
-        """The table of sprites."""
-        from finloop.sprites.orient import SPRITES
-
-        return load_table(self.data / "sprites/sprites.parquet", SPRITES)
-
-    @cached_property
-    def sprite_cutouts(self) -> CutoutStore:
-        """The sprites in all orientations."""
-        return self._stores.enter_context(open_cutouts(self.data / "sprites/sprites.arrow"))
-
-    @cached_property
-    def film_reel(self) -> Reel:
-        """The film's pictures by row."""
-        from finloop.reel import Reel
-
-        return Reel(self.features, self.cutouts)
-
-    @cached_property
-    def reel(self) -> Reel:
-        """The film's pictures by row, and its sprites."""
-        from finloop.reel import Reel
-
-        return Reel(self.features, self.cutouts, self.sprites, self.sprite_cutouts)
-
-    # --- distance, loops, jumps, gateways
-
-    @cached_property
-    def map_facts(self) -> MapFacts:
-        """How the film's pictures are compared."""
-        from finloop.distance.map import MapFacts
-
-        return load_record(self.data / "distance/facts.json", MapFacts, "distance")
-
-    @cached_property
-    def steps(self) -> pd.DataFrame:
-        """The distance from each compared row to the next."""
-        from finloop.distance.map import STEPS
-
-        return load_table(self.data / "distance/steps.parquet", STEPS)
-
-    @cached_property
-    def loops(self) -> pd.DataFrame:
-        """The loops; none where the film shows none."""
-        from finloop.loops.search import LOOPS
-
-        return load_table(self.data / "loops/loops.parquet", LOOPS)
-
-    @cached_property
-    def jumps(self) -> pd.DataFrame:
-        """The jumps between rows that look and move alike."""
-        from finloop.jumps.table import JUMPS
-
-        return load_table(self.data / "jumps/jumps.parquet", JUMPS)
-
-    @cached_property
-    def look(self) -> Floats:
-        """Looks of the n rows, (n, k), or (2 n, k) with mirror images."""
-        from finloop.jumps.table import LOOK
-
-        return load_lists(self.data / "jumps/look.parquet", LOOK, "look")[0]
-
-    @cached_property
-    def gateways(self) -> pd.DataFrame:
-        """The jumps from film to sprites and back."""
-        from finloop.gateways.find import GATEWAYS
-
-        return load_table(self.data / "gateways/gateways.parquet", GATEWAYS)
-
-    # --- models
-
-    @cached_property
-    def model(self) -> MotionModel:
-        """The motion model of the stage `bpn`."""
-        from finloop.bpn.model import motion_model
-
-        return load_record(self.data / "bpn/model.json", motion_model, "bpn")
-
-    @cached_property
-    def states(self) -> FilmStates:
-        """The states of the film, with mirror images if `look` has them.
-
-        FinloopError if the film shows too little.
-        """
-        from finloop.forecast.film import film_states, shown_mirror
-
-        poses, p = self.poses, self.settings("forecast")
-        mirror = shown_mirror(poses, self.look)
-        return film_states(self.features, poses.codes, mirror, self.rate_hz, p)
-
-    @property
-    def has_forecast(self) -> bool:
-        """Whether the film showed enough for the model of the stage `forecast`."""
-        return not (self.data / "forecast/reason.json").exists()
-
-    @cached_property
-    def forecast(self) -> Sampler | None:
-        """The sampler of the stage `forecast`; None where the film showed too little."""
-        from finloop.forecast.model import forecast_model
-        from finloop.forecast.sampling import sampler
-
-        if not self.has_forecast:
-            return None
-        folder, film = self.data / "forecast", self.states
-        model = load_record(folder / "model.json", forecast_model, "forecast")
-        rows, numbers = film.states.shape
-        start = open_array(folder / "start.npy", (rows + 1,), "int64")
-        graph = start, open_array(folder / "neighbours.npy", (int(start[-1]),), "int32")
-        mean = open_array(folder / "mean.npy", (rows, numbers), "float64")
-        return sampler(film, model, graph, self.settings("forecast"), mean)
-
-    @cached_property
-    def rule(self) -> Shoaling:
-        """The rule of the stage `calibrate`, by which fish of one tank act on each other."""
-        from finloop.social.rule import Shoaling
-        from finloop.social.steps import STEPS, steps_of
-        from finloop.social.zones import Zones
-
-        folder = self.data / "calibrate"
-        table = load_table(folder / "steps.parquet", STEPS)
-        return load_json(
-            folder / "zones.json",
-            lambda entry: Shoaling(
-                Zones(**entry["zones"]), steps_of(table, entry["forward"], entry["onward"]),
-                entry["horizon_frames"], entry["alike"],
-            ),
-            *made_by("calibrate"),
-        )  # fmt: skip
-
-    # --- edit lists
-
     def edit(self, mode: str, stage: str) -> pd.DataFrame:
         """Return the edit list of a mode, columns of `EDIT`; `stage` asks for it."""
-        from finloop.edit.schema import EDIT, RETARGET
+        from finloop.edit.modes import RETARGET
+        from finloop.edit.schema import EDIT
 
         key = "edit", mode
         if key not in self._kept:
-            if mode == RETARGET:
-                edit = load_table(self.data / "retarget/retargeted.parquet", EDIT)
-            else:
-                edit = load_edit(self.data / "animate", mode, stage, EDIT)
-            self._kept[key] = edit
-        if mode == RETARGET and self._kept[key].empty:
+            self._kept[key] = load_edit(self.data / "animate", mode, stage, EDIT)
+        if self._kept[key].empty and mode != RETARGET:
+            why = load_json(
+                self.data / f"animate/{mode}/reason.json", lambda facts: str(facts["reason"]),
+                *made_by(f"modes-{mode}"),
+            )  # fmt: skip
+            raise FinloopError(
+                f"{stage}.mode is {mode}, and there is no animation of it: {why}",
+                "a mode that the film is long and varied enough for",
+                f"take another mode: {stage}.mode=network",
+            )
+        if self._kept[key].empty:
             raise FinloopError(
                 f"{stage}.mode is retarget, and no track is retargeted",
                 "a track whose motion is swum",
@@ -357,20 +94,14 @@ class Project:
 
     def goals(self, mode: str) -> list[Goal]:
         """Return the goals that the edit list of a mode leads to; a recorded track has none."""
-        from finloop.edit.schema import RETARGET, Goal
+        from finloop.edit.schema import Goal
 
-        if mode == RETARGET:
-            return []
-        return load_records(self.data / "animate/goals.json", Goal, "animate")
+        return load_records(self.data / f"animate/{mode}/goals.json", Goal, f"modes-{mode}")
 
     def size(self, mode: str) -> float:
         """Return how many times as large as filmed a mode draws its fish."""
-        from finloop.edit.schema import RETARGET
-
-        if mode == RETARGET:
-            return 1.0
-        path = self.data / "animate/drawn.json"
-        return load_json(path, lambda facts: float(facts["size"]), *made_by("animate"))
+        path = self.data / f"animate/{mode}/drawn.json"
+        return load_json(path, lambda facts: float(facts["size"]), *made_by(f"modes-{mode}"))
 
     def drawn(
         self, mode: str, stage: str, columns: Sequence[str] = PLACES, sprites: bool = False,
@@ -407,6 +138,22 @@ class Project:
             self._kept[key] = Drawn(edit, scene, tracks, table, postures)
         return self._kept[key]
 
+    @cached_property
+    def bodies(self) -> Bodies:
+        """The film's postures, and the rows behind its sprites."""
+        from finloop.edit.bodies import Bodies
+
+        return Bodies(self.poses, self.reel.goes_on, self.sprites)
+
+    @cached_property
+    def whole_gallery(self) -> Gallery:
+        """Every picture that an edit list can draw: cut-outs, sprites, and postures."""
+        from finloop.edit.schema import FRAME, SPRITE
+        from finloop.render.gallery import Gallery, shelves
+
+        stores = {FRAME: self.cutouts, SPRITE: self.sprite_cutouts}
+        return Gallery(shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
+
     def gallery(self, drawn: Drawn) -> Gallery:
         """Return the pictures that an edit list draws: cut-outs and, with a table, sprites."""
         from finloop.edit.schema import FRAME, SPRITE
@@ -416,9 +163,3 @@ class Project:
         if drawn.sprites is not None:
             stores[SPRITE] = self.sprite_cutouts
         return Gallery(shelves(stores, drawn.tracks, drawn.sprites), drawn.bodies)
-
-
-@lru_cache(1)
-def _unpickle(root: Path, run: str) -> Project:
-    """Return the project of another process, one for all that it sends here."""
-    return Project(root)

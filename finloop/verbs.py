@@ -24,26 +24,21 @@ Every verb raises FinloopError, which says what came, what was wanted and what t
 is unknown or out of range, a file cannot be read, or the film does not show what is needed.
 """
 
-import atexit
-import tempfile
 import warnings
-from collections.abc import Iterator
-from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
+from finloop.animate.plan_settings import merge_settings
 from finloop.animate.planner import Material, planner
-from finloop.base.arrays import Mask
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Threads
 from finloop.base.schema import lists_to_points
-from finloop.base.settings import settings
+from finloop.base.settings import settings, values_of
 from finloop.bpn.back_propagation import learn as fit
 from finloop.bpn.model import MotionModel, motion_rows, split_or_all
 from finloop.calibrate.film import film_shoal
@@ -52,11 +47,12 @@ from finloop.distance.compare import Similar
 from finloop.distance.compare import compare as compared
 from finloop.distance.map import PAIRS, STEPS, mapped
 from finloop.edit.bodies import Bodies
-from finloop.edit.schema import EDIT, FRAME, HYBRID, SPRITE
+from finloop.edit.schema import EDIT, FRAME, SPRITE
 from finloop.extract.table import GIVEN, GIVEN_NAME, tracks_schema
 from finloop.extraction import BACKGROUND_NAME, extract, said_of_lost
 from finloop.features.table import FEATURES, delta_of
 from finloop.features.table import features as measured
+from finloop.footage import Film, Tracks, draw_carp, make_folder, open_film, open_store
 from finloop.forecast.film import film_states, shown_mirror
 from finloop.forecast.learning import learn as train
 from finloop.forecast.neighbours import similar_rows
@@ -65,18 +61,19 @@ from finloop.forecast.sampling import Sampler, sampler
 from finloop.gateways.find import GATEWAYS, gateways, nearness
 from finloop.given_path import given_lines
 from finloop.io.atomic import whole_folder
-from finloop.io.cutouts import CutoutStore, CutoutWriter, open_cutouts
+from finloop.io.cutouts import CutoutWriter
 from finloop.io.film_writer import CUTOUTS_NAME, TRACKS_NAME
 from finloop.io.movie import Mp4Writer
 from finloop.io.picture import load_picture
 from finloop.io.table import as_loaded, load_table
-from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
 from finloop.jumps.film import FilmJumps, film_jumps
 from finloop.jumps.source import InMemory
 from finloop.jumps.table import JUMPS
 from finloop.loops.search import LOOPS, NoLoops, as_map, find
-from finloop.mended import make_clip
-from finloop.normalise import open_source
+from finloop.modes.animator import Animator, FilmData
+from finloop.modes.hybrid import hybrid_animator
+from finloop.modes.loops import loops_animator
+from finloop.modes.network import network_animator
 from finloop.pose.film import FilmPoses, film_poses
 from finloop.reel import Reel
 from finloop.render.gallery import Gallery, frames, shelves
@@ -93,76 +90,6 @@ __all__ = [
     "foretell", "learn", "make_sprites", "measure", "open_film", "steer", "track", "write_video",
 ]  # fmt: skip
 
-_OPEN = ExitStack()  # stores and temporary folders, till the program ends
-atexit.register(_OPEN.close)
-
-
-@dataclass(frozen=True)
-class Film:
-    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
-
-    folder: Path
-    facts: VideoFacts
-    arena: Mask
-
-    @property
-    def rate_hz(self) -> float:
-        """Frames per second."""
-        return self.facts.frame_rate_hz
-
-    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
-        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
-        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
-
-
-@dataclass(frozen=True)
-class Tracks:
-    """Where every fish of a film is.
-
-    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
-    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
-    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
-    """
-
-    film: Film
-    table: pd.DataFrame
-    cutouts: CutoutStore
-    background: NDArray[np.uint8]
-    given: pd.DataFrame | None = None
-
-
-def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
-    """A film, a folder of pictures or a TIFF stack, as the normalised clip in `folder`/clip.
-
-    `changes`: of `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
-    """
-    return _film(folder, source="file", path=str(path), **changes)
-
-
-def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
-    """A film of drawn carp, in `folder`/clip; `changes`: of `finloop.clip.settings.Carp`."""
-    return _film(folder, source="carp", **changes)
-
-
-def _film(folder: str | Path | None, **values: Any) -> Film:
-    p, home = settings("clip", **values), _make_folder(folder) / "clip"
-    source = open_source(p)
-    with whole_folder(home) as part:
-        clip = make_clip(p, source, part)
-    return Film(home, clip.facts, clip.arena)
-
-
-def _make_folder(folder: str | Path | None) -> Path:
-    """Return the folder that is given, or a new temporary one."""
-    if folder is not None:
-        return Path(folder)
-    return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
-
-
-def _open_store(path: Path) -> CutoutStore:
-    """Open a store of cut-outs till the program ends."""
-    return _OPEN.enter_context(open_cutouts(path))
-
 
 def track(film: Film, folder: str | Path | None = None, workers: int = 1, **changes: Any) -> Tracks:
     """Cut out the fish of every frame, and follow each; table and cut-outs go to `folder`/extract.
@@ -171,7 +98,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     `workers`: threads.
     `changes`: of `finloop.extract.settings.Settings`.
     """
-    p, home = settings("extract", **changes), _make_folder(folder) / "extract"
+    p, home = settings("extract", **changes), make_folder(folder) / "extract"
     with whole_folder(home) as part:
         lost = extract(film.folder, p, part, Threads(workers)).lost
     if lost:
@@ -180,7 +107,7 @@ def track(film: Film, folder: str | Path | None = None, workers: int = 1, **chan
     background = load_picture(home / BACKGROUND_NAME)
     path = home / GIVEN_NAME
     given = load_table(path, GIVEN) if path.exists() else None
-    return Tracks(film, table, _open_store(home / CUTOUTS_NAME), background, given)
+    return Tracks(film, table, open_store(home / CUTOUTS_NAME), background, given)
 
 
 def measure(tracks: Tracks, **changes: Any) -> pd.DataFrame:
@@ -215,11 +142,11 @@ def make_sprites(
     table = swimmers(features, tracks.table, p)
     look = partial(Reel(features, film).headed, size=p.picture_px)
     sprites = sprite_table(table, choose(table, look, delta_of(features), p), p)
-    home = _make_folder(folder) / "sprites"
+    home = make_folder(folder) / "sprites"
     with whole_folder(home) as part, CutoutWriter(part / "sprites.arrow", sprites=True) as writer:
         for sprite in sprite_cutouts(sprites, film):
             writer.write(sprite)
-    return Reel(features, film, as_loaded(sprites, SPRITES), _open_store(home / "sprites.arrow"))
+    return Reel(features, film, as_loaded(sprites, SPRITES), open_store(home / "sprites.arrow"))
 
 
 def compare(reel: Reel, **changes: Any) -> Similar:
@@ -318,32 +245,72 @@ def steer(  # noqa: PLR0913  (a result of every verb)
     gateways: pd.DataFrame,
     poses: FilmPoses,
     forecast: Sampler | None = None,
-    mode: str = HYBRID,
+    mode: str = "hybrid",
     shoaling: Shoaling | None = None,
     **changes: Any,
 ) -> pd.DataFrame:
-    """Send fish to their goals: an edit list, columns of `EDIT`, a row a tick and fish (Fig. 18).
+    """Send fish to their goals: an edit list, columns of `EDIT`, a row a tick and fish.
 
-    `mode`: "nn" (as the forecast foretells; without one, sprites alone), "loops" (film alone) or
-    "hybrid". `changes`: of
-    `finloop.animate.settings.Settings`, for example goals=[[0.2, 0.3]] (shares of the tank's width
-    and height) and seconds=30.0, or path="way.csv" in their place; fish=8 for several.
-    `shoaling`: of `find_zones`, for rule="zones". Without loops there is no mode "loops".
+    `mode`: "network" (Fig. 18), "loops" (§4.1-4.2), "hybrid" (Fig. 19) or "matching" (all frames,
+    their mirror images and, with a `forecast`, predictions). `changes`: of the groups `animate`,
+    for example goals=[[0.2, 0.3]] (shares of the tank's width and height) and seconds=30.0, and of
+    the mode, for example join="inertial"; of matching also path="way.csv", in place of goals, and
+    fish=8. `shoaling`: of `find_zones`, for rule="zones". FinloopError also if the film shows too
+    little for the mode.
     """
-    film, p = tracks.film, settings("animate", **changes)
-    material = Material(
-        film.rate_hz, film.arena, reel, lists_to_points(tracks.table, "outline"), model,
-        similar.facts, similar.steps, loops, jumps.jumps, gateways, poses, forecast,
-        given_lines(p, reel.features), film.facts.mm_per_px, shoaling, tracks.background,
-    )  # fmt: skip
-    plans = planner(material, p)
-    if mode not in plans.players:
+    if mode not in GROUPS_OF:
         raise FinloopError(
-            f"mode {mode!r}",
-            f"one of {', '.join(plans.players)}, which this film has",
-            "choose another mode; find_loops(…, threshold=…) may give a film loops",
+            f"mode {mode!r}", f"one of {', '.join(GROUPS_OF)}", "take one of these modes"
         )
-    return as_loaded(plans.plan(mode, plans.goals())[1], EDIT)
+    p = group_settings(("animate", *GROUPS_OF[mode]), changes)
+    outline_px = lists_to_points(tracks.table, "outline")
+    animator: Animator
+    if mode == "matching":
+        animator = planner(
+            Material(
+                tracks.film.rate_hz, tracks.film.arena, Reel(reel.features, reel.film), outline_px,
+                similar.facts, similar.steps, jumps.jumps, poses, forecast,
+                given_lines(p["matching"], reel.features), tracks.film.facts.mm_per_px, shoaling,
+                tracks.background,
+            ),
+            merge_settings(p["animate"], p["matching"]),
+        )  # fmt: skip
+    else:
+        shown = Reel(reel.features, reel.film) if mode == "loops" else reel
+        made = FilmData(
+            tracks.film.rate_hz, tracks.film.arena, tracks.background, shown, outline_px, poses,
+            similar.facts, similar.steps,
+        )  # fmt: skip
+        if mode == "network":
+            animator = network_animator(made, model, p["animate"], p["network"])
+        elif mode == "loops":
+            animator = loops_animator(made, loops, p["animate"], p["loops"])
+        else:
+            own = p["network"], p["loops"], p["hybrid"]
+            animator = hybrid_animator(made, model, loops, gateways, p["animate"], own)
+    return as_loaded(animator.plan(animator.goals())[1], EDIT)
+
+
+GROUPS_OF = {
+    "network": ("network",),
+    "loops": ("loops",),
+    "hybrid": ("network", "loops", "hybrid"),
+    "matching": ("matching",),
+}
+"""The groups of parameters that a mode knows beside `animate`; the last is its own."""
+
+
+def group_settings(groups: tuple[str, ...], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of some groups; a change is of the last of them that has its name.
+
+    FinloopError if a name is in none, or a value has a wrong type or is out of range.
+    """
+    names = {group: set(values_of(group, "default")) for group in groups}
+    own: dict[str, dict[str, Any]] = {group: {} for group in groups}
+    for name, value in changes.items():
+        having = [group for group in groups if name in names[group]]
+        own[having[-1] if having else groups[-1]][name] = value
+    return {group: settings(group, **own[group]) for group in groups}
 
 
 def write_video(

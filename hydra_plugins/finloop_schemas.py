@@ -3,11 +3,11 @@
 While `dvc exp run` or `make params` composes conf/, this registers
 
 - a schema `schema/<word>/<option>` per parameter dataclass, which conf/<word>/<option>.yaml names
-  in its defaults list: Hydra refuses unknown keys and wrong types against it;
+  in its defaults list: Hydra refuses wrong types against it;
 - the schema `hydra/sweeper/finloop` of what conf/experiment/ sweeps;
 - the resolver `${conf_sha256:}`, which stamps the result with a digest of conf/ and, since it sees
-  the whole composed config before anything is written, refuses the rest: `+new.key=1`, values out
-  of range, groups left out;
+  the whole composed config before anything is written, refuses the rest: unknown keys, with the
+  name that may be meant, values out of range, groups left out;
 - the resolvers `${film_stamp:}`, `${tracks_stamp:}`, `${path_stamp:}` and `${retarget_stamp:}`, of
   the files that the parameters name.
 
@@ -49,6 +49,8 @@ def _simplified(hint: Any) -> Any:
     if get_origin(hint) in (Union, UnionType):
         parts = tuple(_simplified(part) for part in get_args(hint))
         return Any if any(get_origin(part) for part in parts) else Union[parts]  # noqa: UP007
+    if get_origin(hint) is tuple and get_origin(get_args(hint)[0]) is Literal:
+        return tuple[str, ...]
     return hint
 
 
@@ -79,7 +81,7 @@ def stamp_of_tracks(*, _root_: DictConfig) -> str | None:
 
 def stamp_of_path(*, _root_: DictConfig) -> str | None:
     """The stamp of the path to swim of a composed config."""
-    return path_stamp(plain(_root_, "animate"))
+    return path_stamp(plain(_root_, "matching"))
 
 
 def stamp_of_retarget(*, _root_: DictConfig) -> str | None:
@@ -89,7 +91,8 @@ def stamp_of_retarget(*, _root_: DictConfig) -> str | None:
 
 for word in GROUPS:
     for name, option in variants(word).items():
-        ConfigStore.instance().store(group=f"schema/{word}", name=name, node=schema(option))
+        node = OmegaConf.structured(schema(option), flags={"struct": False})
+        ConfigStore.instance().store(group=f"schema/{word}", name=name, node=node)
 ConfigStore.instance().store(group="hydra/sweeper", name="finloop", node=schema(Experiment))
 stamps = checked_stamp, stamp_of_films, stamp_of_tracks, stamp_of_path, stamp_of_retarget
 for name, resolver in zip(STAMPS, stamps, strict=True):

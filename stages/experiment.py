@@ -20,6 +20,7 @@ class Experiment:
     # title, why: text. What the page that compares the runs says
     title: str
     why: str
+    seen: str  # text; what was seen when it was run, in a sentence, on which film
     # parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)". What varies; every
     # combination is a run
     params: Annotated[dict[Name, Annotated[str, Field(min_length=1)]], Field(min_length=1)]

@@ -9,7 +9,6 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
-from finloop.bpn.model import INPUTS
 from finloop.forecast import assess
 from finloop.forecast.film import MOTION, FilmStates
 from finloop.forecast.learning import learn
@@ -58,9 +57,7 @@ def area_numbers(project: Project, model: Forecast, parts: Partition) -> dict[st
     codes[:, : states.shape[1] - MOTION] = states[:, :-MOTION]
     own = assess.motion_area(poses.shapes.decode(codes)) / features["motion_area"].max()
     true = features["motion_area_rel"].to_numpy(float)
-    inputs = features[list(INPUTS)].to_numpy(float)[rows]
-    paper = project.model.predict(inputs)[:, 0]
-    guesses = {"": own, "persistence_": true[rows], "paper_": paper}
+    guesses = {"": own, "persistence_": true[rows]}
     return {
         f"{name}area_rmse": float(np.sqrt(np.mean((guess - true[rows + film.delta]) ** 2)))
         for name, guess in guesses.items()
@@ -92,7 +89,9 @@ def main() -> None:
             parts = split(film, p)
             graph = similar_rows(film, project.look, load_visible(project), p)
         except FinloopError as error:
-            print(f"forecast: no model, so sprites move the fish: {error}", file=sys.stderr)
+            print(
+                f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr
+            )
             save_json(folder / "reason.json", {"reason": str(error)})
             save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)
             save_metrics(REPORT / "metrics.json", {"models": 0})

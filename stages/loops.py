@@ -5,10 +5,10 @@ from stages.run import run, save_metrics  # isort: skip  (before numpy)
 import sys
 from pathlib import Path
 
-from finloop.distance.map import PAIRS, mapped
+from finloop.distance.map import mapped
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_file, whole_folder
-from finloop.io.table import load_table, save_csv, save_table
+from finloop.io.table import save_csv, save_table
 from finloop.loops.graph import loop_graph, routes
 from finloop.loops.metrics import numbers
 from finloop.loops.positions import far_ends, position_table, routes_table, table_ends
@@ -39,7 +39,7 @@ def main() -> None:
     project = Project()
     features, facts = project.features, project.map_facts
     step, track = facts.step_median, features["track_id"].to_numpy()
-    pairs = load_table(project.data / "distance/pairs.parquet", PAIRS)
+    pairs = project.pairs
     similar = as_map(pairs, len(features))
     del pairs  # it is large
 

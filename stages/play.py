@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 import finloop.live
-from finloop.animate.settings import Settings
+from finloop.edit.modes import MODES, PAPER
 from finloop.edit.pictures import fade_distance
-from finloop.edit.schema import FADE, FRAME, HYBRID, MODES, SPRITE
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.door import HOST, bound
 from finloop.live.message import MOST_FISH
 from finloop.live.server import Server
@@ -26,8 +26,7 @@ from finloop.live.view import View
 from finloop.project import Project
 from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.render.painter import Painter, Shadow
-from finloop.render.settings import Settings as RenderSettings
-from stages.animate import bring
+from stages.all_modes import open_modes
 from stages.settings import load
 
 PAGE = Path(finloop.live.__file__).with_name("play.html")
@@ -37,25 +36,31 @@ PICTURES = 2048  # are held, for the film comes round again and again
 
 @contextmanager
 def open_view(mode: str, fish: int | None, seed: int) -> Iterator[View]:
-    """Yield the live tank, of what the stages have made; fish: None = as many as `animate.fish`."""
-    p: Settings = load("animate")
-    q: RenderSettings = load("render")
+    """Yield the live tank, of what the stages have made.
+
+    fish: None = as many as `matching.fish`; one in a mode of the paper.
+    """
+    p, q = load("animate"), load("render")
     with Project() as project:
-        brought = bring(project, p)
-        pictures, most = brought.pictures, p.fade_steps * brought.step
-        reel = pictures.reel
-        shadow = Shadow(q.shadow, q.shadow_blur * reel.size * project.scene.typical_length_px)
+        animators = open_modes(project)
+        players = {name: one.player for name, one in animators.items()}
+        pictures = next(iter(animators.values())).pictures
+        most = p.fade_steps * next(iter(animators.values())).step
+        size, scene = pictures.reel.size, project.scene
+        shadow = Shadow(q.shadow, q.shadow_blur * size * scene.typical_length_px)
         painter = Painter(project.background, shadow=shadow)
-        stores = {FRAME: reel.film} | ({SPRITE: reel.store} if reel.store is not None else {})
-        shelved = shelves(stores, project.tracks(PLACE), reel.sprites)
-        gallery = Gallery(shelved, pictures.bodies, PICTURES)
+        stores = {FRAME: project.cutouts, SPRITE: project.sprite_cutouts}
+        shelved = shelves(stores, project.tracks(PLACE), project.sprites)
+        gallery = Gallery(shelved, project.bodies, PICTURES)
 
         def ghost(row: Any) -> bool:
-            return p.join == FADE and fade_distance(row, pictures) > most
+            return row.mode != "matching" and fade_distance(row, pictures) > most
 
-        rehearse(brought.players)
-        wanted = fish or min(p.fish, MOST_FISH)
-        tank = LiveTank(brought.players, mode, wanted, seed, ghost)
+        if "matching" in players:
+            rehearse(players["matching"])
+        usual = 1 if mode in PAPER else min(load("matching").fish, MOST_FISH)
+        wanted = fish or usual
+        tank = LiveTank(players, mode, wanted, seed, ghost)
         if len(tank.fish) < wanted:
             print(f"play: the tank has room for {len(tank.fish)} fish", file=sys.stderr)
         yield View(tank, painter, gallery)
@@ -74,7 +79,8 @@ def main() -> None:
                 webbrowser.open(url)
 
         try:
-            with open_view(asked.mode, asked.fish, asked.seed) as view:
+            mode = asked.mode or ("matching" if (asked.fish or 1) > 1 else "hybrid")
+            with open_view(mode, asked.fish, asked.seed) as view:
                 Server(view, PAGE.read_text(encoding="utf-8"), listens, started).serve_on()
         except KeyboardInterrupt:
             print("\nplay: the tank is closed", file=sys.stderr)
@@ -90,12 +96,14 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="python -m stages.play", description="A live tank on a local page."
     )
-    parser.add_argument("--mode", choices=MODES, default=HYBRID, help=f"default {HYBRID}")
+    parser.add_argument(
+        "--mode", choices=tuple(MODES), help="default hybrid; of several fish matching"
+    )
     parser.add_argument(
         "--fish",
         type=int,
         choices=range(1, MOST_FISH + 1),
-        help=f"default: as animate.fish, at most {MOST_FISH}",
+        help=f"default: 1; in mode matching as matching.fish, at most {MOST_FISH}",
     )
     parser.add_argument("--port", type=int, default=PORT, help=f"default {PORT}; 0 = any free one")
     parser.add_argument("--seed", type=_natural, default=0, help="default 0")

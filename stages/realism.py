@@ -16,24 +16,26 @@ import pandas as pd
 from finloop.animate.settings import Settings as AnimateSettings
 from finloop.base.errors import FinloopError
 from finloop.base.parallel import Workers, ordered_map
+from finloop.edit.modes import MODES
+from finloop.edit.schema import EDIT
 from finloop.features.table import delta_of
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Mp4Writer
 from finloop.io.table import load_table, save_csv, save_table
-from finloop.project import Drawn, Project
+from finloop.project import Project
 from finloop.realism import compare, examples
 from finloop.realism.auc import roc
 from finloop.realism.compare import Sample, Sides, Verdict
 from finloop.realism.examples import FILM
 from finloop.realism.instrument import Instrument, Swimming, measure_list, swimming
-from finloop.realism.lists import Work, animations, filmed
+from finloop.realism.lists import Work, animated, filmed
 from finloop.realism.settings import Settings
 from finloop.realism.windows import AGAIN, Windows
 from finloop.render.gallery import Gallery
-from stages.animate import bring
 from stages.cluster import workers
 from stages.settings import load
 
+ANIMATE = Path("data/animate")
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
 WORKERS_NEED = ["finloop.realism.instrument", "finloop.realism.compare", "finloop.project"]
 LEAST_SHARE = 0.8  # of the ticks that extraction follows; below it there is a note
@@ -42,19 +44,13 @@ PANEL_PX, CRF = 320, 20  # of the film of examples
 
 @dataclass(frozen=True)
 class Pictures:
-    """Opens the pictures that edit lists of a mode draw from, also in another process."""
+    """Opens all pictures that edit lists draw from, also in another process."""
 
     project: Project
-    mode: str
-
-    @property
-    def drawn(self) -> Drawn:
-        """The mode's edit list and tables, with sprites and postures."""
-        return self.project.drawn(self.mode, "realism", sprites=True, bodies=True)
 
     def __call__(self) -> AbstractContextManager[Gallery]:
         """Return the pictures; the project closes them."""
-        return nullcontext(self.project.gallery(self.drawn))
+        return nullcontext(self.project.whole_gallery)
 
 
 def share_of(ticks: Sized, work: list[Work]) -> float:
@@ -166,14 +162,14 @@ def compare_swimming(p: Settings, q: AnimateSettings, project: Project, crew: Wo
     """Compare film and animations; write the report."""
     rate, features = project.rate_hz, project.features
     works = {FILM: filmed(features, round(q.seconds * rate), round(p.seconds * rate), p.seed)}
-    amount = min(p.seconds, sum(len(edit) for edit, _ in works[FILM]) / rate)
-    planner = bring(project, q)
-    size = planner.pictures.reel.size
-    for mode in planner.players:
-        works[mode] = list(animations(planner, mode, amount, q))
-    pictures, instrument = Pictures(project, mode), instrument_of(project)
-    drawn = instrument.of_animations(size)
-    instruments = {name: instrument if name == FILM else drawn for name in works}
+    instrument = instrument_of(project)
+    instruments = {FILM: instrument}
+    for mode in MODES:
+        path = ANIMATE / mode / "samples.parquet"
+        if path.exists():
+            works[mode] = animated(load_table(path, EDIT))
+            instruments[mode] = instrument.of_animations(project.size(mode))
+    pictures = Pictures(project)
     swum = swimming_of(works, pictures, instruments, crew)
     if FILM not in swum:
         raise FinloopError(

@@ -8,9 +8,13 @@ from pathlib import Path
 
 import pandas as pd
 
+from finloop.edit.modes import MODES
+from finloop.edit.schema import EDIT
 from finloop.io.atomic import whole_folder
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
-from finloop.project import Project
+from finloop.io.table import load_table
+from finloop.project import PLACES, Project
+from finloop.render.beside import WORDS_PX, draw_beside, longest_tracks
 from finloop.render.gallery import Gallery, frames
 from finloop.render.marks import Marks
 from finloop.render.painter import Painter, Shadow
@@ -51,7 +55,33 @@ def films(
                 if tick < most:
                     writer.write(painter.frame)
             advance()
+        save_beside(folder, p, project)
     return change
+
+
+def save_beside(folder: Path, p: Settings, project: Project) -> None:
+    """Write modes.mp4: the film's own fish and every mode side by side."""
+    rate = project.facts.frame_rate
+    ticks = round(p.beside_seconds * rate)
+    if not ticks:
+        return
+    tracks, edits = project.tracks(PLACES), dict[str, pd.DataFrame]()
+    place = tracks[["x_px", "y_px"]].to_numpy(float)
+    edits["Film"] = longest_tracks(tracks["track_id"].to_numpy(), place, ticks)
+    for mode, facts in MODES.items():
+        edit = load_table(Path(f"data/animate/{mode}.parquet"), EDIT)
+        edits[facts.title] = edit[edit["fish"] == 0].reset_index(drop=True)
+    edits = {title: edit for title, edit in edits.items() if len(edit)}
+    ticks = min(map(len, edits.values()))
+    edits = {title: edit.iloc[:ticks] for title, edit in edits.items()}
+    length_px = project.scene.typical_length_px
+    shape = p.beside_px + WORDS_PX, len(edits) * p.beside_px, 3
+    with Mp4Writer(folder / "modes.mp4", shape, rate, p.crf) as writer:
+        drawn = draw_beside(
+            edits, project.whole_gallery, project.background, length_px, p.beside_px
+        )
+        for frame in drawn:
+            writer.write(frame)
 
 
 def main() -> None:

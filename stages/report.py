@@ -11,6 +11,7 @@ import pandas as pd
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import WORDS
+from finloop.edit.modes import MODES
 from finloop.io.atomic import whole_file
 from finloop.io.film_small import small_film
 from finloop.io.picture import load_picture
@@ -109,7 +110,7 @@ def film_in_words(mode: str, marks: bool) -> str:
     if mode == "retarget":
         does, shown = "The fish swims as another animal did", "The line is its way"
     else:
-        does = f"The fish swims to its goals in turn ({mode} mode), then wanders"
+        does = f"The fish swims to its goals in turn (mode {mode}), then wanders"
         shown = "Rings are goals, the line is its way"
     return f"{does}. No sound." + (f" {shown}." if marks else "")
 
@@ -123,16 +124,24 @@ def main() -> None:
     marked_film = RENDER / f"{mode}_marked.mp4"
     film_path = marked_film if marked_film.is_file() else RENDER / f"{mode}.mp4"
     film, poster = small_film(film_path, round(p.film_most_mb * 1e6))
+    beside: dict[str, Any] = {"beside": "", "modes": list(MODES.values())}
+    if (RENDER / "modes.mp4").is_file():
+        panels, first = small_film(RENDER / "modes.mp4", round(p.film_most_mb * 1e6 / 2))
+        beside |= {
+            "beside": data_uri("video/mp4", panels),
+            "beside_poster": webp(first, p.picture_width_px, p.picture_quality),
+        }
     numbers = {word: metrics(word) for word in values if word != "report"}
     chapters = list(sections(p))
     changes = "".join(f" -S '{change}'" for change in overrides(values))
-    page = {
+    page = beside | {
         "title": "A fish, filmed once and steered for ever",
         "facts": facts_in_words(load_facts(CLIP / FACTS_NAME), source, numbers["features"]),
         "film": data_uri("video/mp4", film),
         "poster": webp(poster, p.picture_width_px, p.picture_quality),
         "film_text": film_in_words(mode, film_path == marked_film),
         "headline": headline(numbers["animate"] | numbers["realism"], mode),
+        "doubts": of_frame(pd.read_csv(REPORTS / "animate/doubts.csv"), "What is doubtful"),
         "measures": measures(pd.read_csv(REPORTS / "animate/measures.csv")),
         "sections": chapters,
         "table_2": of_frame(pd.read_csv(TIMES), "Table 2: computing times", 3),

@@ -6,11 +6,12 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from finloop.animate import measures
+from finloop.edit.measures import of_seams, of_steps
 from finloop.edit.pictures import drawn_steps, seams
 from finloop.edit.schema import EDIT
 from finloop.given_motion import given_motion
 from finloop.io.atomic import whole_folder
+from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
 from finloop.project import Project
 from finloop.retarget import ASKED, Material, Parts, Retargeted, retargeted
@@ -18,6 +19,7 @@ from finloop.retarget.settings import Settings
 from stages.settings import load
 
 OUT, REPORT = Path("data/retarget"), Path("reports/retarget")
+EDIT_LIST = Path("data/animate/retarget.parquet")
 
 
 def material(project: Project) -> Material:
@@ -31,15 +33,15 @@ def material(project: Project) -> Material:
 def of_film(p: Settings) -> Retargeted:
     """The track of the parameters, swum by the fish of the film."""
     with Project() as project:
-        steps, film = project.steps[["step", "as_filmed"]].dropna(), material(project)
-        others = Parts(load("jumps"), load("animate"))
+        steps, film = project.steps[["headed", "as_filmed"]].dropna(), material(project)
+        others = Parts(load("jumps"), load("animate"), load("matching").join)
         swum = retargeted(given_motion(film, p), film, p, others)
         mine = drawn_steps(swum.edit, film.pictures)
         joins, _ = seams(swum.edit, film.pictures)
     numbers = {
         **swum.numbers,
-        **measures.of_steps(mine, steps["as_filmed"].to_numpy(float)),
-        **measures.of_seams(joins, steps["step"].to_numpy(float)),
+        **of_steps(mine, steps["as_filmed"].to_numpy(float)),
+        **of_seams(joins, steps["headed"].to_numpy(float)),
     }
     return swum._replace(numbers=numbers)
 
@@ -72,8 +74,11 @@ def main() -> None:
         for note in notes(swum.numbers):
             print(f"retarget: {note}", file=sys.stderr)
     with whole_folder(OUT) as folder:
-        save_table(folder / "retargeted.parquet", swum.edit, EDIT)
         save_table(folder / "asked.parquet", swum.asked, ASKED)
+    with whole_folder(EDIT_LIST.with_suffix("")) as folder:
+        save_records(folder / "goals.json", [])
+        save_json(folder / "drawn.json", {"size": 1.0})
+    save_table(EDIT_LIST, swum.edit, EDIT)
     save_metrics(REPORT / "metrics.json", swum.numbers)
 
 

@@ -43,9 +43,9 @@ def tracks_stamp(clip: Mapping[str, Any], extract: Mapping[str, Any]) -> str | N
         return None
 
 
-def path_stamp(animate: Mapping[str, Any]) -> str | None:
-    """The stamp of the files with the paths, by `animate`; None where there are none."""
-    paths = animate.get("path")
+def path_stamp(matching: Mapping[str, Any]) -> str | None:
+    """The stamp of the files with the paths, by `matching`; None where there are none."""
+    paths = matching.get("path")
     several = [paths] if isinstance(paths, str) else paths or []
     files = [Path(path).expanduser() for path in several if path]
     return _stamp([file for file in files if file.exists()])
@@ -106,7 +106,7 @@ def main() -> None:
     stamps = (
         film_stamp(clip),
         tracks_stamp(clip, extract),
-        path_stamp(values.get("animate", {})),
+        path_stamp(values.get("matching", {})),
         retarget_stamp(values.get("retarget", {})),
     )
     text = old = PARAMS.read_text(encoding="utf-8")

@@ -7,7 +7,6 @@ from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import asyncio
-import hashlib
 import json
 import re
 import secrets
@@ -16,35 +15,24 @@ import sys
 import webbrowser
 from collections.abc import Callable, Coroutine, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from datetime import datetime
-from importlib.metadata import version
 from pathlib import Path
-from platform import platform, python_version
 from typing import Any
 
-import finloop
-from finloop.animate.settings import Settings
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX
-from finloop.edit.schema import FRAME
 from finloop.given_path import line_of
 from finloop.io.atomic import save_bytes
 from finloop.io.journal import save_journal
 from finloop.live.door import HOST, AppServer, Door, bound
-from finloop.live.tank import rehearse as rehearse_paths
 from finloop.project import Project
-from finloop.render.gallery import PLACE, Gallery, shelves
 from finloop.stimulus.apps import calibration_app, replay_app, session_app
-from finloop.stimulus.course import Scene, rehearse, whole_motion
-from finloop.stimulus.display import Display, load_display
-from finloop.stimulus.feed import Feed, Tank
+from finloop.stimulus.course import whole_motion
 from finloop.stimulus.inputs import guarded, open_osc, open_udp
 from finloop.stimulus.listing import listing
-from finloop.stimulus.log import FORMAT, SESSION, Log
-from finloop.stimulus.order import Trial, trials
+from finloop.stimulus.log import SESSION, Log
+from finloop.stimulus.order import trials
 from finloop.stimulus.page import alone_page
-from finloop.stimulus.pictures import PagePictures
 from finloop.stimulus.protocol import Protocol, load_protocol, protocol_of
 from finloop.stimulus.recorded import Spoiled, messages
 from finloop.stimulus.replay import frames_of, open_record, plan_again
@@ -53,17 +41,10 @@ from finloop.stimulus.show import Calibration, Dry, RealClock, Replay, Show, aga
 from finloop.stimulus.summary import summary
 from finloop.stimulus.tracker import calibration
 from finloop.stimulus.trigger import Outlet
-from stages.animate import bring
 from stages.play import has_screen
-from stages.settings import load
+from stages.stimulus_scene import FilmedScene, display_file, known_display, looks_of, open_scene
 
 PORT, OUT = 8760, Path("sessions")
-DISPLAYS = Path("conf/local/displays")
-_SOFTWARE = ("numpy", "numba", "scipy", "scikit-image", "opencv-contrib-python-headless", "torch")
-_MADE_FROM = (
-    "extract/tracks.parquet", "extract/background.png", "features/features.parquet",
-    "pose/poses.parquet", "pose/shapes.json", "jumps/jumps.parquet", "loops/loops.parquet",
-)  # fmt: skip
 
 
 def main() -> None:
@@ -123,7 +104,7 @@ def replay(asked: argparse.Namespace) -> None:
         if others := made.others(record.header):
             raise FinloopError(
                 f"{asked.session} was made from another {', '.join(others)}",
-                "the results of the stages, and the parameters of animate, that it was made from",
+                "the stages' results and parameters (animate, matching) that it was made from",
                 "run the pipeline on that film with the parameters in the session's file",
             )
         if asked.check:
@@ -190,126 +171,6 @@ def calibrate(asked: argparse.Namespace) -> None:
         served = calibration_app(door, room, lambda error: server.fail(error))
         server = AppServer(served, listens, _started(asked, listens, door))
         _serve(server)
-
-
-# --- what it is made of
-
-
-@dataclass(frozen=True)
-class FilmedScene:
-    """A scene and its pictures, made from a film; film: a digest of that."""
-
-    scene: Scene
-    pictures: PagePictures
-    tank: Tank
-    film: str
-
-    def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
-        """What display pages are sent."""
-        scene = self.scene
-        more = {
-            "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
-            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical(),
-        }  # fmt: skip
-        return Feed(self.tank, more | facts, self.pictures)
-
-    def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
-        """What a session's file says of what it was made from."""
-        software = {"python": python_version(), "system": platform()}
-        return {
-            "format": FORMAT, "finloop": finloop.__version__,
-            "begun": datetime.now().astimezone().isoformat(timespec="seconds"),
-            "software": software | {name: version(name) for name in _SOFTWARE},
-            "protocol": plan.model_dump(mode="json", by_alias=True),
-            "trials": [one._asdict() for one in trials],
-            "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
-            "mm_per_px": self.scene.mm_per_px, "looks": looks_of(plan),
-            "animate": _parameters(), **facts,
-        }  # fmt: skip
-
-    def others(self, header: dict[str, Any]) -> list[str]:
-        """What is not as it was in a session with this header: its film, or parameters."""
-        film = ["film"] if self.film != header["film"] else []
-        now, then = _parameters(), header["animate"]
-        return film + [f"animate.{name}" for name in now if now[name] != then.get(name)]
-
-
-def _parameters() -> dict[str, Any]:
-    """The parameters that fish are planned by, as JSON has them."""
-    values: dict[str, Any] = json.loads(json.dumps(asdict(load("animate"))))
-    return values
-
-
-def looks_of(plan: Protocol) -> list[dict[str, Any]]:
-    """The looks of a protocol as the page has them."""
-    return [look.message for look in plan.looks]
-
-
-@contextmanager
-def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
-    """Yield everything that a session needs; plan: None where no fish is to swim.
-
-    FinloopError if the stages have not run, or a file is missing or damaged; if the film has no
-    such mode, or the protocol wants company and nothing was learnt of it.
-    """
-    fish_mm = None if plan is None else plan.display.fish_mm
-    p: Settings = load("animate")
-    with Project() as project:
-        brought = bring(project, p)
-        reel, bodies = brought.pictures.reel, brought.pictures.bodies
-        if bodies is None:
-            raise FinloopError("there are no poses", "the results of `pose`", "run `dvc repro`")
-        gallery = Gallery(shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
-        film_mm, length_px = project.facts.mm_per_px, brought.waters.motion.body_length_px
-        mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
-        pictures = PagePictures(gallery, reel.size)
-        height, width = pictures.largest
-        made = Scene(brought.players, bodies, mm_per_px)
-        if plan is not None:
-            rehearse_paths(brought.players)
-            rehearse(made, plan.mode)
-        tank = Tank(project.background, width, height)
-        yield FilmedScene(made, pictures, tank, _digest(project.data))
-
-
-def _digest(data: Path) -> str:
-    """Return a digest of what the stages have made of the film."""
-    digest = hashlib.sha256()
-    for name in _MADE_FROM:
-        path = data / name
-        if path.is_file():
-            with path.open("rb") as file:
-                digest.update(hashlib.file_digest(file, "sha256").digest())
-    return digest.hexdigest()[:16]
-
-
-def display_file(name: str) -> Path:
-    """The file of a display's calibration. FinloopError if the name is none for a file."""
-    if not name.replace("-", "").replace("_", "").isalnum():
-        raise FinloopError(
-            f"a display is named {name!r}",
-            "letters, digits, - and _",
-            "take another name (--display)",
-        )
-    return DISPLAYS / f"{name}.json"
-
-
-def known_display(name: str, demanded: bool) -> Display | None:
-    """A display's calibration; None where it has none and none is demanded.
-
-    FinloopError where one is demanded, or it is broken.
-    """
-    path = display_file(name)
-    if path.exists():
-        return load_display(path)
-    if demanded:
-        raise FinloopError(
-            f"the display {name} is not calibrated ({path} is not there)",
-            "a display whose size and levels are known: the protocol demands one",
-            f"calibrate it: python -m stages.stimulus calibrate --display {name}; or say "
-            "display: {calibrated: false} in the protocol",
-        )
-    return None
 
 
 # --- parts

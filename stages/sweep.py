@@ -163,7 +163,8 @@ def main() -> None:
     if finished:
         wide = {} if sys.stdout.isatty() else {"COLUMNS": "200"}
         subprocess.run(table(plan.params, plan.measures), env=os.environ | wide, check=False)
-        print(f"\n{compare(finished, list(plan.measures), plan.title, plan.why)} compares them.")
+        page = compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}")
+        print(f"\n{page} compares them.")
     if failures:
         for name, why in failures.items():
             print(f"\n{name} failed:\n    {why}", file=sys.stderr)

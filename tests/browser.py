@@ -53,6 +53,11 @@ def chromium() -> Iterator[Any]:
             browser.close()
 
 
+def hold_time(page: Any) -> None:
+    """From now on time passes on a page, whose clock was installed, as `page.clock.run_for` says."""
+    page.clock.pause_at(page.evaluate("Date.now()") / 1000 + 60)  # not yet over when this is heard
+
+
 def visit(browser: Any, path: Path, **how: Any) -> Visit:
     """Open a file."""
     seen = Visit(browser.new_context(**how).new_page())

@@ -16,6 +16,7 @@ import stages.run  # isort: skip  # noqa: F401  (sets the threads of all librari
 
 import psutil
 import pytest
+from hypothesis import HealthCheck, settings
 from matplotlib.figure import Figure
 
 if TYPE_CHECKING:
@@ -44,6 +45,7 @@ TINY_CARP = [
     "animate.seconds=2",
     "animate.trials=2",
     "render.webp_seconds=1",
+    "render.beside_seconds=0.4",
     "realism.seconds=4",
     "realism.window=1",
     "realism.stride=0.5",
@@ -68,6 +70,9 @@ TINY_CARP = [
     "report.picture_width_px=200",
 ]
 
+# On a busy machine any example takes long, and so does drawing it.
+settings.register_profile("untimed", deadline=None, suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile("untimed")
 
 SLOW = ("pipeline",
         "gait_stage", "experiment", "params", "carp", "mend", "bpn",

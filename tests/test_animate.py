@@ -1,4 +1,4 @@
-"""Goals → edit list: the tank, steps, what the film shows, the network mode, the measures."""
+"""Goals → edit list: the tank, steps, what the film shows, the edit list, the measures."""
 
 import re
 from dataclasses import replace
@@ -11,25 +11,21 @@ import pytest
 from toy_film import (
     ARENA,
     DELTA,
-    HEAD,
     LENGTH,
     RATE,
-    TOUCH,
-    film_of,
     learnt,
     lessons,
-    loops,
-    players_of,
-    sprites,
+    network_of,
+    paper_player,
+    phases,
+    planning,
     track,
-    waters_of,
 )
 
 from finloop.animate import arena, measures
 from finloop.animate import kinematics as step
 from finloop.animate.arena import (
     goes_on,
-    inside,
     place_goals,
     roamed,
     settled,
@@ -37,34 +33,28 @@ from finloop.animate.arena import (
     tank,
     where,
 )
+from finloop.animate.brisk import _ticks_to_turn
 from finloop.animate.kinematics import Ahead, Spot, Turning
-from finloop.animate.motion import _ticks_to_turn, learn
-from finloop.animate.network import SpriteSwimmer
+from finloop.animate.motion import learn
 from finloop.animate.shoal import play
-from finloop.animate.sprites import plan_turn
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player, random_goals
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
+from finloop.edit import measures as edit_measures
 from finloop.edit.joins import Shown, cross_fades
-from finloop.edit.schema import CUT, EDIT, FRAME, NETWORK, SLIDE, SPRITE, STATES, TURN, Goal
-from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.edit.schema import CUT, EDIT, FRAME, SLIDE, SPRITE, STATES, TURN, Goal
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
+from finloop.modes.phases import Phases, learn_phases, state_shares
+from finloop.modes.player import PaperPlayer
 
 
 @pytest.fixture(scope="module")
-def waters() -> Waters:
-    """A film without loops, so that only sprites are swum by."""
-    return waters_of(film_of(lessons(), loops()))
+def player() -> PaperPlayer:
+    """Mode network, which shows sprites alone."""
+    return paper_player(network_of())
 
 
-@pytest.fixture(scope="module")
-def player(waters) -> Player:
-    return players_of(waters)[NETWORK]
-
-
-def played(player: Player, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
+def played(player: PaperPlayer, goals: list[Goal], ticks: int, seed: int) -> pd.DataFrame:
     return play(player, goals, ticks, np.random.default_rng(seed))
 
 
@@ -145,7 +135,7 @@ def test_the_edge_of_the_picture_is_a_wall():
 
 @pytest.mark.parametrize(("rate", "ticks"), [(4.0, 30), (8.0, 15), (1.0, 75), (0.0, 75)])
 def test_how_long_a_fish_takes_to_turn_is_told_by_its_way_not_by_how_its_head_sways(rate, ticks):
-    p = settings("animate", ahead_turn=120.0, look_ahead=15.0)
+    p = planning(ahead_turn=120.0, look_ahead=15.0)
     at = np.arange(400)
     steady = rate * at
     assert _ticks_to_turn([steady, -steady], DELTA, p) == ticks
@@ -328,12 +318,16 @@ def test_a_target_too_near_for_a_turn_is_refused():
 # --- what the film shows
 
 
+def phases_of(table: pd.DataFrame) -> Phases:
+    return learn_phases(table, RATE, DELTA, settings("network"))
+
+
 def test_every_tick_of_a_film_is_learnt_once():
     table = lessons()
-    motion = learnt(table)
-    assert motion.phases.ticks.sum() == (table["swimming_type"] == 0).sum()
-    assert motion.straight_ticks.sum() == motion.phases.ticks.sum()
-    assert len(motion.phases.speed_change) == motion.phases.ticks.sum()
+    motion, found = learnt(table), phases_of(table)
+    assert found.ticks.sum() == (table["swimming_type"] == 0).sum()
+    assert motion.straight_ticks.sum() == found.ticks.sum()
+    assert len(found.speed_change) == found.ticks.sum()
     assert len(motion.turns.forward) == motion.turns.ticks.sum()
 
 
@@ -341,7 +335,7 @@ def test_a_flick_within_straight_swimming_is_not_learnt_as_drift():
     table = lessons()
     here = (table["track_id"] == 1) & (table["frame"] >= 4)
     table.loc[here, "heading_deg"] = wrap_deg(table.loc[here, "heading_deg"] + 70)
-    assert np.abs(learnt(table).phases.drift_deg).max() <= 20
+    assert np.abs(phases_of(table).drift_deg).max() <= 20
 
 
 def test_turns_have_the_angle_that_was_swum():
@@ -363,14 +357,13 @@ def test_turns_have_the_angle_that_was_swum():
 
 
 def test_a_glide_is_told_from_a_burst():
-    table = track(0, 3)
-    motion = learnt(table)
-    glides = motion.phases.state == SLIDE
-    ends = motion.phases.start + motion.phases.ticks - 1
+    found = phases_of(track(0, 3))
+    glides = found.state == SLIDE
+    ends = found.start + found.ticks - 1
     assert glides.any() and not glides.all()
-    assert (motion.phases.speed_change[ends][glides] < 0.1).all()
-    faster = motion.phases.state == STATES.index("accelerate")
-    assert faster.any() and (motion.phases.speed_change[ends][faster] > 0).all()
+    assert (found.speed_change[ends][glides] < 0.1).all()
+    faster = found.state == STATES.index("accelerate")
+    assert faster.any() and (found.speed_change[ends][faster] > 0).all()
 
 
 def test_a_mirrored_film_teaches_the_same_turns():
@@ -383,154 +376,23 @@ def test_a_mirrored_film_teaches_the_same_turns():
 def test_a_film_of_a_larger_fish_teaches_the_same():
     one, other = learnt(lessons()), learnt(lessons(scale=3.0))
     assert other.body_length_px == pytest.approx(3 * one.body_length_px)
-    assert other.phases.speed_change == pytest.approx(one.phases.speed_change)
     assert other.turns.forward == pytest.approx(one.turns.forward)
+    small, large = phases_of(lessons()), phases_of(lessons(scale=3.0))
+    assert large.speed_change == pytest.approx(small.speed_change)
 
 
 @pytest.mark.parametrize("only", [0, 1])
 def test_a_film_without_turns_or_without_straight_swimming_teaches_what_it_shows(only):
-    found = learn(lessons().assign(swimming_type=only), RATE, DELTA, settings("animate"))
+    table = lessons().assign(swimming_type=only)
+    found = learn(table, RATE, DELTA)
     assert (found.turns.angle_deg > 0).all() and (found.turns.ticks > 0).all()
-    assert found.phases.ticks.sum() > 0 and found.straight_ticks.sum() > 0
+    assert phases_of(table).ticks.sum() > 0 and found.straight_ticks.sum() > 0
 
 
 def test_a_film_in_which_nothing_moves_is_refused():
     still = lessons().assign(x_px=100.0, y_px=100.0)
     with pytest.raises(FinloopError, match="no swimming"):
-        learn(still, RATE, DELTA, settings("animate"))
-
-
-# --- sprites as they are played
-
-
-@pytest.mark.parametrize("side", [LEFT, RIGHT])
-@pytest.mark.parametrize("angle", [2, 20, 60, 120, 180])
-def test_a_turn_is_done_step_by_step_to_the_end(waters, side, angle):
-    plan = plan_turn(waters.sprites.turns[side], angle, angle / 180, DELTA, waters.settings)
-    assert (np.diff(plan.share) > 0).all() and plan.share[0] > 0
-    assert plan.share[-1] == 1
-    sequence = sprites().loc[plan.frames, "sequence"].unique()
-    assert list(sequence) == ["left" if side == LEFT else "right"]
-    assert plan.frames[0] == sprites().index[sprites()["sequence"] == sequence[0]][0]
-
-
-def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer(waters):
-    turn = waters.sprites.turns[LEFT]
-    areas = [plan_turn(turn, 60, a, DELTA, waters.settings).area for a in (0.2, 0.5, 0.8, 1.0)]
-    assert areas == sorted(areas) and areas[0] < areas[-1]
-    deep = [plan_turn(turn, angle, 1.0, DELTA, waters.settings) for angle in (90, 150, 180)]
-    assert len(deep[0].frames) < len(deep[1].frames) <= len(deep[2].frames)
-
-
-def test_frames_turn_by_what_they_turned_in_the_film(waters):
-    # All nine frames once: their own angles, in the shares of the film.
-    plan = plan_turn(waters.sprites.turns[LEFT], 120, 1.0, DELTA, waters.settings)
-    table = sprites()
-    film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
-    assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
-    assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
-
-
-def test_a_turn_half_as_deep_never_shows_the_deepest_frames(waters):
-    plan = plan_turn(waters.sprites.turns[RIGHT], 40, 0.5, DELTA, waters.settings)
-    assert sprites().loc[plan.frames, "motion_area_rel"].max() < 0.8
-
-
-# --- network mode
-
-
-def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead(player):
-    swimmer, rng = player.policy.sprites, np.random.default_rng(0)
-    assert isinstance(swimmer, SpriteSwimmer)
-    fish = replace(swimmer.begin(rng), x=400.0, y=300.0, heading=0.0)
-    for (x, y), reason, side in (
-        ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
-        ((400.0, 500.0), "turn", -90.0),
-    ):  # fmt: skip
-        found = swimmer.figure18(fish, Spot(x, y, TOUCH, HEAD), rng)
-        assert found.decision.reason == reason
-        assert found.decision.turn_deg == pytest.approx(side, nan_ok=True)
-        assert np.isnan(found.area) == (reason != "turn")  # only then the network is asked
-
-
-def test_goals_are_reached_inside_the_tank_for_every_seed(player):
-    for seed in range(8):
-        rng = np.random.default_rng(seed)
-        goals = random_goals(player.waters, 3, rng)
-        table = played(player, goals, 1500, seed)
-        ticks = measures.reached(table, goals, TOUCH, HEAD)
-        assert not np.isnan(ticks).any()
-        legal = [
-            inside(player.waters.tank.legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy()
-        ]
-        assert all(legal)
-        assert measures.of_turns(table)["turns_monotone_pct"] == 100
-
-
-def test_nothing_teleports(player):
-    table = played(player, [], 3000, 4)
-    moved = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
-    assert moved.max() <= player.waters.motion.high / RATE * LENGTH * np.sqrt(2) + 1e-6
-    spun = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
-    straight = (table["state"] != "turn").to_numpy()[1:]
-    drifts = np.abs(np.diff(player.waters.motion.phases.drift_deg)).max()
-    assert spun[straight].max() <= drifts + 1
-
-
-def test_a_seed_gives_one_animation_and_another_seed_another(player):
-    goals = [Goal("A", 200.0, 200.0)]
-    one, same, other = (played(player, goals, 400, seed) for seed in (7, 7, 8))
-    pd.testing.assert_frame_equal(one, same)
-    assert not np.allclose(one["x_px"], other["x_px"])
-
-
-def test_when_the_goals_are_done_the_fish_wanders_on(player):
-    table = played(player, [Goal("A", 200.0, 200.0)], 3000, 2)
-    names = table["goal"].to_numpy()
-    assert names[0] == "A" and names[-1] == ""
-    wandering = table[names == ""]
-    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(player.waters.tank.legal.any(0)))
-    filmed = {STATES[state] for state in player.waters.motion.phases.state} | {"turn"}
-    assert set(wandering["state"]) >= filmed
-
-
-def test_a_wandering_fish_swims_as_the_film_does(player):
-    table = played(player, [], 10_000, 1)
-    swum = measures.motion_of_film(lessons(), player.waters.motion)
-    far = measures.of_kinematics(measures.motion_of_edit(table, player), swum)
-    assert far["speed_kinematic_distance_sd"] < 0.5
-    assert far["turn_rate_kinematic_distance_sd"] < 0.5
-
-
-def test_a_way_leads_round_a_wall_to_the_goal():
-    arena = ARENA.copy()
-    arena[:380, 390:410] = False
-    player = players_of(waters_of(film_of(lessons(), loops()), tank(arena, 0.6 * LENGTH)))[NETWORK]
-    goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
-    found = played(player, goals, 2500, 3)
-    assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
-    assert all(inside(player.waters.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
-
-
-def test_a_goal_in_a_corner_is_touched(player):
-    goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
-    table = played(player, goals, 1500, 5)
-    assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
-
-
-def test_the_network_is_asked_and_obeyed(player):
-    table = played(player, [], 4000, 6)
-    asked = table[table["motion_area"].notna() & table["reason"].notna()]
-    assert (table["state"][table["motion_area"].notna()] == "turn").all()
-    area = sprites()["motion_area_rel"].to_numpy()
-    shown = [area[table["source"].iloc[a:b].to_numpy()].max() for a, b in _turns(table)]
-    assert len(shown) == len(asked)
-    assert np.corrcoef(asked["motion_area"], shown)[0, 1] > 0.8
-
-
-def _turns(table: pd.DataFrame) -> list[tuple[int, int]]:
-    begins = [*np.flatnonzero(table["reason"].notna()), len(table)]
-    return [(a, b) for a, b in pairwise(begins) if table["state"].iloc[a] == "turn"]
+        learn(still, RATE, DELTA)
 
 
 # --- the edit list
@@ -538,8 +400,8 @@ def _turns(table: pd.DataFrame) -> list[tuple[int, int]]:
 
 def test_an_edit_list_is_what_its_schema_says(player, tmp_path):
     table = played(player, [Goal("A", 200.0, 200.0)], 500, 1)
-    save_table(tmp_path / "nn.parquet", table, EDIT)
-    back = load_table(tmp_path / "nn.parquet", EDIT)
+    save_table(tmp_path / "network.parquet", table, EDIT)
+    back = load_table(tmp_path / "network.parquet", EDIT)
     assert len(back) == 500 and list(back["tick"]) == list(range(500))
     assert back["time_s"].iloc[-1] == pytest.approx(499 / RATE)
 
@@ -612,7 +474,7 @@ def straight_list(n: int = 101) -> pd.DataFrame:
 
 def test_a_straight_way_to_the_goal_has_no_error(player):
     table = straight_list()
-    touching = SimpleNamespace(motion=player.waters.motion, touch_px=8.0, head_px=0.0)
+    touching = SimpleNamespace(motion=player.world.motion, touch_px=8.0, head_px=0.0)
     found = measures.of_goals(table, [Goal("A", 500, 300)], touching)
     assert found["goals_reached_pct"] == 100
     assert found["path_error_rms_body_lengths"] == pytest.approx(0)
@@ -631,14 +493,14 @@ def test_goals_count_only_in_their_order(player):
 def test_turns_without_room_are_counted():
     table = straight_list(4).assign(state="turn", reason=["turn", None, "turn", None])
     table["room"] = [0.5, np.nan, 1.0, np.nan]
-    assert measures.of_turns(table)["turns_with_little_room_pct"] == 50
+    assert edit_measures.of_turns(table)["turns_with_little_room_pct"] == 50
 
 
 def test_a_turn_that_turns_away_is_found():
     table = straight_list(5).assign(state="turn", heading_deg=[40.0, 30.0, 31.0, 10.0, 0.0])
-    assert measures.of_turns(table)["turns_monotone_pct"] == 0
+    assert edit_measures.of_turns(table)["turns_monotone_pct"] == 0
     table["heading_deg"] = [40.0, 30.0, 20.0, 10.0, 0.0]
-    assert measures.of_turns(table)["turns_monotone_pct"] == 100
+    assert edit_measures.of_turns(table)["turns_monotone_pct"] == 100
 
 
 def test_kinematic_distance_is_in_deviations_of_the_film():
@@ -666,30 +528,30 @@ def named(kind, source):
 )
 def test_longest_exact_repeat(shown, longest):
     for kind in (SPRITE, FRAME):
-        assert measures.longest_repeat(named(kind, shown)) == longest
+        assert edit_measures.longest_repeat(named(kind, shown)) == longest
 
 
 def test_longest_repeat_of_a_cycle_is_half_of_it_all():
     table = named(FRAME, np.tile([1, 2, 3], 8))
-    assert measures.longest_repeat(table) == 12
+    assert edit_measures.longest_repeat(table) == 12
 
 
 def test_a_frame_is_no_repeat_of_the_sprite_of_its_number():
     kinds = [SPRITE] * 4 + [FRAME] * 4
-    assert measures.longest_repeat(named(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
+    assert edit_measures.longest_repeat(named(kinds, [0, 1, 2, 3, 0, 1, 2, 3])) == 0
 
 
 def test_a_sprite_in_another_orientation_is_no_repeat():
     table = named(SPRITE, [0, 1, 2, 3, 0, 1, 2, 3])
-    assert measures.longest_repeat(table) == 4
-    assert measures.longest_repeat(table.assign(orientation=[1] * 4 + [2] * 4)) == 0
+    assert edit_measures.longest_repeat(table) == 4
+    assert edit_measures.longest_repeat(table.assign(orientation=[1] * 4 + [2] * 4)) == 0
 
 
 @pytest.mark.parametrize("kind", [SPRITE, FRAME])
-def test_a_fish_half_out_of_the_tank_is_counted(waters, kind):
+def test_a_fish_half_out_of_the_tank_is_counted(kind):
     long, short = np.array([[20.0, 0], [-20, 5], [-20, -5]]), np.zeros((1, 2))
     hulls = (long, short) if kind == SPRITE else (short, long)
-    here = players_of(waters, hulls=hulls)[NETWORK]
+    here = paper_player(network_of(), hulls=hulls)
     table = pd.DataFrame({"x_px": [100.0, 760, 400, 40], "y_px": [300.0, 300, 300, 300]})
     for heading, count in ((0.0, 2), (90.0, 0), (180.0, 2)):
         drawn = table.assign(heading_deg=heading, kind=kind, source=[0, 0, 1, 1], mirrored=False)
@@ -712,14 +574,16 @@ def test_the_head_of_a_sprite_sways_that_of_a_frame_is_as_measured(player):
 
 def test_steps_and_seams_of_the_film_itself_are_one():
     steps = np.random.default_rng(0).uniform(1, 3, 501)
-    assert measures.of_steps(steps, steps)["step_ratio_median"] == 1
-    assert measures.of_seams(steps, steps)["seam_ratio_median"] == 1
-    assert measures.of_seams(steps, steps)["jumps_above_film_p95_pct"] == pytest.approx(5, abs=0.5)
-    assert measures.of_seams(np.zeros(0), steps) == {"jumps": 0}
+    assert edit_measures.of_steps(steps, steps)["step_ratio_median"] == 1
+    assert edit_measures.of_seams(steps, steps)["seam_ratio_median"] == 1
+    assert edit_measures.of_seams(steps, steps)["jumps_above_film_p95_pct"] == pytest.approx(
+        5, abs=0.5
+    )
+    assert edit_measures.of_seams(np.zeros(0), steps) == {"jumps": 0}
 
 
-def test_states_of_the_film_sum_to_all_of_it(player):
-    share = measures.film_states(lessons(), player.waters.motion)
+def test_states_of_the_film_sum_to_all_of_it():
+    share = state_shares(lessons(), phases())
     assert sum(share.values()) == pytest.approx(100)
     turning = 100 * (lessons()["swimming_type"] != 0).mean()
     assert share[f"{STATES[TURN]}_pct"] == pytest.approx(turning)

@@ -1,4 +1,4 @@
-"""The film to swim by, loops mode, hybrid mode: laws, a slow search, ground truth."""
+"""The film to swim by, the search of mode `matching` through it: laws, a slow search, ground truth."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,19 +13,16 @@ from toy_film import (
     DELTA,
     HEAD,
     LENGTH,
-    ORIENTATIONS,
     RATE,
     SPEED,
     STEP,
     TOUCH,
     film_of,
-    gateways,
     learnt,
-    lesson,
     lessons,
     loops,
+    matching_of,
     open_tank,
-    order,
     players_of,
     rich,
     rich_film,
@@ -40,32 +37,26 @@ from finloop.animate import search as ahead
 from finloop.animate.arena import Tank, inside, tank
 from finloop.animate.beam import Candidates, Found
 from finloop.animate.bounds import bounds_of
-from finloop.animate.crossing import Crossing
 from finloop.animate.decide import Ways, verdicts
 from finloop.animate.kinematics import Spot, bearing, touches
 from finloop.animate.loops import FilmSwimmer, counted
 from finloop.animate.loops import decision as decision_of
 from finloop.animate.planner import frame_hulls, reach
-from finloop.animate.policies import figure19, worth
+from finloop.animate.policies import worth
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
 from finloop.animate.search import Ends, Here, Rules, space_of
-from finloop.animate.shoal import play, swim
-from finloop.animate.state import Fish, Options, after
+from finloop.animate.shoal import swim
+from finloop.animate.state import Fish, Options
 from finloop.animate.swim import considered, random_goals
 from finloop.distance.picture import BODY, FILM
 from finloop.edit.build import edit_list
 from finloop.edit.explain import in_words
+from finloop.edit.measures import longest_repeat
 from finloop.edit.schema import (
-    ACCELERATE,
     CONSIDERED,
     EDIT,
     FADE,
     FRAME,
-    HYBRID,
-    LOOPS,
-    NETWORK,
-    SPRITE,
-    STRAIGHT,
     VERDICTS,
     Goal,
 )
@@ -79,12 +70,9 @@ RULES = Rules(3.0, 5.0, 30, 4, 8, 24, 6.0, 7.0, 20.0, 300.0, 90.0, 4.0, 11.0)
 """Of a fish that does 3 px and 5° a tick."""
 
 
-def loops_player(film_=None, room_=None, **changes):
-    return players_of(waters_of(film_, room_, **changes), gateways().iloc[:0])[LOOPS]
-
-
-def hybrid_player(film_=None, room_=None, gates=None, **changes):
-    return players_of(waters_of(film_, room_, **changes), gates)[HYBRID]
+def film_player(film_=None, room_=None, **changes):
+    """A player of mode `matching` that shows the film alone."""
+    return matching_of(waters_of(film_, room_, **changes))
 
 
 def spot(x, y):
@@ -355,7 +343,7 @@ def test_a_space_has_every_jump_the_cheapest_first():
 
 
 def test_where_no_way_leads_on_more_are_followed():
-    swimmer, rng, found = swimmer_of(loops_player(beam=2)), np.random.default_rng(6), 0
+    swimmer, rng, found = swimmer_of(film_player(beam=2)), np.random.default_rng(6), 0
     reel, tank_ = swimmer.waters.film, swimmer.waters.tank
     space = space_of(reel, bounds_of(tank_), swimmer.rules)
     for _ in range(150):
@@ -389,14 +377,14 @@ def test_a_jump_costs_its_seam_its_change_of_speed_and_what_was_just_seen():
     )
 
 
-# --- loops mode: laws of every swim
+# --- laws of every swim
 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
 def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
     table, pairs = rich(heading=pose == BODY)
     reel = film_of(table, pairs, pose)
-    found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 900, 1)
+    found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 900, 1)
     way, number, rot, new, of = flat(found)
     partners = {(int(a), int(b)) for a, b in pairs[["a", "b"]].to_numpy()}
     partners |= {(b, a) for a, b in partners}
@@ -420,7 +408,7 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
 
 
 def test_the_heading_goes_on_over_a_jump():
-    found, table = edit_of(loops_player(), [], 1200, 3)
+    found, table = edit_of(film_player(), [], 1200, 3)
     way, number, _, new, of = flat(found)
     would = (
         rich_film().heading[number[:-1] + 1] - rich_film().heading[number[:-1]]
@@ -435,7 +423,7 @@ def test_the_heading_goes_on_over_a_jump():
 def test_in_the_pose_of_the_film_nothing_is_turned():
     table, pairs = rich(heading=False)
     reel = film_of(table, pairs, FILM)
-    found, edit = edit_of(loops_player(reel, join=FADE), [], 1500, 2)
+    found, edit = edit_of(film_player(reel, join=FADE), [], 1500, 2)
     *_, of = flat(found)
     first = np.flatnonzero(on_the_spot(found)[of])
     stop = int(first[0]) if first.size else 1500
@@ -447,15 +435,11 @@ def test_in_the_pose_of_the_film_nothing_is_turned():
 
 @pytest.mark.parametrize("stay", [0.05, 7.5])
 def test_two_jumps_are_never_nearer_than_the_stay(stay):
-    for mode in (loops_player(stay=stay), hybrid_player(stay=stay)):
-        found, _ = edit_of(mode, [Goal("A", 200.0, 200.0)], 2000, 4)
-        *_, new, of = flat(found)
-        kind = np.array([s.kind == FRAME for s in found.stretches])
-        into = np.append(False, ~kind[:-1])[of]  # by a gateway
-        forced = on_the_spot(found)[of]
-        jumps = np.flatnonzero(new & kind[of])  # a track that ends is left, however soon
-        gaps = [b - a for a, b in pairwise(jumps) if not (into[b] or forced[b])]
-        assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 10
+    found, _ = edit_of(film_player(stay=stay), [Goal("A", 200.0, 200.0)], 2000, 4)
+    *_, new, of = flat(found)
+    forced = on_the_spot(found)[of]  # a track that ends is left, however soon
+    gaps = [b - a for a, b in pairwise(np.flatnonzero(new)) if not forced[b]]
+    assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 10
 
 
 def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_many_delta():
@@ -463,15 +447,13 @@ def test_an_animation_lasts_as_many_seconds_as_are_asked_for_and_decisions_so_ma
     assert (waters.duration, waters.ticks(7.0)) == (7 * RATE, 7 * DELTA)
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
+def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike():
     """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
     swims = []
     for rate in (RATE, 8 * RATE):
         taught = learnt(lessons(), rate)
         waters = waters_of(film_of(*rich(), taught=taught), taught=taught)
-        fish = players_of(replace(waters, sprites=order(rate)))[mode]
-        found, _ = edit_of(fish, [Goal("A", 200.0, 200.0)], 600, 3)
+        found, _ = edit_of(matching_of(waters), [Goal("A", 200.0, 200.0)], 600, 3)
         swims.append((*flat(found)[:3], [one.decision.reason for one in found.stretches]))
     for one, quicker in zip(*swims, strict=True):
         np.testing.assert_array_equal(one, quicker)
@@ -494,7 +476,7 @@ def with_dead_ends():
 def test_a_dead_end_is_never_played_into():
     reel, after = with_dead_ends()
     for seed in range(3):
-        found, _ = edit_of(loops_player(reel), [], 2000, seed)
+        found, _ = edit_of(film_player(reel), [], 2000, seed)
         _, number, _, new, of = flat(found)
         assert after[number].all()
         assert on_the_spot(found)[of].mean() < 0.3 and new.sum() > 20
@@ -502,23 +484,22 @@ def test_a_dead_end_is_never_played_into():
 
 def test_the_fish_begins_where_the_film_goes_on():
     reel, after = with_dead_ends()
-    mode = loops_player(reel)
+    mode = film_player(reel)
     rng = np.random.default_rng(0)
     assert all(after[mode.begin(rng).fish.row] for _ in range(2000))
 
 
 def test_the_film_never_stops():
     for seed in range(3):
-        found, table = edit_of(loops_player(), [Goal("A", 700.0, 60.0)], 2000, seed)
+        found, table = edit_of(film_player(), [Goal("A", 700.0, 60.0)], 2000, seed)
         _, number, *_, of = flat(found)
         assert (np.diff(number) != 0).all()
         assert on_the_spot(found)[of].mean() < 0.1
         assert np.ptp(table["x_px"]) > 200 and np.ptp(table["y_px"]) > 150
 
 
-@pytest.mark.parametrize("make", [loops_player, hybrid_player])
-def test_never_outside_the_tank(make):
-    mode = make()
+def test_never_outside_the_tank():
+    mode = film_player()
     for seed in range(3):
         rng = np.random.default_rng(seed)
         goals = random_goals(mode.waters, 3, rng)
@@ -532,7 +513,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
     dear = np.where(np.arange(len(table)) // 25 % 3 == 0, 1.0, -0.5)
     shown = []
     for share in (0.0, 3.0):
-        player = loops_player(film_of(table, pairs, dear=(share * dear).cumsum()))
+        player = film_player(film_of(table, pairs, dear=(share * dear).cumsum()))
         found, _ = edit_of(player, [], 1500, 5)
         rows = np.concatenate([one.number for one in found.stretches])
         shown.append(dear[rows % len(dear)].mean())
@@ -540,7 +521,7 @@ def test_a_fish_in_the_film_shows_less_of_what_is_dear():
 
 
 def test_a_fish_without_room_turns_up_to_the_last_row_of_the_film():
-    mode = loops_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
+    mode = film_player(film_of(table_of(swum([0.0] * 199)), loops((20, 199))))
     state = mode.begin(np.random.default_rng(0))
     fish = replace(state.fish, row=197, rot=0.0, x=744.0, y=300.0)  # into the wall
     goal = Goal("A", 300.0, 300.0)
@@ -554,14 +535,13 @@ def test_a_way_is_never_swum_farther_than_it_was_looked_at():
     reel = film_of(table_of(swum([0.7] * 599)), loops((20, 560), (40, 580)))
     assert np.diff(np.flatnonzero(reel.end >= 0)).max() > 5 * RATE
     for seed in range(3):
-        found, _ = edit_of(loops_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
+        found, _ = edit_of(film_player(reel), [Goal("A", 200.0, 200.0)], 1500, seed)
         way = np.concatenate([stretch.way for stretch in found.stretches])
         assert all(inside(open_tank().legal, x, y) for x, y in way[:, :2])
 
 
-@pytest.mark.parametrize("make", [loops_player, hybrid_player])
-def test_goals_are_reached(make):
-    mode = make()
+def test_goals_are_reached():
+    mode = film_player()
     done = []
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -570,13 +550,12 @@ def test_goals_are_reached(make):
         ticks = measures.reached(table, goals, TOUCH, HEAD)
         done.append(~np.isnan(ticks))
         assert list(found.reached) == [-1 if np.isnan(t) else t for t in ticks]
-    assert np.mean(done) >= (0.95 if make is hybrid_player else 0.8)
+    assert np.mean(done) >= 0.8
 
 
-@pytest.mark.parametrize("make", [loops_player, hybrid_player])
-def test_a_seed_gives_one_animation_and_another_seed_another(make):
+def test_a_seed_gives_one_animation_and_another_seed_another():
     goals = [Goal("A", 200.0, 200.0)]
-    one, same, other = (edit_of(make(), goals, 400, seed) for seed in (7, 7, 8))
+    one, same, other = (edit_of(film_player(), goals, 400, seed) for seed in (7, 7, 8))
     pd.testing.assert_frame_equal(one[1], same[1])
     pd.testing.assert_frame_equal(considered(one[0], 400, 10**6), considered(same[0], 400, 10**6))
     assert not np.allclose(one[1]["x_px"], other[1]["x_px"])
@@ -585,7 +564,7 @@ def test_a_seed_gives_one_animation_and_another_seed_another(make):
 def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
     reel = film_of(swum([4.0] * 199), loops((5, 95), (50, 140)))  # one circle, 15 px across
     goals = [Goal("A", 700.0, 60.0)]
-    mode = loops_player(reel)
+    mode = film_player(reel)
     found, table = edit_of(mode, goals, 800, 1)
     at = np.array([table["x_px"].iloc[0], table["y_px"].iloc[0]])
     assert np.hypot(*(at - goals[0][1:3])) > 250  # far away
@@ -595,10 +574,10 @@ def test_a_goal_that_no_loop_can_reach_is_not_reached_and_nothing_breaks():
     assert len(table) == 800 and np.ptp(table["x_px"]) < 120
 
 
-# --- loops mode: one decision
+# --- one decision
 
 
-def crossing(wall=False):
+def three_ways(wall=False):
     """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
     table = table_of(swum([0.0] * 149), swum([3.0] * 149), swum([-3.0] * 149))
     pairs = [(20, 170, 0.2), (20, 320, 0.2), (140, 21, 0.2), (290, 171, 0.2), (440, 321, 0.2)]
@@ -606,19 +585,19 @@ def crossing(wall=False):
     arena = ARENA.copy()
     if wall:
         arena[:, 520:] = False
-    player = loops_player(reel, tank(arena, 0.6 * LENGTH))
+    player = film_player(reel, tank(arena, 0.6 * LENGTH))
     return player, Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1, row=19, since=100)
 
 
 def swimmer_of(player):
-    return player.policy.crossing.film
+    return player.policy.film
 
 
 @pytest.mark.parametrize(
     ("at", "row"), [((700.0, 300.0), 20), ((400.0, 120.0), 170), ((400.0, 480.0), 320)]
 )
 def test_the_way_that_leads_to_the_goal_is_taken(at, row):
-    player, fish = crossing()
+    player, fish = three_ways()
     for seed in range(5):
         found = player.policy.next(fish, spot(*at), np.random.default_rng(seed))
         assert found.number[0] == row and found.new == (row != 20)
@@ -631,7 +610,7 @@ def test_the_way_that_leads_to_the_goal_is_taken(at, row):
 
 
 def test_a_way_that_leaves_the_tank_fails_that_test():
-    player, fish = crossing(wall=True)
+    player, fish = three_ways(wall=True)
     options = swimmer_of(player).options(fish, spot(440, 100))
     assert list(options.rows) == [20, 170, 320]
     assert VERDICTS[options.verdict[0]] == "tank" and "tank" not in told(options)[1:]
@@ -645,7 +624,7 @@ def told(options):
 
 
 def test_a_way_that_leads_away_or_heads_away_fails_that_test():
-    player, fish = crossing()
+    player, fish = three_ways()
     seconds = 75  # three, in ticks: so far is looked ahead, and no loop comes sooner
     place = np.array([400.0 + STEP, 300.0])
     seen = set()
@@ -699,7 +678,7 @@ def test_a_decision_counts_how_many_ways_fail_which_test():
 @pytest.mark.parametrize(("heading", "quadrant"), [(30.0, 1), (120.0, 2), (210.0, 3), (300.0, 4)])
 def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadrant):
     table = table_of(swum([0.0] * 99), swum([0.0] * 99))
-    player = loops_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
+    player = film_player(film_of(table, loops((20, 120), (60, 21), (160, 121))))
     fish = Fish(400.0, 300.0, heading, SPEED, IN_FILM, -1, row=30, rot=heading)
     angle = np.radians(heading)
     goal = spot(400 + 200 * np.cos(angle), 300 - 200 * np.sin(angle))
@@ -708,7 +687,7 @@ def test_a_decision_names_the_quadrant_that_the_fish_swims_into(heading, quadran
 
 
 def test_a_way_must_begin_inside_the_tank():
-    player, fish = crossing()
+    player, fish = three_ways()
     back = np.array([180.0])  # out of the wall, into the tank
     for x, legal in ((742.0, True), (746.0, False)):
         assert inside(open_tank().legal, x, 300.0) == legal
@@ -720,14 +699,14 @@ def test_a_way_must_begin_inside_the_tank():
 
 
 def test_no_jump_is_offered_before_the_stay_is_over():
-    player, fish = crossing()
+    player, fish = three_ways()
     swimmer, aim = swimmer_of(player), spot(400, 100)
     for since, rows in ((swimmer.rules.stay - 2, [20]), (swimmer.rules.stay - 1, [20, 170, 320])):
         assert list(swimmer.options(replace(fish, since=since), aim).rows) == rows
 
 
 def test_frames_that_were_just_seen_are_avoided():
-    player, fish = crossing()
+    player, fish = three_ways()
     seen = replace(fish, tick=1000, recent=np.array([[181, 299, 861]]))
 
     def costs(fish):
@@ -740,7 +719,7 @@ def test_frames_that_were_just_seen_are_avoided():
 
 
 def test_a_repeat_costs_the_more_the_longer_it_lasts():
-    player, fish = crossing()
+    player, fish = three_ways()
     swimmer = swimmer_of(player)
     seen = replace(fish, tick=1000, recent=np.array([[170, 299, 861], [320, 449, 500]]))
 
@@ -772,7 +751,7 @@ def test_a_repeat_is_as_long_as_film_follows_that_followed_when_it_was_last_show
 
 
 def test_what_was_on_screen_is_remembered_as_long_as_it_counts():
-    player = loops_player()
+    player = film_player()
     state, rng = player.begin(np.random.default_rng(3)), np.random.default_rng(4)
     last = np.full(len(rich_table()), NEVER)
     for _ in range(150):
@@ -813,7 +792,7 @@ def test_film_that_plays_on_is_remembered_as_one_stretch():
 
 def test_the_best_is_chosen_and_equals_now_and_then():
     rng = np.random.default_rng(0)
-    choose = swimmer_of(loops_player()).choose
+    choose = swimmer_of(film_player()).choose
     one = np.ones(3, bool)
 
     def taken(*value, allowed=one):
@@ -826,13 +805,25 @@ def test_the_best_is_chosen_and_equals_now_and_then():
     assert taken(1.0, 1.0, 9.0, allowed=~one) is None
 
 
+def test_a_way_of_the_film_is_worth_it_that_gains_enough_on_the_goal():
+    """Beside a forecast; of a fish that wanders every legal way is."""
+    swimmer, aim = FilmSwimmer(waters_of(gain=0.1)), spot(600, 300)
+    fish = Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1, row=19)
+    remains = ahead.remaining(400.0, 300.0, 0.0, aim, swimmer.rules)
+    just = (remains + 0.9 * 20) / RATE
+    options = weighed([0, 0, 2], [just - 0.01, just + 0.01, just - 0.01])
+    options = replace(options, ticks=np.full(3, 20.0))
+    assert worth(swimmer, options, fish, aim).tolist() == [True, False, False]
+    wanders = worth(swimmer, options, fish, aim._replace(free=True))
+    assert wanders.tolist() == [True, True, False]
+
+
 # --- a player is pure
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
+def test_a_step_changes_nothing_and_a_kept_state_has_one_future():
     """The same state, goal and draws give the same stretch, whatever was swum since."""
-    player, goal = players_of()[mode], Goal("A", 200.0, 200.0)
+    player, goal = film_player(), Goal("A", 200.0, 200.0)
     rng = np.random.default_rng(3)
     state, kept = player.begin(rng), []
     for number in range(60):
@@ -852,9 +843,8 @@ def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
             assert repr(mine) == repr(stretch) and repr(state) == repr(after_)
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut(mode):
-    player, rng = players_of()[mode], np.random.default_rng(1)
+def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut():
+    player, rng = film_player(), np.random.default_rng(1)
     state = player.begin(rng)
     for _ in range(60):
         stretch, then = player.step(state, None, rng)
@@ -872,223 +862,67 @@ def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut(mode):
 # --- what is written down
 
 
-@pytest.mark.parametrize("make", [loops_player, hybrid_player])
-def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(make, tmp_path):
-    found, table = edit_of(make(), [Goal("A", 200.0, 200.0)], 900, 1)
+def test_an_edit_list_and_what_was_weighed_are_what_their_schemas_say(tmp_path):
+    found, table = edit_of(film_player(), [Goal("A", 200.0, 200.0)], 900, 1)
     save_table(tmp_path / "a.parquet", table, EDIT)
     back = load_table(tmp_path / "a.parquet", EDIT)
     assert list(back["tick"]) == list(range(900))
     weighed = considered(found, 900, rich_film().filmed)
     save_table(tmp_path / "b.parquet", weighed, CONSIDERED)
     again = load_table(tmp_path / "b.parquet", CONSIDERED)
-    assert again.groupby("tick")["taken"].sum().isin([0, 1]).all()  # 0: the film is left
+    assert (again.groupby("tick")["taken"].sum() == 1).all()
     assert set(again["fails"]) <= {"", "tank", "quadrant", "heading", "passed over"}
     assert (again["value_s"].isna() <= again["fails"].isin(["tank", "passed over"])).all()
     taken = again[again["taken"]]
     assert taken["value_s"].notna().all()
     assert list(back["source"].iloc[taken["tick"]]) == list(taken["row"])
     decided = back.iloc[taken["tick"]]
-    assert decided["reason"].isin(["play", "jump", "enter"]).all()
+    assert decided["reason"].isin(["play", "jump"]).all()
     assert list(decided["ways"]) == list(again.groupby("tick").size()[taken["tick"]])
     assert decided["value_s"].to_numpy() == pytest.approx(taken["value_s"].to_numpy())
     assert (decided["seam"].isna() == (decided["reason"] == "play")).all()
     later = back["reason"].isna()
     assert 0.3 < later.mean() < 1 and not back["reason"].isna()[0]
     assert back.loc[later, list(Decision._fields)].isna().all(axis=None)
-    film_ticks = back["kind"] == FRAME
-    assert (film_ticks == (back["mode"] == LOOPS)).all()
-    assert (film_ticks == (back["state"] == "film")).all()
+    assert set(back["kind"]) == {FRAME} and set(back["mode"]) == {"matching"}
+    assert set(back["state"]) == {"film"}
 
 
 def test_a_frame_is_named_by_its_row():
-    found, table = edit_of(loops_player(), [], 300, 1)
+    found, table = edit_of(film_player(), [], 300, 1)
     assert list(table["source"]) == list(flat(found)[1][:300])
 
 
-def test_a_sprite_has_an_orientation_and_a_frame_has_none():
-    _, table = edit_of(hybrid_player(fade=3 / DELTA, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2)
-    for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
-        assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
-        assert (table[name].notna() == (table[kind] == SPRITE)).all()
-        assert table[name].dropna().between(1, ORIENTATIONS).all()
-
-
-@pytest.mark.parametrize("make", [loops_player, hybrid_player])
 @pytest.mark.parametrize("fade", [0, 3])
-def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(make, fade):
-    found, table = edit_of(
-        make(stay=2.0, fade=fade / DELTA, join=FADE), [Goal("A", 200.0, 200.0)], 1500, 2
-    )
-    number = table["source"].to_numpy()
-    kind, weight = table["kind"].to_numpy(), table["weight"].to_numpy(float)
-    rotation = table["rotation_deg"].to_numpy(float)
-    order_ = order().following
+def test_a_cross_fade_begins_at_every_jump_and_the_old_plays_on(fade):
+    player = film_player(stay=2.0, fade=fade / DELTA, join=FADE)
+    found, table = edit_of(player, [Goal("A", 200.0, 200.0)], 1500, 2)
+    number, rotation = table["source"].to_numpy(), table["rotation_deg"].to_numpy(float)
     begins = np.flatnonzero(flat(found)[3][:1500])
     begins = begins[begins > 0]
-    switched = np.flatnonzero(kind[1:] != kind[:-1]) + 1
-    frames = (kind[1:] == FRAME) & (kind[:-1] == FRAME)
-    jumped = np.flatnonzero(frames & (np.diff(number) != 1) & (np.diff(number) != 0)) + 1
-    assert set(switched) | set(jumped) <= set(begins)
-    assert len(jumped) > 10 and (len(switched) > 3) == (make is hybrid_player)
+    jumped = np.flatnonzero((np.diff(number) != 1) & (np.diff(number) != 0)) + 1
+    assert set(jumped) <= set(begins) and len(jumped) > 10
     fades = np.zeros(1500)
     for begin in begins:  # a later one begins anew
         stop = min(begin + fade, 1500)
         fades[begin:stop] = (1 - np.arange(1, fade + 1) / (fade + 1))[: stop - begin]
-    assert weight == pytest.approx(fades)
-    assert (table["partner"].notna() == (weight > 0)).all()
+    assert table["weight"].to_numpy(float) == pytest.approx(fades)
+    assert (table["partner"].notna() == (fades > 0)).all()
     for begin, later in pairwise(begins):
         old = number[begin - 1]
         for tick in range(begin, min(begin + fade, later)):
-            old = order_[old] if kind[begin - 1] == SPRITE else old + int(rich_film().more[old])
+            old = old + int(rich_film().more[old])
             row = table.iloc[tick]
-            assert row["partner_kind"] == kind[begin - 1]
-            if kind[begin - 1] == FRAME:
-                assert row["partner"] == old
-                turned = row["partner_rotation_deg"] - rotation[begin - 1]
-                assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
-            else:
-                assert row["partner"] == old
+            assert (row["partner_kind"], row["partner"]) == (FRAME, old)
+            turned = row["partner_rotation_deg"] - rotation[begin - 1]
+            assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
 
 
 def test_wandering_uses_much_of_the_tank_and_of_the_film():
-    for mode in (loops_player(), hybrid_player()):
-        _, table = edit_of(mode, [], 3000, 5)
-        assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
-        assert table["source"][table["kind"] == FRAME].nunique() > 300
-        assert measures.longest_repeat(table) < 500
-
-
-# --- hybrid
-
-
-def test_figure19_is_the_network_till_a_gateway_fits_and_the_film_while_a_way_is_legal():
-    player, rng = hybrid_player(), np.random.default_rng(0)
-    crossing, goal = player.policy.crossing, spot(600, 300)
-    assert isinstance(crossing, Crossing) and isinstance(crossing.film, FilmSwimmer)
-    fish = replace(player.begin(rng).fish, x=300.0, y=300.0, heading=0.0)
-    assert figure19(crossing, fish, goal, rng).kind == SPRITE  # it has only just begun
-    waited = figure19(crossing, replace(fish, since=100), goal, rng)
-    assert waited.options is not None  # gateways are weighed
-    state, exits = player.begin(rng), 0
-    for _ in range(300):
-        before = state.fish
-        stretch, state = player.step(state, None, rng)
-        if before.row >= 0 and stretch.kind == SPRITE:
-            exits += 1
-            options = stretch.options
-            legal = worth(crossing, options, before, stretch.aim)
-            assert not legal.size or not legal.all()
-    assert exits
-
-
-def test_hybrid_without_gateways_is_network_mode():
-    goals = [Goal("A", 200.0, 200.0), Goal("B", 600.0, 500.0)]
-    none = gateways().iloc[:0]
-    for reel, gates in ((rich_film(), none), (film_of(rich_table(), loops()), gateways())):
-        mode = hybrid_player(reel, gates=gates)
-        _, mine = edit_of(mode, goals, 1200, 3)
-        _, wanted = edit_of(players_of()[NETWORK], goals, 1200, 3)
-        pd.testing.assert_frame_equal(mine, wanted)
-
-
-def test_gateways_that_lead_nowhere_are_not_taken():
-    last = np.flatnonzero(~rich_film().more)
-    gates = gateways()
-    gates = gates[gates["direction"] == "in"].iloc[: len(last)].assign(row=last)
-    _, table = edit_of(hybrid_player(gates=gates), [], 600, 1)
-    assert (table["kind"] == SPRITE).all()
-
-
-def test_without_a_way_out_the_fish_leaves_the_film_all_the_same():
-    gates = gateways().query("direction == 'in'")
-    found, table = edit_of(hybrid_player(gates=gates), [], 2500, 1)
-    left = [s.decision for s in found.stretches if s.decision.exit]
-    assert left and all(one.exit == "no_way" and np.isnan(one.seam) for one in left)
-    assert any(one.ways for one in left)
-    assert table["kind"].nunique() == 2
-
-
-def test_hybrid_switches_by_gateways_and_the_heading_goes_on():
-    gates = gateways(every=1)
-    _, table = edit_of(hybrid_player(gates=gates), [Goal("A", 700.0, 100.0)], 3000, 2)
-    kind, heading = table["kind"].to_numpy(), table["heading_deg"].to_numpy(float)
-    ins = gates.query("direction == 'in'").groupby("sprite")["row"].agg(set)
-    into = np.flatnonzero((kind[1:] == FRAME) & (kind[:-1] == SPRITE)) + 1
-    out = np.flatnonzero((kind[1:] == SPRITE) & (kind[:-1] == FRAME)) + 1
-    assert len(into) > 5 and len(out) > 5
-    for tick in into:
-        assert table["source"][tick] in ins[table["source"][tick - 1]]
-        assert wrap_deg(heading[tick] - heading[tick - 1]) == pytest.approx(0, abs=1e-3)
-    assert (table["exit"][out] == "no_way").all()
-    share = (table["mode"] == LOOPS).mean()
-    assert 0.3 < share < 1
-
-
-def test_a_fish_stays_with_the_network_for_half_a_second():
-    _, table = edit_of(hybrid_player(), [], 3000, 6)
-    kind = (table["kind"] == FRAME).to_numpy()
-    edges = np.flatnonzero(np.diff(kind)) + 1
-    stays = [b - a for a, b in pairwise([0, *edges]) if not kind[a]]
-    assert min(stays) >= round(0.5 * RATE) and len(stays) > 4
-
-
-@pytest.mark.parametrize("slow", [True, False])
-def test_a_gateway_to_a_tail_beat_is_taken_at_any_speed(slow):
-    """After the film always comes a tail beat; the only way out leads to its fourth sprite."""
-    count = len(lesson().phases.state)
-    phases = replace(
-        lesson().phases, state=np.full(count, ACCELERATE, np.int8),
-        before=np.full(count, STRAIGHT, np.int8),
-    )  # fmt: skip
-    taught = replace(lesson(), phases=phases)
-    gates = gateways(every=1).query("direction == 'out' and sprite == 3")
-    player = players_of(waters_of(taught=taught), gates)[HYBRID]
-    rng = np.random.default_rng(0)
-    for row in rng.choice(np.flatnonzero(rich_film().more), 30):
-        rot = float(rng.uniform(-180, 180))
-        heading = float(wrap_deg(rich_film().heading[row] + rot))
-        fish = replace(
-            player.begin(rng).fish, x=400.0, y=300.0, row=int(row), rot=rot, state=IN_FILM, sprite=-1,
-            heading=heading, speed=player.waters.sprites.cycle_speed * (0.6 if slow else 1.3),
-        )  # fmt: skip
-        angle = np.radians(heading)
-        at = spot(400 + 150 * np.cos(angle), 300 - 150 * np.sin(angle))
-        found = player.policy.crossing.leave(fish, at, "no_way", rng)
-        assert found.number[0] == 3 and found.decision.seam > 0
-        assert after(fish, found, player.waters).row == -1
-
-
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_every_mode_goes_on_from_the_state_of_any_other(mode):
-    made, rng, kinds = players_of(), np.random.default_rng(0), {NETWORK: SPRITE, LOOPS: FRAME}
-    for other in (NETWORK, LOOPS, HYBRID):
-        state = made[other].begin(rng)
-        for player in (made[other], made[mode]):
-            for _ in range(60):
-                before = state.fish
-                stretch, state = player.step(state, None, rng)
-                out = before.row >= 0 and stretch.kind == SPRITE
-                assert bool(stretch.decision.exit) == out
-                if out and player is made[NETWORK]:
-                    assert stretch.decision.exit == "mode"
-        assert stretch.kind == kinds.get(mode, stretch.kind)
-
-
-# --- players, hulls
-
-
-def test_there_are_as_many_players_as_the_film_allows():
-    made = players_of()
-    assert list(made) == [NETWORK, LOOPS, HYBRID]
-    assert {fish.joins.fade for fish in made.values()} == {round(0.1 * RATE)}
-    for fish in made.values():
-        table = play(fish, [Goal("A", 200.0, 200.0)], 200, np.random.default_rng(0))
-        assert len(table) == 200
-    made = players_of(waters_of(film_of(rich_table(), loops())))
-    assert list(made) == [NETWORK, HYBRID]
-    assert made[HYBRID].policy is made[NETWORK].policy
-    tail = film_of(table_of(swum([0.0] * 99), swum([0.0] * 99)), loops((20, 150)))
-    assert LOOPS not in players_of(waters_of(tail))  # a loop, but it leads only to an end
+    _, table = edit_of(film_player(), [], 3000, 5)
+    assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
+    assert table["source"].nunique() > 300
+    assert longest_repeat(table) < 500
 
 
 # --- decisions in words
@@ -1102,7 +936,11 @@ def test_there_are_as_many_players_as_the_film_allows():
             "like a stretch of the film from 2.0 body lengths/s on",
         ),
         (Decision("wall"), "a wall is ahead"),
-        (Decision("spot"), "no way on: turn on the spot"),
+        (
+            Decision("spot", ways=2, ways_tank=2),
+            "no way stays in the tank (2 ways, 2 leave the tank or end): on the spot",
+        ),
+        (Decision("play", quadrant=2, ways=1), "play on: quadrant 2 towards A; 1 way"),
         (
             Decision("turn", turn_deg=-43.4, sprite_area=0.41, room=0.5),
             "turn right 43° towards A: the network asks for motion area 0.44, the sprites have 0.41, little room",

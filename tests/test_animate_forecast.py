@@ -1,4 +1,4 @@
-"""Network mode by the forecast: goals, walls, repeats, control, what the fish remembers; as laws."""
+"""Mode `matching` by the forecast: goals, walls, repeats, control, what the fish remembers; as laws."""
 
 from dataclasses import replace
 from functools import cache
@@ -9,12 +9,13 @@ import scipy
 from toy_film import LENGTH, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
+from finloop.animate.brisk import brisk_of
 from finloop.animate.company import ALONE
 from finloop.animate.endless import endless, leading, parts
 from finloop.animate.film import ROW
 from finloop.animate.forecast import ForecastSwimmer, farther, wakes
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import brisk_of
+from finloop.animate.loops import FilmSwimmer
 from finloop.animate.outlook import Recall, look
 from finloop.animate.path_measures import swum_path
 from finloop.animate.paths import lay
@@ -25,7 +26,7 @@ from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player
 from finloop.base.line import PX, Line
-from finloop.edit.schema import FORECAST, FRAME, NETWORK, Goal
+from finloop.edit.schema import FORECAST, FRAME, Goal
 from finloop.forecast.film import MOTION, film_states
 from finloop.forecast.learning import learn
 from finloop.forecast.neighbours import similar_rows
@@ -70,12 +71,13 @@ def swimmer(rarity=None, **film):
     here = waters(**film)
     none = Rarity(np.zeros(3000), np.zeros(1), 0.0, 0.0)
     film = endless(sample(), here.film.more, REST)
-    return ForecastSwimmer(here, film, np.arange(60), rarity or none)
+    return ForecastSwimmer(here, film, rarity or none)
 
 
 def player(**film):
     one = swimmer(**film)
-    return Player(Policy(NETWORK, None, None, one), one.waters, None, None)
+    policy = Policy(FilmSwimmer(one.waters), one, False, np.arange(60))
+    return Player(policy, one.waters, None, None)
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -258,7 +260,7 @@ def test_a_fish_from_sprites_or_from_the_film_goes_on():
 def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_brisk_one():
     """Held up by walls it does not try another row at every tick."""
     one = swimmer()
-    legal, most = one.waters.tank.legal, one.waters.motion.brisk_deg
+    legal, most = one.waters.tank.legal, one.waters.brisk.turn_deg
     y, x = np.argwhere(legal).min(0)
     goal, joined, ticks = Spot(400.0, 300.0, 10.0, 5.0), 0, 0
     for seed in range(30):
@@ -298,7 +300,7 @@ def resting(rests, swims):
     states, still = sample().states.copy(), REST.copy()
     states[rests, -3:], states[swims, -3:], still[rests] = 0.0, (3.0, 0.0, 0.0), True
     film = endless(sample()._replace(states=states), here.film.more, still)
-    return ForecastSwimmer(here, film, np.arange(60), none)
+    return ForecastSwimmer(here, film, none)
 
 
 def test_a_fish_that_rests_before_a_wall_turns_round():
@@ -311,7 +313,7 @@ def test_a_fish_that_rests_before_a_wall_turns_round():
     goal = Spot(400.0, 300.0, 10.0, 5.0)
     fish = Fish(300.0, y, 90.0, 0.0, FORECAST, sprite=-1, row=605)
     way = one.next(fish, goal, np.random.default_rng(0)).way
-    most = one.waters.motion.brisk_deg
+    most = one.waters.brisk.turn_deg
     assert np.allclose(np.diff(way[:, 2], prepend=90.0), -most)
 
 
@@ -340,7 +342,7 @@ def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut
     line = Line("a", 400 + 200 * np.sin(turn), 300 + 120 * np.sin(2 * turn), PX, closed=True)
     path = lay(line, one.waters.tank, one.waters.motion, None)
     found = swim(one, [], 500, np.random.default_rng(0), path.route)
-    table = swum_path(NETWORK, found, path, 500, one.waters)
+    table = swum_path("matching", found, path, 500, one.waters)
     assert np.sqrt((table["across"] ** 2).mean()) < 0.1
     assert table["along_px"].is_monotonic_increasing
     assert table["along_px"].iloc[-1] > 0.75 * path.route.length

@@ -11,8 +11,8 @@ from toy_film import (
     film_of,
     lesson,
     loops,
+    matching_of,
     open_tank,
-    players_of,
     rich_table,
     swum,
     table_of,
@@ -30,7 +30,7 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.policies import film_or_forecast
 from finloop.animate.search import longer_rest
 from finloop.animate.state import Effort, Fish, after
-from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, HYBRID, LOOPS, WALL, Goal
+from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, WALL, Goal
 from finloop.edit.stretch import Decision, Stretch
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
@@ -149,7 +149,7 @@ def test_a_fish_in_a_slot_in_which_it_cannot_turn_backs_out_of_it():
     arena = np.zeros((300, 300), bool)
     arena[100:200, 20:160] = True
     arena[138:162, 160:260] = True  # too narrow for the fish to turn in
-    player = players_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))[LOOPS]
+    player = matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
     waters = replace(player.waters, discs=player.cast.discs)
     keeper, rng = Avoidance(player.policy, waters), np.random.default_rng(0)
     fish = replace(player.begin(rng).fish, x=232.0, y=150.0, heading=0.0)
@@ -198,8 +198,7 @@ class Foretold:
     [(0.0, FORETOLD, False), (60.0, FORETOLD, False), (60.0, WALL, True), (-60.0, FORETOLD, True)],
 )
 def test_the_film_goes_on_where_what_is_foretold_leads_farther_up_to_a_wall(turned, reason, film):
-    crossing = players_of(waters_of(room_=box(160)))[HYBRID].policy.crossing
-    swims, rng = crossing.film, np.random.default_rng(0)
+    swims, rng = FilmSwimmer(waters_of(room_=box(160))), np.random.default_rng(0)
     swims.rules = swims._wide = swims.rules._replace(room=100.0)
     fish = replace(swims.begin(rng), x=140.0, y=100.0, heading=40.0)
     fish = replace(fish, rot=40.0 - float(swims.waters.film.heading[fish.row]))
@@ -207,7 +206,7 @@ def test_the_film_goes_on_where_what_is_foretold_leads_farther_up_to_a_wall(turn
     there, aim = np.array([[140.0, 100.0, 40.0 + turned]]), Spot(-500.0, 100.0, 1.0, 0.0)
     decision = Decision(reason)
     foretold = Stretch(FORECAST, there, row, False, aim, False, decision, FRAME, np.zeros(1))
-    shown = film_or_forecast(crossing, Foretold(foretold), fish, aim, rng)
+    shown = film_or_forecast(swims, Foretold(foretold), fish, aim, rng)
     assert (shown.state == FILM) == film
 
 

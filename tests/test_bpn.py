@@ -14,6 +14,7 @@ import onnx
 import onnxruntime
 import pandas as pd
 import pytest
+import scipy
 import torch
 from scratch import content, prepare, same_but_figures
 
@@ -23,7 +24,14 @@ import stages.bpn
 import stages.plots.bpn
 from finloop.base.errors import FinloopError
 from finloop.base.settings import settings
-from finloop.bpn.back_propagation import ALWAYS_ON, forward, layers, new_weights, stepper, train
+from finloop.bpn.back_propagation import (
+    layers,
+    learn_epoch,
+    model_of,
+    new_weights,
+    train,
+    unit_output,
+)
 from finloop.bpn.held_out import (
     assessment,
     confusion,
@@ -258,70 +266,112 @@ def test_a_constant_input_is_no_division_by_zero(column):
 
 
 def problem(rows=7, hidden=6, seed=3):
-    """Weights, a batch with its 1s, and targets, all float64."""
+    """Weights, rows with their 1s, and targets."""
     r = rng(seed)
-    x = torch.from_numpy(np.column_stack([r.uniform(-1, 1, (rows, 4)), np.ones(rows)]))
-    return new_weights(hidden, r), x, torch.from_numpy(r.uniform(0.05, 0.95, (rows, 2)))
+    x = np.column_stack([r.uniform(-1, 1, (rows, 4)), np.ones(rows)])
+    return new_weights(hidden, r), x, r.uniform(0.05, 0.95, (rows, 2))
+
+
+def network(weights, x):
+    """Fig. 6 by torch: x (n, 5) → o (n, 2)."""
+    first, second = layers(weights)
+    h = torch.sigmoid(x @ first.T)
+    return torch.sigmoid(torch.cat([h, torch.ones_like(h[:, :1])], 1) @ second.T)
 
 
 def energy(weights, x, t):
-    return 0.5 * (forward(weights, x) - t).square().sum()
+    return 0.5 * (network(weights, x) - t).square().sum()
 
 
 def by_hand(weights, x, t):
-    """The gradient that `stepper` steps along."""
-    stepped, velocity = weights.clone(), torch.zeros_like(weights)
-    stepper(stepped, velocity, len(x), 1.0, 0.0)(x, x.T, t)
+    """The gradient that `learn_epoch` steps along, of all rows in one batch."""
+    velocity = np.zeros_like(weights)
+    learn_epoch(x, t, weights.copy(), velocity, (len(x), 1.0, 0.0))
     return -velocity
+
+
+def by_autograd(weights, x, t):
+    leaf = torch.from_numpy(weights).requires_grad_()
+    energy(leaf, torch.from_numpy(x), torch.from_numpy(t)).backward()
+    return leaf.grad.numpy()
+
+
+@pytest.mark.parametrize(("rows", "hidden"), [(1, 1), (7, 6), (33, 20)])
+def test_the_gradient_is_that_of_autograd(rows, hidden):
+    for seed in range(5):
+        given = problem(rows, hidden, seed)
+        found = by_hand(*given)
+        np.testing.assert_allclose(found, by_autograd(*given), rtol=1e-9, atol=1e-12)
+        assert np.abs(found).max() > 0.01
 
 
 def test_the_gradient_is_that_of_finite_differences():
     weights, x, t = problem()
     found = by_hand(weights, x, t)
+    given = torch.from_numpy(x), torch.from_numpy(t)
     step = 1e-6
     for number in range(len(weights)):
-        nudge = torch.zeros_like(weights)
+        nudge = np.zeros_like(weights)
         nudge[number] = step
-        slope = (energy(weights + nudge, x, t) - energy(weights - nudge, x, t)) / (2 * step)
-        assert found[number].item() == pytest.approx(slope.item(), abs=1e-8)
-    assert found.abs().max() > 0.1
+        up, down = (energy(torch.from_numpy(w), *given) for w in (weights + nudge, weights - nudge))
+        assert found[number] == pytest.approx((up - down).item() / (2 * step), abs=1e-8)
 
 
-def test_the_gradient_is_that_of_autograd():
-    weights, x, t = problem(rows=33, hidden=20, seed=4)
-    leaf = weights.clone().requires_grad_()
-    energy(leaf, x, t).backward()
-    assert torch.allclose(by_hand(weights, x, t), leaf.grad, rtol=1e-12, atol=1e-15)
-    assert torch.autograd.gradcheck(lambda w: forward(w, x), leaf)
+@pytest.mark.parametrize("size", [0, 1, 40, 1e4, 1e300])
+def test_a_unit_gives_the_sigmoid_of_its_sum_however_large(size):
+    weights, signals = size * np.array([1.0, -2.0, 0.5]), np.array([0.5, -0.25, 1.0])
+    for sign in (1, -1):
+        wanted = scipy.special.expit(sign * weights @ signals)
+        assert unit_output(sign * weights, signals) == pytest.approx(wanted, rel=1e-12)
 
 
-def test_steps_are_those_of_sgd_with_momentum():
-    weights, x, t = problem()
-    leaf = weights.clone().requires_grad_()
-    peer = torch.optim.SGD([leaf], lr=0.5, momentum=0.5)
-    step = stepper(weights, torch.zeros_like(weights), len(x), 0.5, 0.5)
-    for _ in range(20):
-        peer.zero_grad()
-        energy(leaf, x, t).backward()
-        peer.step()
-        step(x, x.T, t)
-    assert torch.allclose(weights, leaf.detach(), rtol=1e-10, atol=1e-12)
+def test_a_step_reckoned_on_paper():
+    """A network 4-1-2 with h = sigmoid(ln 3) = 3/4 and both o = sigmoid(0) = 1/2."""
+    weights, velocity = np.zeros(9), np.zeros(9)
+    first, second = layers(weights)
+    first[0, 0], second[0] = np.log(3), [2, -1.5]
+    before = weights.copy()
+    x, t = np.array([[1.0, 0, 0, 0, 1]]), np.array([[0.1, 0.5]])
+    learn_epoch(x, t, weights, velocity, (1, 0.5, 0.5))
+    # (o - t) o (1 - o) = 0.1, half of it is the step; times h; behind it times 2 h (1 - h)
+    wanted = -np.array([0.01875, 0, 0, 0, 0.01875, 0.0375, 0.05, 0, 0])
+    assert weights - before == pytest.approx(wanted, abs=1e-12)
+    assert velocity == pytest.approx(wanted, abs=1e-12)
 
 
-def test_a_step_with_a_batch_is_the_sum_of_steps_with_its_rows():
-    weights, x, t = problem()
-    rows = [by_hand(weights, x[n : n + 1], t[n : n + 1]) for n in range(len(x))]
-    assert torch.allclose(by_hand(weights, x, t), sum(rows), rtol=1e-12, atol=1e-15)
+@pytest.mark.parametrize("size", [1, 3, 8, 50, 80])
+def test_an_epoch_is_that_of_sgd_with_momentum(size):
+    weights, x, t = problem(rows=50)
+    leaf = torch.from_numpy(weights.copy()).requires_grad_()
+    peer = torch.optim.SGD([leaf], lr=0.1, momentum=0.5)
+    velocity = np.zeros_like(weights)
+    for _ in range(3):
+        for lot_x, lot_t in zip(
+            torch.from_numpy(x).split(size), torch.from_numpy(t).split(size), strict=True
+        ):
+            peer.zero_grad()
+            energy(leaf, lot_x, lot_t).backward()
+            peer.step()
+        learn_epoch(x, t, weights, velocity, (size, 0.1, 0.5))
+    np.testing.assert_allclose(weights, leaf.detach().numpy(), rtol=1e-8, atol=1e-10)
 
 
-def test_the_unit_that_is_the_bias_stays_on():
-    weights, x, t = problem(hidden=4)
-    step = stepper(weights, torch.zeros_like(weights), len(x), 5.0, 0.9)
-    for _ in range(100):
-        step(x, x.T, t)
-    first, _ = layers(weights)
-    assert first[:, -1].tolist() == [0, 0, 0, 0, ALWAYS_ON]
-    assert torch.sigmoid(first[-1, -1]).item() == 1.0
+@pytest.mark.parametrize("hidden", [1, 6])
+def test_the_model_says_what_the_network_says(hidden):
+    weights, x, _ = problem(hidden=hidden)
+    model = model_of(weights, -np.ones(4), np.ones(4), 0.2)
+    o = network(torch.from_numpy(weights), torch.from_numpy(x)).numpy()
+    share = np.clip((o - MARGIN) / (1 - 2 * MARGIN), 0, 1)
+    assert model.predict(x[:, :4]) == pytest.approx(share * [1, 2] - [0, 1], abs=1e-12)
+
+
+def test_first_weights_are_within_their_reach_and_biases_0():
+    first, second = layers(new_weights(400, rng()))
+    for layer, before, after in ((first, 4, 400), (second, 400, 2)):
+        assert layer.shape == (after, before + 1)
+        assert not layer[:, -1].any()
+        reach = np.sqrt(6 / (before + after))
+        assert 0.98 * reach < np.abs(layer[:, :-1]).max() <= reach
 
 
 @pytest.mark.parametrize("hidden", [1, 3, 20])
@@ -380,14 +430,7 @@ def same(one, two):
 def test_the_seed_decides_every_bit():
     inputs = random_inputs(100)
     how = replace(HOW, epochs=3)
-    before = torch.get_num_threads()
-    one = learnt(inputs, law(inputs), how)
-    torch.set_num_threads(2 if before == 1 else 1)
-    torch.manual_seed(99)  # nobody's business
-    others = torch.get_num_threads()
-    two = learnt(inputs, law(inputs), how)
-    assert torch.get_num_threads() == others != before
-    torch.set_num_threads(before)
+    one, two = (learnt(inputs, law(inputs), how) for _ in range(2))
     assert same(one[0], two[0])
     pd.testing.assert_frame_equal(one[1], two[1], check_exact=True)
     assert not same(one[0], learnt(inputs, law(inputs), how, seed=1)[0])
@@ -396,13 +439,13 @@ def test_the_seed_decides_every_bit():
 @pytest.mark.parametrize("batch_size", [1, 7, 100, 101, 5000])
 def test_every_row_is_learnt_from_once_an_epoch(batch_size, monkeypatch):
     seen = []
-    real = finloop.bpn.back_propagation.stepper
+    real = finloop.bpn.back_propagation.learn_epoch
 
-    def watched(*given):
-        step = real(*given)
-        return lambda x, x_t, t: (seen.extend(x[:, 0].tolist()), step(x, x_t, t))
+    def watched(x, *given):
+        seen.extend(x[:, 0].tolist())
+        real(x, *given)
 
-    monkeypatch.setattr(finloop.bpn.back_propagation, "stepper", watched)
+    monkeypatch.setattr(finloop.bpn.back_propagation, "learn_epoch", watched)
     inputs = random_inputs(101)
     how = replace(HOW, epochs=2, batch_size=batch_size, learning_rate=0.01)
     learnt(inputs, law(inputs), how)
@@ -417,21 +460,6 @@ def test_weights_that_run_away_are_said():
     inputs = random_inputs(60)
     with pytest.raises(FinloopError, match=r"without bound(.|\n)*bpn.learning_rate"):
         learnt(inputs, law(inputs), replace(HOW, learning_rate=1e308, epochs=3))
-
-
-def test_a_gpu_that_is_not_there_is_said(monkeypatch):
-    monkeypatch.setattr(torch.cuda, "is_available", lambda: False)
-    inputs = random_inputs(60)
-    with pytest.raises(FinloopError, match=r"no CUDA device(.|\n)*bpn.device=cpu"):
-        learnt(inputs, law(inputs), replace(HOW, device="cuda"))
-
-
-@pytest.mark.skipif(not torch.cuda.is_available(), reason="there is no GPU here")
-def test_a_gpu_learns_the_same():
-    inputs = random_inputs(300)
-    how = replace(HOW, epochs=3)
-    here, there = (learnt(inputs, law(inputs), replace(how, device=d))[0] for d in ("cpu", "cuda"))
-    assert there.predict(inputs) == pytest.approx(here.predict(inputs), abs=1e-6)
 
 
 # -- errors and baselines ---------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import pytest
 from scratch import prepare, put_clip
 
 import finloop
+import finloop.calibrate.film
 import stages.calibrate
 import stages.plots.calibrate
 from finloop.base.errors import FinloopError
@@ -24,7 +25,7 @@ from finloop.io.several import PARTS_NAME, Part
 from finloop.io.table import load_table, save_table
 from finloop.project import Project
 from finloop.social.measures import SHOAL, apart, values
-from finloop.social.neighbours import neighbours
+from finloop.social.neighbours import neighbours, vectors
 from finloop.social.rule import rule_of
 from finloop.social.zones import COUZIN, NO_ZONES, Zones, pull, zone_means
 
@@ -273,7 +274,7 @@ def run(tmp_path, monkeypatch, table, *overrides, parts=()):
 def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monkeypatch):
     numbers = run(tmp_path, monkeypatch, swim(TRUE, frames=400))
     assert numbers["fitted"] == 1 and numbers["fish"] == 6
-    table = pd.read_csv(tmp_path / "reports/calibrate/company.csv")
+    table = pd.read_csv(tmp_path / "data/calibrate/company.csv")
     assert set(table["shoal"]) == {"first_half", "zones", "alone"}
     assert set(table["beside"]) == {"film", "second_half"}
     film = load_table(tmp_path / "data/calibrate/film.parquet", SHOAL)
@@ -281,6 +282,24 @@ def test_the_stage_says_how_the_fish_of_a_film_act_on_each_other(tmp_path, monke
     assert Project().rule.horizon == 1
     assert Project().rule.zones.attraction == numbers["attraction"]
     assert len(Project().rule.steps.move) > 100
+
+
+def test_rounding_changes_no_number_of_the_film_and_how_points_swim(tmp_path, monkeypatch):
+    """So git has the numbers of the film, and the table of how they swim is among the data."""
+    numbers, tables = [], []
+    for shift in (0, 1e-12):
+
+        def shifted(*where, shift=shift):
+            place, heading = vectors(*where)
+            return place * (1 + shift), heading
+
+        monkeypatch.setattr(finloop.calibrate.film, "vectors", shifted)
+        to = tmp_path / str(shift)
+        numbers.append(run(to, monkeypatch, swim(TRUE, frames=400), "calibrate.steps=500"))
+        tables.append(pd.read_csv(to / "data/calibrate/company.csv").set_index("shoal"))
+    assert numbers[0] == numbers[1]
+    assert tables[0].loc["first_half"].equals(tables[1].loc["first_half"])
+    assert not tables[0].loc["zones"].equals(tables[1].loc["zones"])
 
 
 def test_a_film_of_one_fish_says_so_and_the_pipeline_goes_on(tmp_path, monkeypatch, capsys):

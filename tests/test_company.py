@@ -4,7 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from toy_film import HULL, LENGTH, players_of, waters_of
+from toy_film import HULL, LENGTH, matching_of, waters_of
 
 from finloop.animate.arena import tank as arena_tank
 from finloop.animate.company import (
@@ -24,11 +24,12 @@ from finloop.animate.encounters import overlap, placed
 from finloop.animate.kinematics import Spot
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import FRAME, HYBRID, LOOPS, MODES, NETWORK
+from finloop.edit.schema import FRAME
 from finloop.edit.stretch import Decision, Stretch
 from finloop.live.tank import LiveTank
 
 NEEDLE = np.array([[30.0, 2], [-30, 2], [-30, -2], [30, -2]])
+MODE = "matching"  # the one mode of several fish
 EDGE = 1.5  # px around every body
 
 
@@ -227,10 +228,11 @@ def test_a_fish_in_the_way_is_passed_on_the_nearer_side():
 
 @cache
 def company_players(overlap_=False):
-    """Players of fish as wide as HULL, in a tank of ten lengths."""
+    """A player of fish as wide as HULL, in a tank of ten lengths."""
     arena = np.zeros((600, 800), bool)
     arena[100:500, 200:600] = True
-    return players_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH), overlap=overlap_))
+    waters = waters_of(room_=arena_tank(arena, 0.6 * LENGTH), overlap=overlap_)
+    return {MODE: matching_of(waters)}
 
 
 def outlines_of(tank):
@@ -246,11 +248,10 @@ def overlaps(tank) -> int:
     return sum(overlap(a, b) for k, a in enumerate(outlines) for b in outlines[:k])
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_nobody_swims_through_another(mode):
+def test_nobody_swims_through_another():
     met = {}
     for through in (False, True):
-        tank, rng = LiveTank(company_players(through), mode, 6, 1), np.random.default_rng(3)
+        tank, rng = LiveTank(company_players(through), MODE, 6, 1), np.random.default_rng(3)
         met[through], still = 0, 0
         for tick in range(240):
             if tick % 7 == 0:  # sent about all the time, the moment before it meets another, too
@@ -267,7 +268,7 @@ def test_nobody_swims_through_another(mode):
 
 
 def test_two_fish_sent_to_each_other_pass():
-    tank, passed = LiveTank(company_players(), HYBRID, 2, 5), 0
+    tank, passed = LiveTank(company_players(), MODE, 2, 5), 0
     for _ in range(4):
         for number, x in enumerate((280.0, 520.0) if passed % 2 else (520.0, 280.0)):
             tank.send(number, x, 300.0)
@@ -281,7 +282,7 @@ def test_two_fish_sent_to_each_other_pass():
 
 
 def test_along_one_path_they_follow_each_other():
-    tank, angle = LiveTank(company_players(), LOOPS, 3, 5), np.linspace(0, 2 * np.pi, 40)
+    tank, angle = LiveTank(company_players(), MODE, 3, 5), np.linspace(0, 2 * np.pi, 40)
     ring = np.column_stack([400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle)])
     tank.follow(None, [(float(x), float(y)) for x, y in ring])
     on_it = 0
@@ -292,9 +293,8 @@ def test_along_one_path_they_follow_each_other():
     assert on_it > 300
 
 
-@pytest.mark.parametrize("mode", [HYBRID, NETWORK])
-def test_together_they_swim_on_from_the_past_as_they_did(mode):
-    tank = LiveTank(company_players(), mode, 4, 2)
+def test_together_they_swim_on_from_the_past_as_they_did():
+    tank = LiveTank(company_players(), MODE, 4, 2)
     for _ in range(150):
         tank.on()
     was = [[fish.at(tick).x_px for tick in range(151)] for fish in tank.fish]
@@ -318,7 +318,7 @@ def kept_plan(tank, monkeypatch, wish) -> int:
 
 
 def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
-    tank = LiveTank(company_players(), HYBRID, 1, 2)
+    tank = LiveTank(company_players(), MODE, 1, 2)
     fish, kept = tank.fish[0], 0
     for number in range(8):
         tank.send(0, *((220.0, 120.0), (580.0, 480.0))[number % 2])
@@ -336,20 +336,18 @@ def test_the_goal_of_a_kept_plan_is_not_the_new_one(monkeypatch):
 
 
 def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
-    tank = LiveTank(company_players(), HYBRID, 2, 2)
+    tank = LiveTank(company_players(), MODE, 2, 2)
     for _ in range(30):
         tank.on()
 
     def elsewhere():
         tank.send(0, 220.0, 480.0)
-        tank.switch(NETWORK)
 
     begin = kept_plan(tank, monkeypatch, elsewhere)
     for _ in range(40):
         tank.on()
     was = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
     tank.back_to(begin)
-    assert tank.mode == NETWORK
     for _ in range(40):
         tank.on()
     now = [[one.at(tick)[:-1] for tick in range(begin, begin + 41)] for one in tank.fish]
@@ -359,10 +357,10 @@ def test_a_plan_that_was_kept_is_kept_again(monkeypatch):
 def test_more_fish_than_fit():
     arena = np.zeros((80, 130), bool)
     arena[10:70, 10:120] = True
-    players = players_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
-    tank = LiveTank(players, LOOPS, 40, 0)
+    player = matching_of(waters_of(room_=arena_tank(arena, 0.6 * LENGTH)))
+    tank = LiveTank({MODE: player}, MODE, 40, 0)
     assert 1 <= len(tank.fish) < 40
-    player, fish = players[LOOPS], [one.way(tank.tick) for one in tank.fish]
+    fish = [one.way(tank.tick) for one in tank.fish]
     everywhere = [
         np.array([[x, y, 0.0, 0.0]]) for x in range(10, 120, 10) for y in range(10, 70, 10)
     ]

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from toy_film import RATE, film_of, lessons, loops
+from toy_film import RATE, film_of, lessons, loops, planning
 
+from finloop.animate.brisk import learn_brisk
 from finloop.animate.film import mean_step_px
 from finloop.animate.measures import motion_of_film
 from finloop.animate.motion import learn
 from finloop.base.settings import settings
 from finloop.features.current import measured_current
+from finloop.modes.phases import learn_phases
 
 
 def beating(frames=200, hz=2.0, wide=0.18, drift=0.0):
@@ -41,7 +43,7 @@ def test_who_swims_about_or_turns_or_rests_is_in_no_current():
 
 
 def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
-    still, p = lessons(), settings("animate")
+    still = lessons()
     speeds = [1.0, 2.0]
     drifted = [still.assign(current=speed, time_s=still["frame"] / RATE) for speed in speeds]
     low, high = (film_of(table, loops()) for table in drifted)
@@ -50,7 +52,9 @@ def test_all_that_swims_by_the_film_gets_on_as_in_still_water():
     assert np.median(extra[0]) == pytest.approx(1, abs=0.05)
     assert np.median(extra[1]) == pytest.approx(2, abs=0.1)
     assert mean_step_px(high.rows) > mean_step_px(low.rows) > mean_step_px(plain.rows)
-    motions = [learn(table, RATE, 5, p) for table in (still, *drifted)]
-    assert motions[0].high < motions[1].high < motions[2].high
-    moved = [motion_of_film(table, motions[0])[0] for table in (still, *drifted)]
+    every = (still, *drifted)
+    quick = [learn_brisk(table, RATE, 5, planning()).fastest for table in every]
+    phases = [learn_phases(table, RATE, 5, settings("network")).high for table in every]
+    assert quick[0] < quick[1] < quick[2] and phases[0] < phases[1] < phases[2]
+    moved = [motion_of_film(table, learn(still, RATE, 5))[0] for table in every]
     assert np.median(moved[2] - moved[0]) == pytest.approx(2, abs=0.1)

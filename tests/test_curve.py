@@ -45,7 +45,7 @@ def test_a_fine_circle_has_the_circles_length_and_area():
 
 
 @given(ANY, st.booleans(), st.integers(0, 11), st.floats(0.1, 10), st.floats(0, 6))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
     curve = drawn(points, closed)
     if curve is None:
@@ -67,7 +67,7 @@ def test_motion_scale_start_and_direction(points, closed, start, scale, angle):
 
 
 @given(ANY, st.booleans(), st.integers(3, 60))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_resampled_points_are_evenly_spaced_along_the_polyline(points, closed, n):
     curve = drawn(points, closed)
     if curve is None:

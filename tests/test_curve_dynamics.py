@@ -57,7 +57,7 @@ def for_method(method, **more):
     st.floats(-2, 2),
     st.floats(-2, 2),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_the_closed_form_solves_the_equation(density, c, k, a, v, q):
     """Against the exponential of the first-order system (3.15), the force a state of its own."""
     of = Oscillators(density, np.array([c]), np.array([k]))
@@ -181,7 +181,7 @@ def test_a_mode_of_the_hoop_swings_so_often():
 
 
 @given(st.floats(0.1, 5), st.floats(0.1, 5), st.floats(0, 5), st.floats(0, 0.1), st.integers(0, 99))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_energy_never_rises_and_stays_without_damping(density, elastic, s1, s2, seed):
     times = np.linspace(0, 2, 40)
     jagged = 0.01 * (-1.0) ** np.arange(64)[:, None]

@@ -79,7 +79,7 @@ def test_equation_2_8_as_the_paper_writes_it(wavelet, n):
     st.integers(0, 5),
     st.floats(-3, 3),
 )
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_laws(points, wavelet, levels, factor):
     coefficients = forward(points, wavelet, levels)
     assert np.allclose(forward(factor * points, wavelet, levels), factor * coefficients, atol=1e-9)

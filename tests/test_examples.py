@@ -14,8 +14,9 @@ from conftest import ROOT, TINY_CARP
 from toy_swim import MIRROR, RATE, swum, unseen
 
 import finloop
-from finloop import verbs
+from finloop import footage, verbs
 from finloop.base.errors import FinloopError
+from finloop.edit.modes import MODES
 from finloop.edit.schema import EDIT
 from finloop.io.table import load_table
 from finloop.jumps.film import FilmJumps
@@ -44,7 +45,8 @@ def tiny(monkeypatch):
     def tiny_settings(word, **own):
         return real(word, **({} if own.get("source") == "file" else changes(word)) | own)
 
-    monkeypatch.setattr(verbs, "settings", tiny_settings)
+    for module in (footage, verbs):
+        monkeypatch.setattr(module, "settings", tiny_settings)
 
 
 @pytest.fixture(scope="module")
@@ -71,9 +73,13 @@ def test_the_ten_lines_make_what_the_stages_make(animated, tiny, tmp_path, monke
     assert len(frames) == len(wanted)
     assert frames[0].shape == names["film"].arena.shape
     made = [names[one] for one in STEERED]
-    with pytest.raises(FinloopError, match="mode 'crawl'"):
-        verbs.steer(*made, mode="crawl")
-    company = {"fish": 2, "rule": "zones", "seconds": 1.0}
+    for mode in ("crawl", "nn"):
+        with pytest.raises(FinloopError, match=f"mode '{mode}'") as refused:
+            verbs.steer(*made, mode=mode)
+        assert all(one in refused.value.wanted for one in MODES)
+    with pytest.raises(FinloopError, match=r"hybrid\.path: unknown; it is matching\.path now"):
+        verbs.steer(*made, path="way.csv")
+    company = {"mode": "matching", "fish": 2, "rule": "zones", "seconds": 1.0}
     with pytest.raises(FinloopError, match="no zones are known"):
         verbs.steer(*made, **company)
     with pytest.warns(UserWarning, match="Couzin"):

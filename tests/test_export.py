@@ -172,7 +172,7 @@ def edit_list(n, **columns):
     given = {
         "fish": 0, "tick": np.arange(n), "time_s": np.arange(n) / float(RATE), "kind": "frame",
         "source": np.arange(n), "scale": 1.0, "x_px": 30.0 + 3 * np.arange(n), "y_px": 40.0,
-        "mode": "nn", "state": "straight", "goal": "A",
+        "mode": "network", "state": "straight", "goal": "A",
     }  # fmt: skip
     edit = pd.DataFrame(empty | numbers | given | columns, index=range(n))
     return edit[EDIT.names]
@@ -468,7 +468,7 @@ def folder(tmp_path, monkeypatch):
     prepare(
         tmp_path,
         *TINY_CARP,
-        "export.mode=nn",
+        "export.mode=network",
         "export.stimulus_seconds=0",
         "export.webp_seconds=0.2",
     )
@@ -518,8 +518,8 @@ def folder(tmp_path, monkeypatch):
     number = pd.Series(ticks + 1, dtype="Int8").where(sprite)
     source = np.where(sprite, 0, ticks)
     edit = edit_list(TICKS, kind=kinds, source=source, orientation=number, speed=1.5)
-    save_table(data / "animate/nn.parquet", edit, EDIT)
-    save_json(data / "animate/drawn.json", {"size": 1.0})
+    save_table(data / "animate/network.parquet", edit, EDIT)
+    save_json(data / "animate/network/drawn.json", {"size": 1.0})
     return tmp_path
 
 
@@ -535,7 +535,7 @@ def test_the_stage_names_another_programs_animals_and_writes_its_formats_in_mm_t
     prepare(
         folder,
         *TINY_CARP,
-        "export.mode=nn",
+        "export.mode=network",
         "export.stimulus_seconds=0",
         "export.webp_seconds=0.2",
         *asked,
@@ -550,7 +550,7 @@ def test_the_stage_names_another_programs_animals_and_writes_its_formats_in_mm_t
     for name, values in px.items():
         scale = 1 if name[1] == "likelihood" else 0.25
         np.testing.assert_allclose(mm[name], scale * values, atol=0.001)
-    listed = pd.read_csv(out / "nn.csv")
+    listed = pd.read_csv(out / "network.csv")
     for name in ("x", "y", "aim_x", "aim_y"):
         np.testing.assert_allclose(listed[f"{name}_mm"], 0.25 * listed[f"{name}_px"], atol=1e-3)
     np.testing.assert_allclose(listed["speed_mm_s"], 0.25 * 20 * listed["speed"], atol=1e-3)
@@ -563,29 +563,31 @@ def test_the_stage_hands_everything_on(folder):
     out = folder / "data/export"
     films = json.loads((out / "films.json").read_text())
     words = ("straight", "slide", "left", "right")
-    assert set(films["films"]) == {"nn", *words} and films["frame_rate_hz"] == 28.07
+    assert set(films["films"]) == {"network", *words} and films["frame_rate_hz"] == 28.07
     for name, film in films["films"].items():
         shown = [alpha for _, _, alpha in decoded(out / f"{name}.webm")]
-        assert len(shown) == film["frames"] == (TICKS if name == "nn" else 3)
+        assert len(shown) == film["frames"] == (TICKS if name == "network" else 3)
         odd = film["height_px"] % 2, film["width_px"] % 2
         assert shown[0].shape == (film["height_px"] + odd[0], film["width_px"] + odd[1])
         with Image.open(out / f"{name}.webp") as webp:
             assert webp.size == (film["width_px"], film["height_px"])
-            assert webp.n_frames == (6 if name == "nn" else 3)  # 0.2 s
+            assert webp.n_frames == (6 if name == "network" else 3)  # 0.2 s
         for k, alpha in enumerate(shown):
             x, y = centre(alpha.astype(float))
-            if name == "nn":  # the fish is where the edit list says; a drop's centre is not amid it
+            if (
+                name == "network"
+            ):  # the fish is where the edit list says; a drop's centre is not amid it
                 assert (x + film["left_px"], y + film["top_px"]) == pytest.approx(
                     (30 + 3 * k, 40), abs=1.5
                 )
             else:
                 assert (x, y) == pytest.approx((film["pivot_x_px"], film["pivot_y_px"]), abs=1.5)
 
-    table = pq.read_table(out / "nn.parquet")
+    table = pq.read_table(out / "network.parquet")
     assert {field.name: field.metadata[b"unit"].decode() for field in table.schema} == {
         column.name: column.unit for column in READABLE.columns
     }
-    rows, listed = table.to_pandas(), pd.read_csv(out / "nn.csv")
+    rows, listed = table.to_pandas(), pd.read_csv(out / "network.csv")
     shown = [one for one in rows if one != "pose" and "_mm" not in one]  # no scale is known
     assert list(listed) == shown and len(listed) == TICKS
     assert rows[["x_mm", "speed_mm_s"]].isna().all(axis=None)
@@ -612,13 +614,17 @@ def test_the_stage_hands_everything_on(folder):
 
 def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
     prepare(
-        folder, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.webp_seconds=0.0"
+        folder,
+        *TINY_CARP,
+        "export.mode=network",
+        "export.stimulus_seconds=0",
+        "export.webp_seconds=0.0",
     )
     (folder / "data/export").mkdir()
     (folder / "data/export/loops.webm").write_text("of another mode")
     stages.export.main()
     first = content(folder / "data/export")
-    assert "loops.webm" not in first and "nn.webp" not in first and "left.webp" in first
+    assert "loops.webm" not in first and "network.webp" not in first and "left.webp" in first
     stages.export.main()
     assert content(folder / "data/export") == first
 
@@ -626,10 +632,10 @@ def test_a_second_run_gives_the_same_bytes_and_clears_what_was_there(folder):
 @pytest.mark.parametrize(
     ("harm", "said"),
     [
-        (lambda f: (f / "data/animate/nn.parquet").unlink(), "there is no data.animate.nn.parquet(.|\n)*export.mode"),
-        (lambda f: save_table(f / "data/animate/nn.parquet", edit_list(3, source=99), EDIT), "wanted a frame"),
+        (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet(.|\n)*export.mode"),
+        (lambda f: save_table(f / "data/animate/network.parquet", edit_list(3, source=99), EDIT), "wanted a frame"),
         (lambda f: save_table(f / "data/sprites/sprites.parquet", sprite_table(2), SPRITES), "mass centre for every"),
-        (lambda f: prepare(f, *TINY_CARP, "export.mode=nn", "export.stimulus_seconds=0", "export.tracks_least_s=60.0"), "tracks_least_s"),
+        (lambda f: prepare(f, *TINY_CARP, "export.mode=network", "export.stimulus_seconds=0", "export.tracks_least_s=60.0"), "tracks_least_s"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_exported_is_said_and_nothing_is_left(folder, harm, said):

@@ -65,7 +65,9 @@ from finloop.io.picture import load_picture
 from finloop.io.record import load_record
 from finloop.io.table import load_table, save_table
 from finloop.io.video import read_frames
+from finloop.plots.branches import choose_fish, figure3_4, lie_down
 from finloop.plots.extract import detections_picture
+from finloop.plots.thinned_fish import find_branches, number_pixels, thin_fish
 
 CONF = yaml.safe_load((ROOT / "conf/extract/default.yaml").read_text())
 SETTINGS = Settings(**{name: value for name, value in CONF.items() if name != "defaults"})
@@ -877,6 +879,148 @@ def test_verdicts_are_drawn_in_their_colours(drawn):
     assert drawn_in((213, 94, 0)) > 4 * 3 * 60  # too large
 
 
+# -- side branches: Figs. 3, 4 --------------------------------------------------------------------
+
+# A is where the numbering starts, d the branch that is kept; b and c end with smaller numbers.
+FIG4 = np.array(
+    [
+        list(line)
+        for line in [".....b......", ".....b......", "AAAAAAAddddd", "........c...", ".........c.."]
+    ]
+)
+
+
+def on_skeleton(fish):
+    """Every pixel of its branches, in turn; those of a joint are counted once."""
+    joints = [branch.path[1:] for branch in fish[1:]]
+    return np.concatenate([fish[0].path, *joints])
+
+
+@pytest.mark.parametrize("turns", range(4))
+def test_numbers_grow_along_branches_and_the_greatest_is_kept(turns):
+    letters = np.rot90(FIG4, turns)
+    skeleton = letters != "."
+    first, *others = branches = find_branches(skeleton)
+    x, y = first.path.T
+    assert set(letters[y, x]) == {"A", "d"} and first.numbers.tolist() == list(range(12))
+    assert {letters[y, x] for one in others for x, y in one.path[1:]} == {"b", "c"}
+    assert len(others) == 2
+    for one in branches:
+        assert np.diff(one.numbers).tolist() == [1] * (len(one.numbers) - 1)
+        assert np.abs(np.diff(one.path, axis=0)).max() == 1
+        assert one.numbers[-1] <= first.numbers[-1]
+    pixels = on_skeleton(branches)
+    assert sorted(map(tuple, pixels)) == sorted(map(tuple, np.argwhere(skeleton)[:, ::-1]))
+    start = tuple(first.path[0])
+    joint = number_pixels(skeleton, start)[tuple(others[0].path[0, ::-1])]
+    after = [
+        number_pixels(skeleton, start)[tuple(p[::-1])]
+        for p in (first.path[joint + 1], others[0].path[1])
+    ]
+    assert after == [joint + 1] * 2  # both branches of a joint go on with the same number
+
+
+def test_pixels_that_are_not_connected_have_no_number():
+    skeleton = np.zeros((3, 9), bool)
+    skeleton[1, [1, 2, 3, 6, 7]] = True
+    assert number_pixels(skeleton, (1, 1))[1].tolist() == [-1, 0, 1, 2, -1, -1, -1, -1, -1]
+    (alone,) = find_branches(skeleton[:, 5:7])
+    assert alone.numbers.tolist() == [0]
+
+
+def thinned(picture, tank=None):
+    """The one fish of a picture, as Figs. 3 and 4 have it."""
+    tank = np.full(SIZE, 150, np.uint8) if tank is None else tank
+    typical = Typical(660.0, 2 * LONG, 110.0, "all")
+    arena = np.full(picture.shape, 255, np.uint8)
+    (fish,) = thin_fish(picture, "frame 1", scene_of(tank), typical, arena, SETTINGS)
+    return fish
+
+
+def with_open_fin(length=40):
+    """A fish, and pale and thin a fin that is longer than the rest of the fish before it."""
+    fin = np.zeros(SIZE, np.uint8)
+    cv2.line(fin, (92, 60), (92, 60 - length), 1, 3)
+    return laid(laid(np.full(SIZE, 150, np.uint8), fin, 135), coverage(80, 60), 40)
+
+
+def test_the_papers_rule_keeps_an_open_fin_and_the_weighted_one_the_body():
+    fish = thinned(with_open_fin())
+    assert len(fish.side_branches) == 1 and fish.body_ends == 2
+    paper, ours = fish.branches[0].path, fish.kept
+    beside = ~cv2.dilate(fish.body.astype(np.uint8), np.ones((3, 3))).astype(bool)
+
+    def outside(path):
+        return beside[path[:, 1], path[:, 0]].sum()
+
+    assert outside(paper) > 20 and outside(ours) == 0
+    assert fish.difference_px > 30
+    assert np.ptp(fish.backbone[:, 0]) == pytest.approx(2 * LONG, abs=2)
+    assert np.ptp(fish.backbone[:, 1]) < 3
+    short = thinned(with_open_fin(18))  # shorter than the head: both rules keep the body
+    assert len(short.side_branches) == 1 and short.difference_px == 0
+    plain = thinned(with_open_fin(0))
+    assert not plain.side_branches and plain.difference_px == 0
+
+
+def test_two_fish_are_chosen_by_their_branches_and_by_what_the_rules_keep():
+    long, short, plain = (thinned(with_open_fin(length)) for length in (40, 18, 0))
+    chosen, words = choose_fish([plain, long, short, plain])
+    assert chosen == [long]  # the most branched one is the one of the greatest difference
+    assert "4 fish" in words and "2 have a side branch" in words and "differ for 1" in words
+    many = short._replace(branches=[*short.branches, *short.side_branches])
+    assert choose_fish([plain, long, many])[0] == [many, long]
+    assert choose_fish([plain])[0] == [plain]
+
+
+def test_the_picture_shows_the_numbers_of_every_end():
+    fish = thinned(with_open_fin())
+    (part,) = figure3_4([fish], "words").subfigs
+    numbered = part.axes[2]
+    shown = [text.get_text() for text in numbered.texts]
+    first, side = fish.branches[0].numbers, fish.side_branches[0].numbers
+    assert shown == ["A 0", f"D {first[-1]}", str(side[-1]), str(side[0])]
+    assert first[-1] > side[-1] > side[0] > 0
+    for text, place in zip(numbered.texts, (first[0], first[-1]), strict=False):
+        assert tuple(text.xy) == tuple(fish.branches[0].path[place])
+    none, words = choose_fish([])
+    assert "no isolated fish" in figure3_4(none, words).texts[0].get_text()
+
+
+def test_a_fish_that_stands_is_laid_down():
+    lying = thinned(with_open_fin())
+    assert lie_down(lying) is lying
+    standing = thinned(np.rot90(with_open_fin()).copy(), np.full(SIZE[::-1], 150, np.uint8))
+    fish = lie_down(standing)
+    assert fish.film.shape == fish.whole.shape == standing.whole.shape[::-1]
+    for points in (fish.kept, on_skeleton(fish.branches)):
+        assert fish.skeleton[points[:, 1], points[:, 0]].all()
+    assert (fish.film[fish.body] < 120).all()
+    x, y = fish.backbone.round().astype(int).T
+    assert fish.whole[y[1:-1], x[1:-1]].all()
+
+
+@pytest.mark.parametrize("name", ["fins open", "three fish"])
+def test_branches_of_drawn_fish_cover_their_skeletons(drawn, name):
+    frames, _ = drawn(name)
+    scene, typical, detector = surveyed(frames)
+    found = [
+        fish
+        for frame in frames[::8]
+        for fish in thin_fish(frame, "", scene, typical, detector.arena, SETTINGS)
+    ]
+    assert len(found) >= len(frames[::8]) - 1
+    for fish in found:
+        pixels = on_skeleton(fish.branches)
+        assert len(np.unique(pixels, axis=0)) == len(pixels)
+        assert fish.skeleton[pixels[:, 1], pixels[:, 0]].all()
+        last = fish.branches[0].numbers[-1]
+        assert last == max(branch.numbers[-1] for branch in fish.branches)
+        assert not (fish.body & ~fish.whole).any()
+    if name == "fins open":
+        assert any(fish.side_branches for fish in found)
+
+
 # -- the stage ----------------------------------------------------------------------------------
 
 FILM = [*TINY_CARP, "clip.frames=90", "clip.crf=0", "clip.light_drift=0"]
@@ -923,7 +1067,7 @@ def test_the_stage_makes_its_files(extracted):
     data = extracted / "data/extract"
     assert list(content(data)) == MADE
     assert list(content(extracted / "reports/extract")) == [
-        "detections.png", "films.csv", "metrics.json",
+        "detections.png", "fig3_4.png", "films.csv", "metrics.json",
     ]  # fmt: skip
     facts = load_record(data / "scene.json", SceneFacts, "extract")
     table = load_table(data / "tracks.parquet", tracks_schema(facts.points))

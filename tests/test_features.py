@@ -66,6 +66,7 @@ from finloop.plots.features import (
     rose,
     trajectories,
 )
+from finloop.plots.turn import figure5, strongest_turn, turned_deg
 
 ORIENTATIONS = 24  # conf/features/default.yaml
 
@@ -916,6 +917,71 @@ def test_fig_7_shows_the_longest_track(known):
     assert np.array_equal(kind_line.get_ydata(), table["swimming_type"][:40])
 
 
+def a_turn(to_left=True, turn_deg=12.0, still=30):
+    """A table and its backbones: straight, a turn of 20 frames in which the body bends, straight."""
+    side = 1 if to_left else -1
+    share = np.sin(np.pi * np.clip((np.arange(2 * still + 20) - still) / 20, 0, 1))
+    heading_deg = side * np.cumsum(turn_deg * (share > 0))
+    place = np.cumsum(4.0 * np.exp(-1j * np.radians(heading_deg)))
+    lines = [
+        body(angle, side * 70 * bent) + (at.real, at.imag)
+        for angle, bent, at in zip(heading_deg, share, place, strict=True)
+    ]
+    return features(tracks_table(np.stack(lines)), RATE, SETTINGS)
+
+
+@pytest.mark.parametrize("to_left", [True, False])
+def test_the_turn_of_fig_5_is_clear_and_the_strongest(to_left):
+    table, _ = a_turn(to_left)
+    rows = strongest_turn(table)
+    k, again = np.diff(rows)
+    assert k == again and k % 5 == 0 and k < 20  # a multiple of Δ, shorter than the turn
+    types, area = (table[name].to_numpy()[rows] for name in ("swimming_type", "motion_area"))
+    side = LEFT if to_left else RIGHT
+    assert types[0] == STRAIGHT and types[1] == side
+    assert area[1] == max(area)
+    angles = turned_deg(table, rows[:2], k, 5)
+    assert np.all(np.sign(angles) == side)
+    heading_deg = table["heading_deg"].to_numpy()[rows]
+    assert wrap_deg(np.diff(heading_deg) - angles) == pytest.approx(0, abs=1e-3)
+    # A slower turn before it, as a track of its own, is passed over.
+    slow, _ = a_turn(to_left, 7.0)
+    both = pd.concat([slow, table.assign(track_id=1)], ignore_index=True)
+    assert strongest_turn(both).tolist() == (rows + len(slow)).tolist()
+    assert strongest_turn(both.assign(head_confidence=0.8)) is None
+
+
+def test_a_film_without_turns_has_no_fig_5():
+    for lines in (swim(60), swim(1), swim(7)):
+        assert strongest_turn(features(tracks_table(lines), RATE, SETTINGS)[0]) is None
+    turning = features(tracks_table(swim(60, turn_deg=6.0, arc_deg=60)), RATE, SETTINGS)[0]
+    assert strongest_turn(turning) is None  # it does not begin with straight swimming
+
+
+def test_fig_5_draws_the_area_and_the_angles_of_the_table():
+    table, backbones = a_turn()
+    rows = strongest_turn(table)
+    low = backbones.min((0, 1))
+    lines = backbones - low + 40
+    tank = np.full((int(np.ptp(backbones[..., 1])) + 90, int(np.ptp(backbones[..., 0])) + 90), 120)
+    fish = [specimen(table, lines, row) for row in rows]
+    upper, lower = figure5(table, rows, fish, tank.astype(np.uint8)).subfigs
+    for axes, row in zip(upper.axes[3:6], rows, strict=True):
+        (patch,) = axes.patches
+        x, y = patch.get_xy().T
+        area = 0.5 * abs(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+        one = table.iloc[row]
+        assert area / one["body_length_px"] ** 2 == pytest.approx(one["motion_area"], abs=2e-4)
+        assert f"motion area {one['motion_area_rel']:.2f}" in axes.get_title()
+    angles = turned_deg(table, rows[:2], rows[1] - rows[0], 5)
+    assert "included angle" not in upper.axes[3].get_title()
+    for axes, angle in zip(upper.axes[4:6], angles, strict=True):
+        assert f"included angle {angle:+.0f}°" in axes.get_title()
+    turned = lower.axes[1].lines[0].get_ydata()
+    frames = lower.axes[1].lines[0].get_xdata()
+    assert turned[frames == rows[2]] == pytest.approx(angles.sum(), abs=1e-3)
+
+
 def test_the_rose_adds_up_to_100(known):
     table, _, _ = known
     (axes,) = rose(table).axes
@@ -925,7 +991,7 @@ def test_the_rose_adds_up_to_100(known):
 # -- the stage --------------------------------------------------------------------------------------
 
 MADE = {
-    "fig7.csv", "fig7.png", "table1.csv", "rose.png", "trajectories.png", "contact_sheet.png",
+    "fig5.png", "fig7.csv", "fig7.png", "table1.csv", "rose.png", "trajectories.png", "contact_sheet.png",
     "metrics.json",
 }  # fmt: skip
 

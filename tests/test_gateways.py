@@ -481,7 +481,8 @@ def work(tmp_path, monkeypatch, world, film):
         )
     facts = MapFacts(BODY, SIZE, 0.1, 1.5, world.step, 2 * world.step)
     save_record(tmp_path / "data/distance/facts.json", facts)
-    steps = features[["track_id", "frame"]].assign(step=world.step, as_filmed=world.step)
+    same = dict.fromkeys(("step", "headed", "as_filmed"), world.step)
+    steps = features[["track_id", "frame"]].assign(**same)
     save_table(tmp_path / "data/distance/steps.parquet", steps, STEPS)
     monkeypatch.chdir(tmp_path)
     return tmp_path

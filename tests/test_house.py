@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
-MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS = 350, 60, 6
+MODULE_LINES, FUNCTION_LINES, KERNEL_ARGUMENTS, PIPELINE_LINES = 350, 60, 6, 400
 
 
 def above(path: str, text: str) -> Iterator[str]:
@@ -35,7 +35,7 @@ def test_modules_functions_and_kernels_keep_their_limits():
 
 
 def test_the_pipeline_is_read_on_a_few_screens():
-    assert len((ROOT / "dvc.yaml").read_text(encoding="utf-8").splitlines()) <= MODULE_LINES
+    assert len((ROOT / "dvc.yaml").read_text(encoding="utf-8").splitlines()) <= PIPELINE_LINES
 
 
 def test_what_is_above_a_limit_is_found():
@@ -49,7 +49,7 @@ def test_what_is_above_a_limit_is_found():
 # --- tests
 
 
-WAITS = {"conftest.py", "test_play_server.py"}  # the home of `wait_for`; a page whose speed counts
+WAITS = {"conftest.py"}  # the home of `wait_for`
 
 
 def bad_habits(text: str) -> Iterator[str]:

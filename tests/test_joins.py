@@ -4,19 +4,27 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from toy_film import DELTA, RATE, bodies_of, players_of, rich_film, waters_of
+from toy_film import (
+    DELTA,
+    RATE,
+    bodies_of,
+    gateways,
+    hybrid_of,
+    matching_of,
+    paper_player,
+    rich_film,
+    waters_of,
+)
 
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
 from finloop.edit.joins import Joins, Shown, inertialized, joins
+from finloop.edit.modes import MODES
 from finloop.edit.schema import (
     CUT,
     FADE,
     FRAME,
-    HYBRID,
     INERTIAL,
-    LOOPS,
-    NETWORK,
     SPRITE,
     Goal,
 )
@@ -160,10 +168,17 @@ def test_what_no_animal_of_the_film_can_do_is_not_drawn():
     assert BODIES.poses.shapes.far(BODIES.poses.shapes.nearest_codes(far[None]).codes).all()
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
+def joined_by(mode, kind):
+    """A player of a mode whose pictures follow on each other in a way."""
+    if mode == "matching":
+        return matching_of(waters_of(join=kind))
+    return paper_player(hybrid_of() if mode == "hybrid" else getattr(hybrid_of(), mode), kind)
+
+
+@pytest.mark.parametrize("mode", MODES)
 def test_joins_change_how_pictures_are_drawn_and_nothing_else(mode):
     lists = {
-        kind: play(players_of(waters_of(join=kind))[mode], [], 600, np.random.default_rng(2))
+        kind: play(joined_by(mode, kind), [], 600, np.random.default_rng(2))
         for kind in (INERTIAL, FADE, CUT)
     }
     inertial, fade, cut = lists.values()
@@ -180,19 +195,22 @@ def test_joins_change_how_pictures_are_drawn_and_nothing_else(mode):
 
 
 def test_sprites_and_frames_join_alike():
-    edit = play(
-        players_of(waters_of())[HYBRID], [Goal("A", 200.0, 200.0)], 1500, np.random.default_rng(2)
-    )
+    """A join that none came shortly before: its own heading alone goes on."""
+    few = gateways().query("direction == 'out' or (sprite == 3 and rank < 3)")
+    player = paper_player(hybrid_of(gates=few), INERTIAL)
+    edit = play(player, [Goal("A", 200.0, 200.0)], 3000, np.random.default_rng(2))
     kind = edit["kind"].to_numpy()
     switches = np.flatnonzero(kind[1:] != kind[:-1]) + 1
     assert len(switches) > 2
-    for tick in switches:
+    assert edit["pose"][switches].notna().all()
+    calm = [tick for tick in switches if edit["reason"][tick - 8 : tick].isna().all()]
+    assert set(kind[calm]) == {SPRITE, FRAME}
+    for tick in calm:
         bodies = [
             BODIES.shown(row.kind, row.source, 0 if row.kind == "frame" else row.orientation,
                          row.rotation_deg, row.mirrored)
             for row in edit.iloc[tick - 1 : tick + 1].itertuples()
         ]  # fmt: skip
-        assert edit["pose"][tick] is not None
         assert abs(wrap_deg(bodies[1].heading_deg - bodies[0].heading_deg)) < 30  # two orientations
 
 
@@ -206,7 +224,8 @@ def test_a_fish_that_never_bends_joins_too():
 def test_the_time_of_a_join_is_measured_or_said():
     def decay(memory, **changes):
         film = replace(BODIES, poses=replace(BODIES.poses, memory_frames=memory * RATE))
-        return joins(settings("animate", **changes), film, DELTA, HOW.helps).decay / RATE
+        p = settings("animate", **changes)
+        return joins(p, INERTIAL, film, DELTA, HOW.helps).decay / RATE
 
     assert decay(0.25) == pytest.approx(0.25)
     assert decay(0.01, join_frames=3) == pytest.approx(0.15) and decay(9.0) == pytest.approx(0.4)
@@ -214,4 +233,4 @@ def test_the_time_of_a_join_is_measured_or_said():
     assert decay(0.01, join_frames=6) == pytest.approx(6 / RATE)
     assert decay(9.0, join_frames=6) == pytest.approx(0.4)
     assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
-    assert joins(settings("animate", join="cut"), BODIES, DELTA, HOW.helps).fade == 0
+    assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0

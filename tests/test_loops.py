@@ -42,14 +42,18 @@ from finloop.loops.search import (
     LOOPS,
     Settings,
     as_map,
+    candidates,
     filtered,
     find,
     groups,
-    improper,
     keep_best,
     minima,
     weights,
 )
+from finloop.loops.travel import improper, travel_of
+from finloop.plots.improper_loop import figure13, most_improper, rows_on_way
+from finloop.plots.loop_groups import film_below, over_time, stretches
+from finloop.plots.loop_routes import choose_cases, figure10, find_three_ways, jumps_of, spell
 from finloop.plots.loops import apart, sample
 from finloop.reel import Reel
 
@@ -62,6 +66,9 @@ EASY = Settings(
     dynamics=1,
     improper_deg=90.0,
     most_per_end=6,
+    policy="play",
+    stay=1.0,
+    join="fade",
 )
 
 
@@ -555,6 +562,166 @@ def test_a_sample_is_even_and_examples_are_apart():
     assert apart(loops[:5], 20, 4) == [0]
 
 
+# -- Fig. 10, three ways ----------------------------------------------------------------------------
+
+
+def within_track(*pairs, rate=RATE):
+    """Loops of one track, or of the tracks that a table of features says."""
+    table = table_of(*pairs)
+    return table.assign(length_s=(table["b"] - table["a"]) / rate, group=0)
+
+
+PAPERS = [tuple(FIG10[end] for end in name) for name in LOOPS_OF_FIG10]
+
+
+def test_the_papers_loops_give_the_papers_three_ways():
+    three = find_three_ways(within_track(*PAPERS), np.zeros(90, int))
+    assert three.ends.tolist() == list(FIG10.values())
+    ways = [spell(way, three.ends) for way in three.cases]
+    assert ways == ["GHCDEF", "GABCDEF", "GHCDEBCDEF"]
+
+
+def check_cases(three):
+    """The three ways begin at G, end at F and differ in their jumps as in Fig. 10b."""
+    g, f = three.ends[[6, 5]]
+    for way in three.cases:
+        assert way[0][0] == g and way[-1][1] == f
+        assert all(leg[1] == following[0] for leg, following in pairwise(way))
+        assert all(b > a for a, b, how in way if how == PLAY)
+    first, second, third = three.cases
+    jumps = [len(jumps_of(way)) for way in three.cases]
+    assert jumps == [1, 1, 2] and jumps_of(third)[0] == jumps_of(first)[0]
+    assert first[0][2] == third[0][2] == PLAY and second[0][2] == JUMP
+    assert all(a > b for a, b, _ in jumps_of(third))
+    shown = [sum(b - a for a, b, how in way if how == PLAY) for way in three.cases]
+    assert shown[2] > shown[0]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_whatever_loops_are_found_their_ways_are_those_of_fig10(seed):
+    rng = np.random.default_rng(seed)
+    pairs = np.unique(np.sort(rng.integers(0, 200, (12, 2)), axis=1), axis=0)
+    loops = within_track(*pairs[pairs[:, 0] < pairs[:, 1]].tolist())
+    three = find_three_ways(loops, np.zeros(200, int))
+    assert three is not None
+    check_cases(three)
+    ends = three.loops[["a", "b"]].to_numpy()
+    assert sorted(ends.ravel()) == three.ends.tolist() and len(set(three.ends)) == 8
+
+
+def test_loops_side_by_side_or_across_tracks_have_no_three_ways():
+    apart_in_time = within_track((5, 15), (20, 30), (35, 45), (50, 60), (65, 75))
+    assert find_three_ways(apart_in_time, np.zeros(90, int)) is None
+    across = within_track(*PAPERS).assign(length_s=np.nan)
+    assert find_three_ways(across, np.zeros(90, int)) is None
+    assert find_three_ways(within_track(*PAPERS[:3]), np.zeros(90, int)) is None
+
+
+def test_of_two_tracks_the_loops_are_of_the_one_that_is_easier_to_read():
+    crowded = [(a // 5 + 100, b // 5 + 100) for a, b in PAPERS[:3]] + [(108, 120)]
+    track = np.repeat([0, 1], [90, 90])
+    three = find_three_ways(within_track(*PAPERS, *crowded), track)
+    assert (track[three.ends] == 0).all() and three.ends.tolist() == list(FIG10.values())
+
+
+def test_cases_are_the_shortest_of_their_kind(fig10):
+    ways = routes(fig10, 6, 5, 40)
+    assert [spell(way, fig10.ends) for way in choose_cases(ways)] == [
+        "GHCDEF", "GABCDEF", "GHCDEBCDEF",
+    ]  # fmt: skip
+
+
+# -- Fig. 12, groups --------------------------------------------------------------------------------
+
+
+def test_stretches_are_of_one_track_and_hold_what_is_inside():
+    track = np.repeat([0, 1, 4], [5, 3, 4])
+    inside = np.array([1, 1, 0, 1, 1, 1, 0, 0, 1, 1, 1, 1], bool)
+    assert stretches(inside, track) == [(0, 2), (3, 5), (5, 6), (8, 12)]
+    assert stretches(~inside, track) == [(2, 3), (6, 8)]
+    assert stretches(np.zeros(12, bool), track) == []
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_no_film_lies_below_two_groups(seed):
+    rng = np.random.default_rng(seed)
+    track = np.sort(rng.integers(0, 6, 150))
+    pairs = np.unique(np.sort(rng.integers(0, 150, (14, 2)), axis=1), axis=0)
+    a, b = pairs[pairs[:, 0] < pairs[:, 1]].T
+    loops = pd.DataFrame({"a": a, "b": b, "group": groups(a, b, track)})
+    below = [film_below(mine, track) for _, mine in loops.groupby("group")]
+    assert np.sum(below, axis=0).max() == 1 and len(below) > 1
+    for _, loop in loops.iterrows():
+        ends = loop[["a", "b"]].to_numpy()
+        assert below[loop["group"]][ends].all()
+        if track[ends[0]] == track[ends[1]]:
+            assert below[loop["group"]][ends[0] : ends[1] + 1].all()
+
+
+def test_fig_12_tells_the_sizes_of_the_groups_and_names_the_dead_ends():
+    """The former three loops overlap, and the later three do; after the last the film ends."""
+    pairs = [(0, 5), (3, 9), (6, 11), (20, 24), (22, 30), (25, 28)]
+    loops = within_track(*pairs, rate=1.0)
+    track = np.zeros(40, int)
+    loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
+    figure = over_time(loops, loop_graph(loops, track), still(40), 1.0)
+    within, every, bar, *_ = figure.axes
+    assert "6 loops within a track, 2 groups" in within.get_title("left")
+    assert [text.get_text() for text in within.texts] == ["3", "3"]
+    (side,) = every.child_axes
+    shown = [label.get_text() for label in side.get_yticklabels()]
+    assert shown == ["3 loops over 12.0 s of film", "3 loops over 11.0 s of film"]
+    (named,) = bar.texts
+    assert named.get_text().splitlines() == ["track 0", "frames 30–39", "10.0 s"]
+
+
+def test_fig_12_has_as_many_rows_as_can_be_read():
+    pairs = [(20 * k, 20 * k + 5) for k in range(15)]
+    loops = within_track(*pairs)
+    track = np.zeros(320, int)
+    loops["group"] = groups(loops["a"].to_numpy(), loops["b"].to_numpy(), track)
+    figure = over_time(loops, loop_graph(loops, track), still(320), RATE)
+    (side,) = figure.axes[1].child_axes
+    shown = [label.get_text() for label in side.get_yticklabels()]
+    assert len(shown) == 10 and shown[-1].startswith("6 more groups: 6 loops")
+
+
+# -- Fig. 13, an improper loop ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("turn", [0.0, 50.0, 180.0, -110.0])
+def test_travel_and_heading_turn_with_the_film(turn):
+    spin = np.exp(1j * np.radians(turn))
+    place = (LINE - 0.3j * LINE) * spin
+    table = swum(place.real, place.imag, wrap_deg(np.array([turn + 10.0]))[0])
+    travel = travel_of(np.array([5]), np.array([30]), table)
+    assert travel.off_deg == pytest.approx(10 + np.degrees(np.arctan(0.3)), abs=1e-3)
+    assert wrap_deg(travel.heading_deg - turn) == pytest.approx(10, abs=1e-3)
+
+
+def test_the_improper_loop_that_is_drawn_goes_farthest_against_its_heading():
+    x = np.r_[np.zeros(30), -LINE[:30], np.zeros(10)]  # it drifts backwards in the middle
+    table = swum(x, np.zeros(70))
+    pairs = [(2, 25), (10, 55), (30, 50)]
+    bad = improper(*np.array(pairs).T, table, 90.0)
+    assert bad.tolist() == [False, True, True]
+    every = table_of(*pairs).assign(filtered=0.5, improper=bad)
+    loop = most_improper(every, table, 90.0)
+    assert (loop.a, loop.b) in pairs[1:] and loop.place == 0
+    assert loop.off_deg == pytest.approx(180)
+    assert rows_on_way(loop, table).tolist() == list(range(loop.a, loop.b + 1))
+    assert most_improper(every.assign(improper=False), table, 90.0) is None
+
+
+def test_a_pair_across_tracks_is_improper_at_one_of_its_ends():
+    track = np.repeat([0, 1], 40)
+    table = swum(np.r_[LINE, -LINE], np.zeros(80), track=track)
+    every = table_of((20, 60)).assign(filtered=0.5, improper=True)
+    loop = most_improper(every, table, 90.0)
+    assert (loop.place, loop.off_deg) == (2, pytest.approx(180))
+    assert rows_on_way(loop, table).tolist() == list(range(58, 63))  # Δ about the end b
+
+
 # -- the stage --------------------------------------------------------------------------------------
 
 N = 80
@@ -570,13 +737,13 @@ def draw(phase, rng):
     return np.dstack([colour.astype(np.uint8), alpha])
 
 
-def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
-    """Everything the stage reads: a fish that swims to the right in each of its tracks."""
-    prepare(folder, *TINY_CARP)
+def put_film(folder, n=N, period=16, tracks=2, keep=2.5, backwards=False):
+    """Everything the stage reads: a fish headed right in each track, where it swims, or drifts left."""
+    prepare(folder, *TINY_CARP, "loops.dynamics=1")
     put_clip(folder, [np.zeros((120, 360), np.uint8)] * 4, rate=round(RATE))
     save_picture(folder / "data/extract/background.png", np.full((120, 360), 200, np.uint8))
     track = np.repeat(np.arange(tracks), n)
-    place = 40 + 3.0 * np.tile(np.arange(n), tracks)
+    place = 40 + 3.0 * np.tile(np.arange(n)[:: -1 if backwards else 1], tracks)
     table = swum(place, -40.0 - 30 * track, 0.0, track, length=44.0)
     save_table(folder / "data/features/features.parquet", table, FEATURES)
     rng = np.random.default_rng(0)
@@ -594,7 +761,8 @@ def put_film(folder, n=N, period=16, tracks=2, keep=2.5):
     pairs = pd.DataFrame({"i": i, "j": j, "distance": far[i, j]})
     distance = folder / "data/distance"
     save_table(distance / "pairs.parquet", pairs, PAIRS)
-    table = table[["track_id", "frame"]].assign(step=np.r_[step, np.nan], as_filmed=np.nan)
+    step = np.r_[step, np.nan]
+    table = table[["track_id", "frame"]].assign(step=step, headed=step, as_filmed=np.nan)
     save_table(distance / "steps.parquet", table, STEPS)
     save_record(distance / "facts.json", MapFacts(BODY, 24, 0.1, keep, median, p95))
 
@@ -617,7 +785,7 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     assert loops["length_s"].isna().any() and loops["length_s"].notna().any()
     reports = toy / "reports/loops"
     assert sorted(p.name for p in reports.iterdir()) == [
-        "best_and_worst.png", "fig11.png", "metrics.json", "over_tank.png", "over_time.png",
+        "best_and_worst.png", "fig10.png", "fig11.png", "fig13.png", "metrics.json", "over_tank.png", "over_time.png",
         "position_table.csv", "routes.csv",
     ]  # fmt: skip
     table = pd.read_csv(reports / "position_table.csv", index_col=0)
@@ -636,6 +804,74 @@ def test_stage_writes_loops_tables_and_pictures(toy, monkeypatch, request):
     request.getfixturevalue("no_drawing")
     stages.loops.main()
     assert same_but_figures(first, content(toy / "data/loops") | content(reports))
+
+
+def toy_reel(folder):
+    """The table of features of a toy film, and its store of cut-outs, to be opened."""
+    table = load_table(folder / "data/features/features.parquet", FEATURES)
+    return table, open_cutouts(folder / "data/extract/cutouts.arrow")
+
+
+def test_the_three_ways_of_a_film_are_drawn_with_a_dotted_line_a_jump(toy, monkeypatch):
+    monkeypatch.chdir(toy)
+    if not (toy / "data/loops").exists():
+        stages.loops.main()
+    loops = load_table(toy / "data/loops/loops.parquet", LOOPS)
+    table, opened = toy_reel(toy)
+    three = find_three_ways(loops, table["track_id"].to_numpy())
+    check_cases(three)
+    with opened as film:
+        figure = figure10(three, Reel(table, film), BODY, 1.0)
+    upper, middle, lower = figure.subfigs
+    letters = [text.get_text() for text in upper.axes[0].texts]
+    assert letters == ["L1", "L2", "L3", "L4", *"ABCDEFGH"]
+    assert len(middle.axes) == 8
+    frame = table["frame"].to_numpy()
+    for axes, way, jumps in zip(lower.axes, three.cases, (1, 1, 2), strict=True):
+        dotted = [line for line in axes.lines if line.get_linestyle() == ":"]
+        solid = [
+            line
+            for line in axes.lines
+            if line.get_linestyle() == "-" and len(line.get_xdata()) == 2
+        ]
+        assert len(dotted) == jumps
+        played = sum(line.get_xdata()[1] - line.get_xdata()[0] for line in solid)
+        assert played == sum(b - a for a, b, how in way if how == PLAY)
+        named = [text.get_text() for text in axes.texts]
+        assert "".join(named) == spell(way, three.ends) and named[0] == "G" and named[-1] == "F"
+        assert axes.texts[0].xy[0] == frame[three.ends[6]]
+    plain = " ".join(axes.get_title("left") for axes in lower.axes)
+    assert re.findall(r"(\d) jumps?", plain) == ["1", "1", "2"]
+
+
+def test_a_film_that_drifts_backwards_has_no_loops_but_an_improper_one(tmp_path, monkeypatch):
+    put_film(tmp_path, backwards=True)
+    monkeypatch.chdir(tmp_path)
+    stages.loops.main()
+    stages.plots.loops.main()
+    assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
+    reports = tmp_path / "reports/loops"
+    words, drawn = (load_picture(reports / f"{name}.png") for name in ("fig10", "fig13"))
+    assert drawn.shape[0] > 2 * words.shape[0]
+    table, opened = toy_reel(tmp_path)
+    pairs = as_map(load_table(tmp_path / "data/distance/pairs.parquet", PAIRS), len(table))
+    every, counts = candidates(pairs, table, 100.0, EASY)
+    assert every["improper"].all() and counts.improper == len(every)
+    loop = most_improper(every, table, 90.0)
+    assert abs(loop.travel_deg) == pytest.approx(180) and loop.heading_deg == pytest.approx(0)
+    with opened as film:
+        figure = figure13(loop, Reel(table, film), BODY, np.full((120, 360), 200, np.uint8), "")
+    arrows = [
+        (np.subtract(text.xy, text.get_position()), text.arrow_patch.get_edgecolor())
+        for text in figure.subfigs[0].axes[0].texts
+        if getattr(text, "arrow_patch", None) is not None
+    ]
+    colours = {colour for _, colour in arrows}
+    assert len(colours) == 2 and len(arrows) == 4  # headings at a, at b, and mean; travel
+    ahead = {
+        colour: np.mean([way[0] for way, one in arrows if one == colour]) for colour in colours
+    }
+    assert sorted(np.sign(list(ahead.values()))) == [-1, 1]  # opposed
 
 
 @pytest.mark.usefixtures("no_drawing")
@@ -662,7 +898,7 @@ def test_stage_on_one_track_of_ten_frames(tmp_path, monkeypatch, capsys):
     stages.loops.main()
     assert "one track of 10 frames" in capsys.readouterr().err
     stages.plots.loops.main()
-    assert len(list((tmp_path / "reports/loops").glob("*.png"))) == 4
+    assert len(list((tmp_path / "reports/loops").glob("*.png"))) == 6
     assert load_table(tmp_path / "data/loops/loops.parquet", LOOPS).empty
 
 

@@ -120,7 +120,7 @@ def test_level_reaches_the_method():
     assert np.abs(fine.layers["box"] - coarse.layers["box"]).max() > 0.1
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     size=st.tuples(st.floats(1, 500), st.floats(1, 500)),
     into=st.tuples(st.floats(1, 500), st.floats(1, 500)),

@@ -104,7 +104,7 @@ coordinate = st.integers(0, 5).map(float)
 near = st.tuples(st.integers(0, 3), st.integers(-2, 2)).map(lambda v: v[0] / 10 + v[1] * 2.0**-55)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     st.one_of(
         st.lists(st.tuples(coordinate, coordinate), min_size=3, max_size=24),
@@ -144,7 +144,7 @@ def test_an_edge_that_turns_through_a_point_is_contact():
     assert is_simple(here) and is_simple(there) and not stays_simple(np.stack([here, there]))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(st.integers(0, 2**32 - 1), st.integers(4, 9), st.floats(0.05, 1.5), st.booleans())
 def test_proved_motions_show_no_fold_at_any_moment(seed, n, much, closed):
     rng = np.random.default_rng(seed)
@@ -156,7 +156,7 @@ def test_proved_motions_show_no_fold_at_any_moment(seed, n, much, closed):
     assert not (proved and folded)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.integers(0, 2**32 - 1))
 def test_small_motions_are_proved(seed):
     """Edges of 0.098, and no vertex goes a quarter of that: none comes near another edge."""

@@ -73,7 +73,7 @@ def folds_seen(points, closed=True):
 # --- matching
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 63), st.booleans())
 def test_a_curve_is_found_again(seed, start, back):
     """Begun elsewhere, run the other way, moved: the same points come out."""
@@ -186,7 +186,7 @@ def test_shortening(curve, n):
     assert (np.diff(length) < 0).all() and 4 * np.pi * abs(areas[0]) / length[-1] ** 2 > 0.97
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(4, 40))
 def test_ears(seed, n):
     """Any simple polygon comes down to a triangle."""
@@ -296,7 +296,7 @@ def test_too_coarse_to_shorten():
     assert found.proved and not folds(found.frames).any()
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_any_simple_polygons(seed, back):
     rng = np.random.default_rng(seed)

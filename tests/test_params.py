@@ -1,5 +1,6 @@
 """Parameters: what is refused, by which name, when; and params.yaml is the composition of conf/."""
 
+import ast
 import inspect
 import os
 import re
@@ -18,7 +19,8 @@ from pydantic import Field
 
 import stages.stamps
 from finloop.base.errors import FinloopError
-from finloop.base.settings import GROUPS, check, settings, values_of, variants
+from finloop.base.settings import GONE, GROUPS, check, settings, values_of, variants
+from finloop.edit.modes import MODES
 from finloop.io.parameters import refusal
 from stages import settings as door
 from stages.compose import compare, composed
@@ -96,6 +98,55 @@ def test_one_wrong_value_is_one_problem(changed, problem):
 
 def test_an_unknown_key_like_no_other_names_all():
     assert toy(zzz=1) == ["toy.zzz: unknown; toy has " + ", ".join(TOY)]
+
+
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("animate.path", "it is matching.path now"),
+        ("animate.fish", "it is matching.fish now"),
+        ("animate.join", "it is network.join, loops.join, hybrid.join or matching.join now"),
+        ("hybrid.path", "it is matching.path now"),
+        ("matching.seconds", "it is animate.seconds now"),
+        ("matching.from", "it is matching.uses now"),
+        ("animate.sprites", "the modes network, loops and hybrid are the paper's; matching.uses "),
+        ("animate.jumps", "the modes network, loops and hybrid are the paper's; matching.uses "),
+        ("export.shadow_blur", "did you mean render.shadow_blur?"),
+        ("matching.beem", "did you mean matching.beam?"),
+    ],
+)
+def test_a_parameter_of_another_group_is_answered_by_its_name_there(name, told):
+    word, _, key = name.partition(".")
+    whole = made_values()[word]
+    (problem,) = check(word, VARIANTS[word], whole | {key: 1})[1]
+    assert problem.startswith(f"{name}: unknown; {told}")
+
+
+@pytest.mark.parametrize("mode", ["nn", "fly", ["network"]])
+def test_a_mode_that_there_is_not_is_answered_by_those_that_there_are(mode):
+    (problem,) = check("render", VARIANTS["render"], made_values()["render"] | {"mode": mode})[1]
+    assert all(f"'{one}'" in problem for one in MODES)
+    assert problem.endswith("which is network now") == (mode == "nn")
+
+
+def test_no_text_names_a_parameter_by_a_group_that_lacks_it():
+    """What messages and docstrings advise can be taken as it is written."""
+    keys = {
+        word: {field.name for one in options.values() for field in fields(one)}
+        for word, options in VARIANTS.items()
+    }
+    every, wrong = set().union(*keys.values(), GONE), []
+    name = re.compile(rf"(?<![\w./-])({'|'.join(GROUPS)})\.([a-z_]+)(?=[^\w.]|\.?$|\. )")
+    files = [*(ROOT / "finloop").rglob("*.py"), *(ROOT / "stages").rglob("*.py")]
+    for path in files:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                wrong += [
+                    f"{path.relative_to(ROOT)}: {word}.{key}"
+                    for word, key in name.findall(node.value)
+                    if key in every - keys[word]
+                ]
+    assert wrong == []
 
 
 def test_every_problem_is_told_at_once():
@@ -244,8 +295,12 @@ def test_the_whole_must_be_there_and_nothing_else():
     [
         ("clip=typo", "clip/typo"),
         ("clpi=carp", "clpi"),
-        ("clip.nosuch=1", "clip.nosuch"),
+        ("clip.nosuch=1", "clip.nosuch: unknown"),
         ("+clip.nosuch=1", "clip.nosuch: unknown"),
+        ("animate.sprites=paper", "animate.sprites: unknown; the modes network, loops and hybrid"),
+        ("animate.path=way.csv", "animate.path: unknown; it is matching.path now"),
+        ("render.mode=nn", "got 'nn', which is network now"),
+        ("+experiment=paper", "experiment/paper"),
         ("+new.key=1", "new: unknown"),
         ("~extract", "extract."),
         ("clip=file", "clip.path: has no value"),
@@ -370,16 +425,23 @@ def test_a_path_that_has_changed_has_another_stamp(elsewhere):
     assert None not in seen and len({*seen}) == 2
     for none in (None, "track:8", str(elsewhere / "none.svg")):
         assert path_stamp({"path": none}) is None
+    whole = yaml.safe_load(composed(["~local", f"matching.path={file}"]))
+    assert whole["path_stamp"] == seen[-1]
 
 
 def test_the_stamp_in_params_yaml_is_renewed_and_nothing_else(elsewhere):
     film, params = elsewhere / "film.mp4", elsewhere / "params.yaml"
     film.write_bytes(b"1")
     values = yaml.safe_load(params.read_text()) | {"clip": {"source": "file", "path": str(film)}}
+    values["matching"] |= {"path": str(film)}
     params.write_text(yaml.safe_dump(values, sort_keys=False))
     stages.stamps.main()
     once = yaml.safe_load(params.read_text())
-    assert once == values | {"film_stamp": film_stamp(values["clip"])}
+    stamps = {
+        "film_stamp": film_stamp(values["clip"]),
+        "path_stamp": path_stamp(values["matching"]),
+    }
+    assert None not in stamps.values() and once == values | stamps
     film.write_bytes(b"22")
     stages.stamps.main()
     assert yaml.safe_load(params.read_text())["film_stamp"] not in (None, once["film_stamp"])

@@ -6,9 +6,8 @@ from toy_film import (
     LENGTH,
     STEP,
     film_of,
-    gateways,
     loops,
-    players_of,
+    matching_of,
     swum,
     table_of,
     waters_of,
@@ -22,9 +21,7 @@ from finloop.animate.path_ways import RUN, keep, shown_at
 from finloop.animate.paths import lay
 from finloop.animate.recent import NEVER
 from finloop.animate.search import Here
-from finloop.animate.state import Progress
 from finloop.base.line import PX, Line
-from finloop.edit.schema import HYBRID, LOOPS, NETWORK
 
 TURN = np.linspace(0, 2 * np.pi, 200, endpoint=False)
 EIGHT = Line("eight", 400 + 200 * np.sin(TURN), 300 + 120 * np.sin(2 * TURN), PX, closed=True)
@@ -59,7 +56,7 @@ def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
 
 def looked(waters, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):
     """What becomes of the ways on from a row, and the rows of the best, of a beam so wide."""
-    follower, film = players_of(waters, gateways()[:0])[LOOPS].follower, waters.film
+    follower, film = matching_of(waters).follower, waters.film
     every = ways_on(film, row, rot, True)
     here = Here(*place, 1, 2.0, 99, np.zeros((0, 3), np.int64))
     rules = follower._alone._replace(beam=beam, horizon=40, again=0.0)
@@ -113,7 +110,7 @@ def test_tracks_shorter_than_a_stride_are_swum_by_and_left_in_time():
     ends = np.concatenate([14 * k + np.array([2, 9, 13]) for k in range(5)])
     pairs = {(a, b) for a in ends for b in rng.choice(ends, 6) if abs(int(a) - b) > 13}
     waters = waters_of(film_of(table, loops(*sorted(pairs))), stay=0.4, path_stride=2.0)
-    player, route = players_of(waters, gateways(table)[:0])[LOOPS], laid(EIGHT, waters)
+    player, route = matching_of(waters), laid(EIGHT, waters)
     rng = np.random.default_rng(1)
     state = player.begin(rng, route)
     for _ in range(60):
@@ -141,7 +138,7 @@ def steps(player, route, state, ticks, rng):
 
 def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stride(monkeypatch):
     waters = waters_of()
-    player, route, rng = players_of(waters)[LOOPS], laid(EIGHT, waters), np.random.default_rng(0)
+    player, route, rng = matching_of(waters), laid(EIGHT, waters), np.random.default_rng(0)
     begun = player.begin(rng, route)
     searches = counted_searches(monkeypatch)
     alone, state = steps(player, route, begun, 300, rng)
@@ -158,23 +155,10 @@ def test_a_fish_alone_swims_by_its_plan_and_beside_others_looks_after_every_stri
     assert len(stretch.way) <= player.follower.rules.stride
 
 
-def test_a_plan_of_another_mode_is_not_carried_out():
-    players, rng = players_of(waters_of()), np.random.default_rng(0)
-    route = laid(EIGHT, players[LOOPS].waters)
-    state = players[LOOPS].begin(rng, route)
-    while not state.path.runs:
-        _, state = players[LOOPS].step(state, route, rng)
-    for mode in (NETWORK, HYBRID):
-        stretch, then = players[mode].step(state, route, np.random.default_rng(1))
-        fresh = state._replace(path=Progress(state.path.along))
-        again, _ = players[mode].step(fresh, route, np.random.default_rng(1))
-        assert repr(stretch) == repr(again) and then.path.mode in ("", mode)
-
-
 def test_no_more_of_a_plan_is_swum_than_was_looked_at():
     for horizon in (7, 40, 41):
         waters = waters_of()
-        follower = players_of(waters, gateways()[:0])[LOOPS].follower
+        follower = matching_of(waters).follower
         follower._alone = follower._alone._replace(horizon=horizon)
         every = ways_on(waters.film, 5, 0.0, True)
         here = Here(400.0, 300.0, 1, 2.0, 99, np.zeros((0, 3), np.int64))
@@ -185,7 +169,7 @@ def test_no_more_of_a_plan_is_swum_than_was_looked_at():
 
 def test_a_plan_is_given_up_for_another_path_and_where_it_is_cut(monkeypatch):
     waters = waters_of()
-    player, rng = players_of(waters)[LOOPS], np.random.default_rng(0)
+    player, rng = matching_of(waters), np.random.default_rng(0)
     route = laid(EIGHT, waters)
     state = player.begin(rng, route)
     while not state.path.runs:

@@ -10,10 +10,9 @@ from toy_film import (
     RATE,
     SPEED,
     film_of,
-    gateways,
     loops,
+    matching_of,
     open_tank,
-    players_of,
     swum,
     waters_of,
 )
@@ -26,7 +25,7 @@ from finloop.animate.shoal import swim
 from finloop.animate.steering import Steering, steered
 from finloop.base.errors import FinloopError
 from finloop.base.line import MM, PX, TANK, Line, checked_line
-from finloop.edit.schema import HYBRID, LOOPS, NETWORK, PATH
+from finloop.edit.schema import PATH
 from finloop.io.line import load_line
 from finloop.io.table import save_table
 from finloop.plots.path import path as figure
@@ -219,19 +218,18 @@ def test_a_way_ends_before_it_leaves_the_tank():
 # --- following
 
 
-def followed(line, mode, ticks=700, **changes):
-    """What a mode makes of a path: the swim, columns of `SWUM`, measures."""
+def followed(line, ticks=700, **changes):
+    """What is made of a path: the swim, columns of `SWUM`, measures."""
     waters = waters_of(**changes)
-    player, path = players_of(waters)[mode], laid(line)
+    player, path = matching_of(waters), laid(line)
     swum_ = swim(player, [], ticks, np.random.default_rng(0), path.route)
-    table = swum_path(mode, swum_, path, ticks, waters)
+    table = swum_path("matching", swum_, path, ticks, waters)
     left = where_left(table, path, waters, limits(waters.film, waters))
     return swum_, table, left, of_path(table, left, path, player.follower.spread, waters)
 
 
-@pytest.mark.parametrize("mode", [LOOPS, HYBRID])
-def test_the_film_is_swum_along_a_path_lap_after_lap(mode):
-    swum_, table, left, numbers = followed(EIGHT, mode)
+def test_the_film_is_swum_along_a_path_lap_after_lap():
+    swum_, table, left, numbers = followed(EIGHT)
     assert numbers["path_across_rms_body_lengths"] < 0.1 and not len(left)
     assert numbers["path_swum_pct"] > 100 and len(table) == 700
     assert 0 < numbers["path_turn_corrected_pct"] < 15
@@ -246,26 +244,20 @@ def test_the_film_is_swum_along_a_path_lap_after_lap(mode):
         assert (np.diff(one.number) == 1).all()
 
 
-def test_sprites_are_sent_along_the_path():
-    _, _, _, numbers = followed(EIGHT, NETWORK)
-    assert numbers["path_across_rms_body_lengths"] < 0.5 and numbers["path_swum_pct"] > 50
-
-
 def test_an_open_path_has_an_end_and_then_the_fish_wanders():
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
-    swum_, table, _, numbers = followed(line, LOOPS)
+    swum_, table, _, numbers = followed(line)
     assert numbers["path_swum_pct"] == pytest.approx(100) and len(table) < 700
     at = [name == PATH for name in swum_.names]
     assert at == sorted(at, reverse=True) and not all(at)
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_a_path_is_followed_to_its_end_and_no_tick_longer(mode):
+def test_a_path_is_followed_to_its_end_and_no_tick_longer():
     """Of a path without times the last tick alone is at its end; one with times lasts as long."""
     line = Line("a", np.array([150.0, 500.0]), np.array([300.0, 320.0]), PX)
-    path, player = laid(line), players_of(waters_of())[mode]
+    path, player = laid(line), matching_of()
     made = swim(player, [], 900, np.random.default_rng(0), path.route)
-    table = swum_path(mode, made, path, 900, player.waters)
+    table = swum_path("matching", made, path, 900, player.waters)
     followed_ = [len(one.way) for one, at in zip(made.stretches, made.names, strict=True) if at]
     end = path.asked.length - 1e-3
     assert sum(followed_) == len(table) < 900
@@ -283,31 +275,30 @@ def test_with_times_the_fish_is_there_on_time():
     pace = SPEED * LENGTH
     heading = np.degrees(np.arctan(-np.cos(x / 60)))
     line = Line("a", x, y, PX, time_s=far / pace, heading_deg=heading)
-    _, table, left, numbers = followed(line, LOOPS)
+    _, table, left, numbers = followed(line)
     assert len(table) == 1 + int(far[-1] / pace * RATE) and not len(left)
     assert numbers["path_late_rms_body_lengths"] < 0.25
     assert numbers["path_across_rms_body_lengths"] < 0.1
     assert numbers["path_heading_error_rms_deg"] < 20
     # Four times as fast as any fish of the film, it is late, and that is said.
-    _, _, left, numbers = followed(line._replace(time_s=far / pace / 4), LOOPS)
+    _, _, left, numbers = followed(line._replace(time_s=far / pace / 4))
     assert numbers["path_late_rms_body_lengths"] > 1 and "fast" in set(left["why"])
 
 
 def test_where_a_path_cannot_be_swum_it_is_left_and_that_is_said():
     wall = Line("a", np.array([150.0, 600.0]), np.array([22.0, 22.0]), PX)
-    _, _, left, numbers = followed(wall, LOOPS)
+    _, _, left, numbers = followed(wall)
     assert set(left["why"]) == {"wall"} and numbers["path_left_pct"] == 100
     assert left["most"].iloc[0] == pytest.approx((0.6 * LENGTH + 20 - 22) / LENGTH, abs=0.15)
     x = np.array([150.0, 500.0, 150.0, 500.0])
     spike = Line("a", x, np.array([200.0, 210.0, 220.0, 230.0]), PX)
-    _, _, left, numbers = followed(spike, LOOPS)
+    _, _, left, numbers = followed(spike)
     assert "sharp" in set(left["why"]) and numbers["path_swum_pct"] == pytest.approx(100)
     assert (left["to_s"] >= left["from_s"]).all() and (left["most"] > 0.25).all()
 
 
-@pytest.mark.parametrize("mode", [NETWORK, LOOPS, HYBRID])
-def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut(mode):
-    player, route = players_of(waters_of())[mode], laid(EIGHT).route
+def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut():
+    player, route = matching_of(), laid(EIGHT).route
     rng = np.random.default_rng(3)
     state = player.begin(rng, route)
     for _ in range(12):
@@ -327,16 +318,16 @@ def test_a_step_along_a_path_is_pure_and_a_cut_one_goes_on_from_the_cut(mode):
 def test_a_film_that_only_swims_straight_is_followed_as_nearly_as_it_can_be():
     table = swum([0.0] * 300, at=(100.0, 100.0))
     waters = waters_of(film_of(table, loops((20, 280))))
-    player, path = players_of(waters, gateways(table)[:0])[LOOPS], laid(EIGHT)
+    player, path = matching_of(waters), laid(EIGHT)
     made = swim(player, [], 200, np.random.default_rng(0), path.route)
     left = where_left(
-        swum_path(LOOPS, made, path, 200, waters), path, waters, limits(waters.film, waters)
+        swum_path("matching", made, path, 200, waters), path, waters, limits(waters.film, waters)
     )
     assert len(left) and "sharp" in set(left["why"])
 
 
 def test_what_is_swum_is_written_and_drawn(tmp_path):
-    _, table, left, _ = followed(EIGHT, LOOPS, ticks=100)
+    _, table, left, _ = followed(EIGHT, ticks=100)
     save_table(tmp_path / "a.parquet", table, SWUM)
     save_table(tmp_path / "b.parquet", left, LEFT)
     assert len(figure(table, left, np.full((600, 800), 128, np.uint8)).axes) == 2
@@ -357,7 +348,6 @@ def test_a_line_of_what_is_infinite_is_none():
 def test_the_parameters_of_paths_do_not_touch_who_swims_to_goals():
     """Without a path nothing of it counts."""
     changed = {"path_share": 0.9, "path_beam": 1, "path_across": 0.0}
-    for mode in (LOOPS, HYBRID):
-        one, other = (players_of(w)[mode] for w in (waters_of(), waters_of(**changed)))
-        swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
-        assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))
+    one, other = (matching_of(w) for w in (waters_of(), waters_of(**changed)))
+    swims = [swim(p, [], 200, np.random.default_rng(1)) for p in (one, other)]
+    assert all(repr(a) == repr(b) for a, b in zip(*(s.stretches for s in swims), strict=True))

@@ -17,7 +17,8 @@ import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive, wait_for
 
-from finloop.base.settings import GROUPS, WORDS
+from finloop.base.settings import GROUPS, SETTINGS_AT, WORDS
+from finloop.edit.modes import MODES
 from stages.settings import FILES
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +26,8 @@ PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())
 SHIPPED = ("data/drawings", "data/gaits")  # of data/, what no stage makes
 STAGES: dict[str, Any] = PIPELINE["stages"]
 EMPTY = {
-    f"{package}/__init__.py" for package in ("finloop", "stages", "finloop/plots", "stages/plots")
+    f"{package}/__init__.py"
+    for package in ("finloop", "stages", "finloop/plots", "stages/modes", "stages/plots")
 }
 """What an import of a module below runs too; the first one imports only what is asked for."""
 
@@ -49,15 +51,16 @@ def module_files(name: str) -> set[str]:
 def imported(file: str) -> set[str]:
     """The files of ours that a file imports, at its top or inside a function.
 
-    finloop/project.py is an exception. Each property and method of `Project` imports the rooms that
-    it needs inside itself, so that a stage depends on what it uses and not on the whole pipeline:
+    finloop/project.py, and run_files.py with the base of its class, are an exception. Each property
+    and method of `Project` imports the rooms that it needs inside itself, so that a stage depends
+    on what it uses and not on the whole pipeline:
 
-    - project.py itself counts with the imports at its top alone, without those for type checkers;
+    - these two count with the imports at their top alone, without those for type checkers;
     - a file that imports project.py also counts with the imports of those properties and methods
       that it uses, of an object called `project` or of `Project(…)`, and of those that these use.
     """
     tree = ast.parse((ROOT / file).read_text())
-    if file == PROJECT:
+    if file in PARTS:
         return imports_in(tree.body)
     found = imports_in([*ast.walk(tree)])
     if PROJECT in found:
@@ -67,14 +70,18 @@ def imported(file: str) -> set[str]:
 
 
 PROJECT = "finloop/project.py"
+PARTS = {PROJECT: "Project", "finloop/run_files.py": "RunFiles"}  # its class, and the base of that
 
 
 @cache
 def members() -> dict[str, ast.FunctionDef]:
     """The properties and methods of `Project` by name."""
-    body = ast.parse((ROOT / PROJECT).read_text()).body
-    (project,) = (one for one in body if isinstance(one, ast.ClassDef) and one.name == "Project")
-    return {one.name: one for one in project.body if isinstance(one, ast.FunctionDef)}
+    found = {}
+    for file, name in PARTS.items():
+        body = ast.parse((ROOT / file).read_text()).body
+        (part,) = (one for one in body if isinstance(one, ast.ClassDef) and one.name == name)
+        found |= {one.name: one for one in part.body if isinstance(one, ast.FunctionDef)}
+    return found
 
 
 def attributes(tree: ast.AST, of: str) -> set[str]:
@@ -176,7 +183,8 @@ def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
     files = closure(module_files(module(word)))
     wanted = {folder(file) for file in files - EMPTY}
     if word == "params":  # looks at every declaration, by name
-        wanted |= {f"finloop/{one}/settings.py" for one in GROUPS}
+        wanted |= {f"finloop/{SETTINGS_AT.get(one, f'{one}/settings.py')}" for one in GROUPS}
+        wanted.add("finloop/edit/modes.py")  # the modes that a declaration names
     deps = STAGES[word]["deps"]
     listed = {dep for dep in deps if dep.startswith(("finloop", "stages"))}
     assert sorted(wanted - listed) == [], "imported, but not under deps"
@@ -196,7 +204,7 @@ def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
     def rooms(number: int, text: str) -> set[str]:
         path = tmp_path / f"{number}.py"  # another one each time, for what is found is kept
         path.write_text(use + text)
-        return {folder(file) for file in imported(str(path)) - EMPTY - {PROJECT}}
+        return {folder(file) for file in imported(str(path)) - EMPTY - {*PARTS}}
 
     assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
     assert rooms(2, "project.features") == rooms(3, "Project().features") == {"finloop/features"}
@@ -217,15 +225,18 @@ def test_a_project_is_called_project_wherever_dependencies_are_read():
 
 
 def test_a_project_imports_only_files_at_its_top_and_rooms_inside_its_members():
-    assert {folder(file) for file in imported(PROJECT) - EMPTY} == {"finloop/base", "finloop/io"}
-    tree = ast.parse((ROOT / PROJECT).read_text())
-    top = [node for node in tree.body if not isinstance(node, ast.If)]  # of type checkers
+    at_top = {file for part in PARTS for file in imported(part)}
+    rooms = {folder(file) for file in at_top - EMPTY - {*PARTS}}
+    assert rooms == {"finloop/base", "finloop/io"}
+    trees = [ast.parse((ROOT / part).read_text()) for part in PARTS]
+    top = [node for tree in trees for node in tree.body if not isinstance(node, ast.If)]
     everywhere = {file for node in top for file in imports_in([*ast.walk(node)])}
     inside = {file for one in members().values() for file in imports_in([*ast.walk(one)])}
-    assert everywhere == imported(PROJECT) | inside
+    assert everywhere == at_top | inside  # top: without the imports of type checkers
 
 
 PLOTS = [stage for stage in STAGES if stage.startswith("plots-")]
+PLAYED = [f"modes-{mode}" for mode in MODES]
 
 
 @pytest.mark.parametrize("stage", PLOTS)
@@ -245,7 +256,13 @@ def test_a_stage_is_one_word_everywhere(word):
         return
     if word == "params":
         return
-    own, *others = stage["params"]  # others: of stages whose work it does again
+    groups = [group.partition(".")[0] for group in stage["params"]]
+    own, *others = groups  # others: of stages whose work it does again, or it works for
+    if word in PLAYED:
+        mode = word.removeprefix("modes-")
+        assert own == mode
+        assert {f"data/animate/{mode}", f"data/animate/{mode}.parquet"} == set(outputs(word))
+        return
     assert own == word
     assert {*others} - {*FILES} <= {*list(WORDS)[: WORDS.index(word)]}
     assert word in WORDS
@@ -266,7 +283,13 @@ def test_a_stage_enters_and_leaves_by_the_door(word):
 
 
 def test_every_group_belongs_to_a_stage():
-    assert set(WORDS) == set(STAGES) - {"params", *PLOTS}
+    assert set(WORDS) == set(STAGES) - {"params", *PLOTS, *PLAYED} | set(MODES)
+
+
+def test_every_mode_has_a_stage_and_a_file():
+    assert {*PLAYED} == {stage for stage in STAGES if stage.startswith("modes-")}
+    for mode in MODES:
+        assert (ROOT / f"stages/modes/{mode}.py").is_file()
 
 
 def test_no_stage_runs_anew_where_the_work_is_done_elsewhere():
@@ -315,7 +338,7 @@ def test_a_run_leaves_only_numbers_to_git(first_run: Copy):
     assert {Path(name).suffix for name in made} <= {".json", ".csv"}
     assert repo.git("status", "--porcelain") == ""
     assert repo.git("ls-files", ".dvc/plots_page.html")  # a temporary experiment has it too
-    for word in WORDS:
+    for word in {*WORDS} & {*STAGES}:
         assert json.loads(repo.text(f"reports/{word}/metrics.json"))
 
 
@@ -327,7 +350,7 @@ def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):
     assert {name.split("/")[1] for name in names} == {f"{one:02d}" for one in range(1, 21)}
     table1 = pd.read_csv(first_run.root / "reports/features/table1.csv")
     assert table1["orientation"].tolist() == list(range(1, 21))
-    edit = pd.read_parquet(data / "animate/nn.parquet")
+    edit = pd.read_parquet(data / "animate/network.parquet")
     assert set(edit["kind"]) == {"sprite"}
     assert edit["rotation_deg"].abs().between(0, 9).all() and edit["orientation"].nunique() > 1
     edit = edit[edit["pose"].isna()]  # a sprite in a pose is turned on with it
@@ -340,6 +363,7 @@ def test_another_number_of_orientations_goes_all_the_way(first_run: Copy):
 QUICK = {
     "title": "t",
     "why": "w",
+    "seen": "s",
     "params": {"features.release": "0.4, 0.5, 7.0"},
     "until": "features",
     "measures": ["features.straight_pct"],
@@ -376,7 +400,11 @@ def test_refused_overrides_leave_everything_as_it_was(front_run: Copy):
     """By Hydra, and by our own check; tests/test_params.py has the others, without DVC."""
     repo = front_run  # nothing to put back
     before = repo.text("params.yaml")
-    for override, named in {"clip=typo": "clip/typo", "+clip.new=1": "clip.new: unknown"}.items():
+    for override, named in {
+        "clip=typo": "clip/typo",
+        "+clip.new=1": "clip.new: unknown",
+        "animate.sprites=paper": "animate.sprites: unknown; the modes network, loops and hybrid",
+    }.items():
         text = repo.dvc("exp", "run", "-S", "clip=carp", "-S", override, fails=True)
         assert named in text
         assert "Traceback" not in text

@@ -9,10 +9,13 @@ from conftest import TINY_CARP
 from scratch import prepare
 from tiny_run import TinyRun
 
-import finloop.project
+import finloop.run_files
 from finloop.base.errors import FinloopError
-from finloop.edit.schema import NETWORK, RETARGET
+from finloop.edit.modes import RETARGET
+from finloop.edit.schema import EDIT
 from finloop.io.cutouts import open_cutouts
+from finloop.io.record import save_json
+from finloop.io.table import save_table
 from finloop.project import Project
 
 
@@ -47,9 +50,9 @@ def test_a_file_is_loaded_once(project, monkeypatch):
         return counts
 
     for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
-        monkeypatch.setattr(finloop.project, name, counted(getattr(finloop.project, name)))
+        monkeypatch.setattr(finloop.run_files, name, counted(getattr(finloop.run_files, name)))
     for _ in range(2):
-        drawn = project.drawn(NETWORK, "render", sprites=True, bodies=True)
+        drawn = project.drawn("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).frame(0)
         assert project.arena.shape == project.background.shape[:2]
         assert len(project.reel) == len(project.film_reel) == len(project.outlines)
@@ -66,8 +69,8 @@ def test_parts_of_a_project_belong_to_each_other(project):
     assert project.reel.film is project.film_reel.film is project.cutouts
     columns = project.tracks(["x_px", "y_px"])
     assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
-    assert project.edit(NETWORK, "render") is project.drawn(NETWORK, "render").edit
-    assert project.goals(NETWORK) and project.size(NETWORK) > 0
+    assert project.edit("network", "render") is project.drawn("network", "render").edit
+    assert project.goals("network") and project.size("network") > 0
 
 
 def test_a_recorded_track_has_no_goals_and_must_have_been_named(project):
@@ -75,6 +78,13 @@ def test_a_recorded_track_has_no_goals_and_must_have_been_named(project):
     for _ in range(2):
         with pytest.raises(FinloopError, match=r"tank\.mode is retarget, and no track"):
             project.edit(RETARGET, "tank")
+
+
+def test_a_mode_that_the_film_is_too_short_for_says_so(tmp_path):
+    save_table(tmp_path / "data/animate/loops.parquet", EDIT.empty(), EDIT)
+    save_json(tmp_path / "data/animate/loops/reason.json", {"reason": "no loops"})
+    with pytest.raises(FinloopError, match=r"render\.mode is loops, and there is no .*: no loops"):
+        Project(tmp_path).edit("loops", "render")
 
 
 def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monkeypatch):
@@ -87,7 +97,7 @@ def test_a_closed_project_has_closed_its_stores_and_opens_them_anew(folder, monk
             yield store
             there[path.name] -= 1
 
-    monkeypatch.setattr(finloop.project, "open_cutouts", counted)
+    monkeypatch.setattr(finloop.run_files, "open_cutouts", counted)
     with Project(folder) as project:
         assert len(project.reel.store) and there == {"cutouts.arrow": 1, "sprites.arrow": 1}
         first = project.features

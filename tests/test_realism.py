@@ -18,7 +18,8 @@ from finloop.base.errors import FinloopError
 from finloop.base.parallel import Processes
 from finloop.base.settings import settings
 from finloop.base.stretches import spread, stretches
-from finloop.edit.schema import EDIT, LOOPS, NETWORK, SPRITE
+from finloop.edit.filmed import as_filmed
+from finloop.edit.schema import EDIT, SPRITE
 from finloop.extract.background import Scene
 from finloop.extract.film import Detector
 from finloop.extract.table import SceneFacts
@@ -32,7 +33,6 @@ from finloop.realism import examples
 from finloop.realism.auc import Scores, auc, roc
 from finloop.realism.compare import Sample, verdict
 from finloop.realism.instrument import Instrument, Swimming, swimming
-from finloop.realism.lists import as_filmed
 from finloop.realism.windows import (
     CHANNELS,
     Windows,
@@ -351,7 +351,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
     scene = Scene(one.tank, facts.polarity, facts.noise_grey, facts.threshold_grey)
     detector = Detector(one.arena, one.typical, one.extract)
     with Project() as project:
-        drawn = project.drawn(NETWORK, "realism", sprites=True, bodies=True)
+        drawn = project.drawn("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
         fish = list(placed(drawn.edit, gallery))[::7]
         for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
@@ -373,7 +373,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     places = features[["x_px", "y_px"]].to_numpy()
     edit = as_filmed(np.arange(len(features)), places)
     with Project() as project:
-        gallery = project.gallery(project.drawn(NETWORK, "realism"))
+        gallery = project.gallery(project.drawn("network", "realism"))
         table = instrument_of(carp).measure(placed(edit, gallery))
     swum = swimming([edit], [table], RATE)
     assert (swum.row == np.arange(len(features))).all()
@@ -395,7 +395,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     places = about + np.array(one.tank.shape[1::-1]) / 2
     edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
-        gallery = project.gallery(project.drawn(NETWORK, "realism"))
+        gallery = project.gallery(project.drawn("network", "realism"))
         table = drawn.measure(placed(drawn.through_lens(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2
@@ -404,7 +404,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
 
 
 def test_another_process_is_sent_no_tables_and_opens_the_same_pictures(carp):
-    here = Pictures(Project(), NETWORK)
+    here = Pictures(Project())
     sent = pickle.dumps(here)
     assert len(sent) < 1000
     with here() as own, pickle.loads(sent)() as other:
@@ -418,7 +418,7 @@ def test_the_film_as_an_edit_list_fits_the_schema(tmp_path):
 
 def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
     edit = as_filmed(np.arange(5, 9), np.ones((4, 2)))
-    edit.loc[1, "mode"] = NETWORK
+    edit.loc[1, "mode"] = "network"
     edit.loc[2, "kind"] = SPRITE
     table = fish(0, 4 / RATE)
     twice = swimming([edit, edit], [table, table], RATE)
@@ -426,12 +426,18 @@ def test_ticks_that_show_the_film_have_its_rows_whatever_moves_them():
     assert twice.part.tolist() == [0] * 4 + [1] * 4
     assert np.allclose(twice.time_s * RATE, np.arange(8))
     assert twice.table["track_id"].tolist() == [0] * 4 + [1] * 4
-    assert edit["mode"].iloc[0] == LOOPS
+    assert edit["mode"].iloc[0] == "film"
 
 
 def test_the_stage_writes_numbers_curves_and_examples(carp):
     numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
-    assert {"nn_auc", "nn_auc_low", "nn_auc_high", "halves_auc", "again_auc"} <= set(numbers)
+    assert {
+        "network_auc",
+        "network_auc_low",
+        "matching_auc_high",
+        "halves_auc",
+        "again_auc",
+    } <= set(numbers)
     table = pd.read_csv(carp / "reports/realism/auc.csv")
     assert table["auc"].between(0, 1).all() and (table["low"] <= table["high"]).all()
     shown = load_table(carp / "data/realism/examples.parquet", examples.EXAMPLES)
@@ -447,22 +453,22 @@ def test_the_pictures_are_drawn(carp, name):
 def test_a_film_too_short_for_the_blocks_is_said_and_the_rest_goes_on(carp, capsys):
     prepare(carp, *TINY_CARP, "realism.gap=25.0")
     stages.realism.main()
-    assert "no numbers for nn" in capsys.readouterr().err
+    assert "no numbers for network" in capsys.readouterr().err
     numbers = yaml.safe_load((carp / "reports/realism/metrics.json").read_text())
-    assert set(numbers) >= {"film_s", "nn_s"} and not any("auc" in name for name in numbers)
+    assert set(numbers) >= {"film_s", "network_s"} and not any("auc" in name for name in numbers)
     stages.plots.realism.main()
 
 
 def test_an_animation_without_a_fish_is_said(carp, capsys, monkeypatch):
-    works = {"film": [], "nn": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
+    works = {"film": [], "network": [(as_filmed(np.arange(3), np.ones((3, 2))), ())]}
     monkeypatch.setattr(
         stages.realism, "measure_list", lambda *_: pd.DataFrame(columns=FEATURES.names)
     )
-    pictures = Pictures(Project(), NETWORK)
+    pictures = Pictures(Project())
     assert (
         stages.realism.swimming_of(
             works, pictures, dict.fromkeys(works, instrument_of(carp)), Processes()
         )
         == {}
     )
-    assert "the fish of nn in 0 %" in capsys.readouterr().err
+    assert "the fish of network in 0 %" in capsys.readouterr().err

@@ -325,7 +325,7 @@ def edit_list(n, **columns):
         "partner_kind": None, "partner": pd.array([pd.NA] * n, dtype="Int32"),
         "partner_rotation_deg": np.nan, "partner_scale": np.nan, "weight": 0.0, "mirrored": False,
         "partner_mirrored": False, "pose": None,
-        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "nn",
+        "heading_deg": 0.0, "speed": 1.0, "motion_area": np.nan, "mode": "network",
         "state": "straight", "goal": "", "aim_x_px": 0.0, "aim_y_px": 0.0,
     }  # fmt: skip
     why = dict.fromkeys(Decision._fields)
@@ -620,7 +620,7 @@ def test_step_numbers_are_one_where_nothing_differs():
 # --- marks and pictures --------------------------------------------------------------------------
 
 TANK = np.full((240, 320), 150, np.uint8)
-NN = (*TINY_CARP, "render.mode=nn")
+NETWORK = (*TINY_CARP, "render.mode=network", "render.beside_seconds=0")
 GOALS = [Goal("A", 90.0, 60.0), Goal("B", 230.0, 120.0)]
 
 
@@ -639,8 +639,8 @@ def test_parts_and_aims():
     assert list(names) == list(edit["state"])
     assert colours == {word: COLOURS[word] for word in ("straight", "turn")}
     assert aims(edit) == [("A", 0, 10), ("B", 10, 20), ("", 20, 30)]
-    mixed = edit.assign(mode=["nn"] * 15 + ["loops"] * 15)
-    assert list(parts(mixed)[1]) == ["nn", "loops"]
+    mixed = edit.assign(kind=["sprite"] * 15 + ["frame"] * 15, mirrored=[False] * 25 + [True] * 5)
+    assert set(parts(mixed)[1]) == {"sprite", "film", "mirror image"} == set(parts(mixed)[0])
     assert len(parts(edit.assign(state="hovers"))[1]) == 1
     assert list(sought(edit)) == [True] * 20 + [False] * 10
     assert sought(edit.assign(goal="")).all()
@@ -855,7 +855,7 @@ def extracted(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         patch.setattr(stages.cluster, "THREADS", 1)
-        prepare(folder, *NN, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
+        prepare(folder, *NETWORK, "clip.frames=90", "clip.colour=true", "clip.height_px=241")
         stages.clip.main()
         stages.extract.main()
     tracks = pd.read_parquet(folder / "data/extract/tracks.parquet")
@@ -864,9 +864,9 @@ def extracted(tmp_path_factory):
         len(own), source=own.index, x_px=own["x_px"].to_numpy(), y_px=own["y_px"].to_numpy(),
         goal=["A"] * 10 + [""] * (len(own) - 10),
     )  # fmt: skip
-    save_table(folder / "data/animate/nn.parquet", edit, EDIT)
-    save_records(folder / "data/animate/goals.json", [Goal("A", 100.0, 60.0)])
-    save_json(folder / "data/animate/drawn.json", {"size": 1.0})
+    save_table(folder / "data/animate/network.parquet", edit, EDIT)
+    save_records(folder / "data/animate/network/goals.json", [Goal("A", 100.0, 60.0)])
+    save_json(folder / "data/animate/network/drawn.json", {"size": 1.0})
     (folder / "first_frame").write_text(str(own["frame"].iloc[0]))
     return folder
 
@@ -879,20 +879,26 @@ def folder(extracted, tmp_path, monkeypatch):
     return tmp_path
 
 
+def too_short(folder):
+    """As the stage of a mode leaves what a film is not enough for."""
+    save_table(folder / "data/animate/network.parquet", edit_list(0), EDIT)
+    save_json(folder / "data/animate/network/reason.json", {"reason": "too short"})
+
+
 def edited(folder, **columns):
     """Change columns of the edit list."""
-    path = folder / "data/animate/nn.parquet"
+    path = folder / "data/animate/network.parquet"
     save_table(path, pd.read_parquet(path).assign(**columns), EDIT)
 
 
 def test_a_replay_of_the_film_is_the_film(folder):
     """Ground truth: the film's own frames, at their own places, show what the film shows."""
-    prepare(folder, *NN, "render.crf=5")
+    prepare(folder, *NETWORK, "render.crf=5")
     stages.render.main()
     start = int((folder / "first_frame").read_text())
     film = list(read_frames(Path("data/clip/clip.mp4"), colour=True, start=start))
     tank = load_picture(Path("data/extract/background.png")).astype(int)
-    shown = [frame.to_ndarray(format="rgb24") for frame in _shown("data/render/nn.mp4")]
+    shown = [frame.to_ndarray(format="rgb24") for frame in _shown("data/render/network.mp4")]
     assert shown[0].shape[:2] == (242, 320)  # 241 rows of film
     for real, drawn in zip(film, shown, strict=False):
         fish = np.abs(real.astype(int) - tank).max(axis=2) > 40
@@ -902,7 +908,11 @@ def test_a_replay_of_the_film_is_the_film(folder):
     metrics = json.loads(Path("reports/render/metrics.json").read_text())
     assert metrics["frames"] == len(shown)
     assert metrics["picture_step_ratio"] == pytest.approx(1, abs=0.01)
-    assert set(content(Path("data/render"))) == {"nn.mp4", "nn_marked.mp4", "nn.webp"}
+    assert set(content(Path("data/render"))) == {
+        "network.mp4",
+        "network_marked.mp4",
+        "network.webp",
+    }
     stages.plots.render.main()
     for name in ("trajectory.png", "contact_sheet.png"):
         assert load_picture(Path("reports/render") / name).std() > 10
@@ -920,16 +930,16 @@ def test_the_same_edit_list_gives_the_same_bytes(folder):
 def test_without_marks_and_webp_there_is_only_the_film(folder):
     Path("data/render").mkdir(parents=True)
     Path("data/render/old.mp4").write_text("of another run")
-    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
-    assert set(content(Path("data/render"))) == {"nn.mp4"}
+    assert set(content(Path("data/render"))) == {"network.mp4"}
 
 
 @pytest.mark.usefixtures("no_drawing")
 def test_a_webp_is_as_short_as_asked(folder):
-    prepare(folder, *NN, "render.webp_seconds=0.4", "render.webp_width_px=100")
+    prepare(folder, *NETWORK, "render.webp_seconds=0.4", "render.webp_width_px=100")
     stages.render.main()
-    with Image.open("data/render/nn.webp") as film:
+    with Image.open("data/render/network.webp") as film:
         assert (film.n_frames, film.size) == (10, (100, 76))
 
 
@@ -938,24 +948,24 @@ def test_a_webp_is_as_short_as_asked(folder):
     [
         (lambda f: edited(f, source=99_999), "wanted a frame"),
         (lambda f: edited(f, scale=0.0), "wanted more than 0"),
-        (lambda f: save_table(f / "data/animate/nn.parquet", edit_list(0), EDIT), "edit list is empty"),
-        (lambda f: (f / "data/animate/nn.parquet").unlink(), "there is no data.animate.nn.parquet"),
-        (lambda f: (f / "data/animate/goals.json").unlink(), "goals.json cannot be read"),
+        (lambda f: too_short(f), "there is no animation of it: too short(.|\n)*render.mode="),
+        (lambda f: (f / "data/animate/network.parquet").unlink(), "there is no data.animate.network.parquet"),
+        (lambda f: (f / "data/animate/network/goals.json").unlink(), "goals.json cannot be read"),
         (lambda f: (f / "data/extract/cutouts.arrow").unlink(), "cutouts.arrow cannot be read"),
         (lambda f: (f / "data/extract/background.png").unlink(), "background.png cannot be read"),
         (lambda f: edited(f, kind="sprite"), "sprites.parquet cannot be read"),
         (lambda f: edited(f, kind="ghost"), "kind is ghost"),
-        (lambda f: prepare(f, *NN, "render.mode=loops"), "there is no data.animate.loops.parquet"),
+        (lambda f: prepare(f, *NETWORK, "render.mode=loops"), "there is no data.animate.loops.parquet"),
         (lambda f: _spoil(f / "data/extract/cutouts.arrow"), "is damaged"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_said_and_what_was_there_stays(folder, harm, said):
     Path("data/render").mkdir(parents=True)
-    Path("data/render/nn.mp4").write_text("before")
+    Path("data/render/network.mp4").write_text("before")
     harm(folder)
     with pytest.raises(FinloopError, match=said):
         stages.render.main()
-    assert set(content(Path("data/render"))) == {"nn.mp4"}
+    assert set(content(Path("data/render"))) == {"network.mp4"}
     assert not Path("reports/render").exists()
 
 
@@ -993,11 +1003,11 @@ def test_sprites_are_drawn_about_their_own_mass_centres(folder):
         y_px=120.0,
         rotation_deg=np.float32(0),
     )
-    prepare(folder, *NN, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.crf=1", "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
     tank = load_picture(Path("data/extract/background.png"))
     wanted = seen(160.0, 120.0, fish(drop(31, 4)), tank=tank).astype(int)
-    shown = next(_shown("data/render/nn.mp4")).to_ndarray(format="rgb24")[:241]
+    shown = next(_shown("data/render/network.mp4")).to_ndarray(format="rgb24")[:241]
     assert np.abs(shown - wanted).mean() < 2 and np.abs(wanted - tank).max() > 60
     around = np.s_[105:136, 145:176]
     assert np.abs(shown - wanted)[around].mean() < 0.1 * np.abs(wanted - tank)[around].mean() + 2
@@ -1078,7 +1088,7 @@ def test_around_a_switch_are_ticks_of_the_animation(count, tick):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_the_sheet_of_switches_has_a_row_for_each(folder):
-    table = pd.read_parquet(folder / "data/animate/nn.parquet")
+    table = pd.read_parquet(folder / "data/animate/network.parquet")
     weight = np.zeros(len(table), np.float32)
     partner = pd.array([pd.NA] * len(table), "Int32")
     for tick in (10, 30, 50):
@@ -1089,7 +1099,7 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
         partner_rotation_deg=np.where(fade, 0.0, np.nan).astype(np.float32),
         partner_scale=np.where(fade, 1.0, np.nan).astype(np.float32),
     )  # fmt: skip
-    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
     stages.plots.render.main()
     sheet = load_picture(Path("reports/render/switches.png"))
@@ -1099,6 +1109,6 @@ def test_the_sheet_of_switches_has_a_row_for_each(folder):
 
 @pytest.mark.usefixtures("no_drawing")
 def test_an_animation_without_a_switch_is_rendered_all_the_same(folder):
-    prepare(folder, *NN, "render.marks=false", "render.webp_seconds=0.0")
+    prepare(folder, *NETWORK, "render.marks=false", "render.webp_seconds=0.0")
     stages.render.main()
     assert Path("reports/render/metrics.json").exists()

@@ -37,7 +37,7 @@ from finloop.retarget.rows import FilmRows, cheapest
 from finloop.retarget.track import body_points, lines
 from stages.stamps import retarget_stamp
 
-OTHERS = Parts(settings("jumps"), settings("animate"))
+OTHERS = Parts(settings("jumps"), settings("animate"), settings("matching").join)
 NAMES = ("centre", "tail_tip", "b2", "left_eye", "Nose", "b1", "b3")
 ALONG = (None, 1.0, 0.5, None, 0.0, 0.25, 0.75)  # of the body, of these points
 STEPS = 32  # of a backbone
@@ -218,7 +218,7 @@ def test_few_points_say_where_and_the_film_says_how_it_is_bent(made, carp, point
 def test_postures_of_the_film_go_on_over_a_switch(made, carp):
     p = how(points=("Nose", "tail_tip"))
     track = track_of(tracked(carp), 25.0, STEPS, p)
-    cut = Parts(OTHERS.weights, settings("animate", join="cut"))
+    cut = OTHERS._replace(join="cut")
     jumps = []
     for others in (OTHERS, cut):
         swum = retargeted(track, made, p, others)
@@ -481,7 +481,8 @@ def test_bad_tracks_are_refused_with_what_to_do(made, carp, tmp_path):
 
 
 def run(folder, *changes):
-    prepare(folder, *TINY_CARP, "render.mode=retarget", "render.webp_seconds=0", *changes)
+    prepare(folder, *TINY_CARP, "render.mode=retarget", "render.webp_seconds=0",
+            "render.beside_seconds=0", *changes)  # fmt: skip
     stages.retarget.main()
     stages.plots.retarget.main()
     return json.loads((folder / "reports/retarget/metrics.json").read_text())
@@ -493,7 +494,7 @@ def test_without_a_track_the_stage_writes_empty_results_and_says_nothing(
     shutil.copytree(folder / "data", tmp_path / "data")
     monkeypatch.chdir(tmp_path)
     assert run(tmp_path) == {"ticks": 0}
-    assert load_table(tmp_path / "data/retarget/retargeted.parquet", EDIT).empty
+    assert load_table(tmp_path / "data/animate/retarget.parquet", EDIT).empty
     assert not list((tmp_path / "reports/retarget/pictures").iterdir())
     assert capfd.readouterr().err == ""
     with pytest.raises(FinloopError, match=r"no track is retargeted[\s\S]*retarget.tracks"):
@@ -504,7 +505,7 @@ def test_a_track_of_another_film_is_swum_and_drawn(folder, tmp_path, monkeypatch
     shutil.copytree(folder / "data", tmp_path / "data")
     monkeypatch.chdir(tmp_path)
     told = run(tmp_path, f"retarget.tracks={folder / 'data'}", "retarget.place=given")
-    edit = load_table(tmp_path / "data/retarget/retargeted.parquet", EDIT)
+    edit = load_table(tmp_path / "data/animate/retarget.parquet", EDIT)
     assert told["ticks"] == len(edit) > 50 and told["apart_median_pct"] < 1
     assert {"step_ratio_median", "jumps"} <= set(told)
     stages.render.main()

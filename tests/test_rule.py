@@ -5,16 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
-from toy_film import LENGTH, players_of, shoaling, waters_of
+from toy_film import LENGTH, matching_of, planning, shoaling, waters_of
 
 from finloop.animate.arena import tank
 from finloop.animate.planner import Planner
 from finloop.animate.rule import Rule, wish
 from finloop.animate.shoal import by_rule, shoal, tasks
 from finloop.base.errors import FinloopError
-from finloop.base.settings import settings
 from finloop.edit.build import edit_lists
-from finloop.edit.schema import MODES, Goal
+from finloop.edit.schema import Goal
 from finloop.live.message import parsed
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
@@ -37,8 +36,13 @@ def water(rule="zones", fish=5, follow=(), overlap=False):
     )
 
 
-def player_of(mode, zones, **by):
-    return replace(players_of(water(**by))[mode], shoaling=shoaling(zones))
+def player_of(zones, **by):
+    return replace(matching_of(water(**by)), shoaling=shoaling(zones))
+
+
+def planner_of(waters):
+    """A planner without pictures."""
+    return Planner(matching_of(waters), None, 1.0, 1.0)
 
 
 def stepless():
@@ -49,7 +53,7 @@ def stepless():
 
 def swum(player, ticks=TICKS, seed=0, goals=()):
     p = player.waters.settings
-    plans = Planner(player.waters, {"": player}, None, 1.0, 1.0)
+    plans = Planner(player, None, 1.0, 1.0)
     todo = plans._tasks(goals, plans.seekers, np.random.default_rng(seed))
     assert len(todo) == p.fish
     return edit_lists(shoal(player, todo, ticks), ticks, player.sources)
@@ -66,30 +70,29 @@ def gaps(player, edit):
 # --- by zones
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_fish_that_attract_each_other_come_together_and_others_part(mode):
-    near, far = (player_of(mode, zones) for zones in (NEAR, FAR))
+def test_fish_that_attract_each_other_come_together_and_others_part():
+    near, far = (player_of(zones) for zones in (NEAR, FAR))
     together, apart = gaps(near, swum(near)), gaps(far, swum(far))
     assert together < 0.6 * apart
     assert set(swum(near)["goal"]) >= {"company"}
 
 
 def test_a_fish_of_which_nothing_is_wished_swims_as_without_a_rule():
-    by, alone = player_of("hybrid", NO_ZONES), player_of("hybrid", NO_ZONES, rule="none")
+    by, alone = player_of(NO_ZONES), player_of(NO_ZONES, rule="none")
     one, other = swum(by, 100), swum(alone, 100)
     assert one.drop(columns="goal").equals(other.drop(columns="goal"))
 
 
 @pytest.mark.parametrize("overlap", [False, True])
 def test_company_is_known_whether_or_not_fish_keep_clear(overlap):
-    player = player_of("hybrid", NEAR, overlap=overlap)
+    player = player_of(NEAR, overlap=overlap)
     edit = swum(player, 200)
     assert (edit[edit["tick"] > 50]["goal"] == "company").mean() > 0.9
     assert edit["x_px"].between(50, 850).all() and edit["y_px"].between(50, 850).all()
 
 
 def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
-    player = player_of("hybrid", NEAR)
+    player = player_of(NEAR)
     rng = np.random.default_rng(0)
     state = player.begin(rng)
     rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
@@ -107,7 +110,7 @@ def test_a_wish_holds_for_a_step_and_is_drawn_anew_then():
 
 
 def test_the_same_state_and_draws_wish_the_same():
-    player = player_of("hybrid", NEAR)
+    player = player_of(NEAR)
     state = player.begin(np.random.default_rng(0))
     rule = Rule.by_zones(np.array([[500.0, 500.0, 0.0]]), player.shoaling)
     one, other = (player.step(state, rule, np.random.default_rng(4)) for _ in range(2))
@@ -116,7 +119,7 @@ def test_the_same_state_and_draws_wish_the_same():
 
 
 def test_zones_that_nobody_knows_are_asked_for():
-    player = replace(player_of("hybrid", NEAR), shoaling=None)
+    player = replace(player_of(NEAR), shoaling=None)
     with pytest.raises(FinloopError, match="no zones are known") as caught:
         swum(player, 10)
     assert "calibrate" in caught.value.do
@@ -124,25 +127,24 @@ def test_zones_that_nobody_knows_are_asked_for():
 
 @pytest.mark.parametrize("steps", [True, False])
 def test_company_without_a_rule_is_refused_before_anything_is_planned(steps):
-    player = player_of("hybrid", NEAR)
-    assert Planner(player.waters, {"": player}, None, 1.0, 1.0).goals() == []
+    player = player_of(NEAR)
+    assert Planner(player, None, 1.0, 1.0).goals() == []
     player = replace(player, shoaling=stepless() if steps else None)
     with pytest.raises(FinloopError, match="too short for the steps" if steps else "no zones"):
-        Planner(player.waters, {"": player}, None, 1.0, 1.0).goals()
+        Planner(player, None, 1.0, 1.0).goals()
     alone = replace(player, waters=water(fish=1))
-    assert Planner(alone.waters, {"": alone}, None, 1.0, 1.0).goals() == []
+    assert Planner(alone, None, 1.0, 1.0).goals() == []
 
 
 # --- after a leader
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_followers_keep_near_their_leader_who_swims_to_its_goals(mode):
-    player = player_of(mode, NEAR, rule="none", fish=3, follow=((2, 1), (3, 1)))
+def test_followers_keep_near_their_leader_who_swims_to_its_goals():
+    player = player_of(NEAR, rule="none", fish=3, follow=((2, 1), (3, 1)))
     goals = [Goal("A", 700.0, 200.0, 20.0), Goal("B", 200.0, 700.0, 20.0)]
     edit = swum(player, 400, goals=goals)
     where = edit[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
-    alone = swum(player_of(mode, NEAR, rule="none", fish=3), 400, goals=goals)
+    alone = swum(player_of(NEAR, rule="none", fish=3), 400, goals=goals)
     apart = alone[["x_px", "y_px"]].to_numpy().reshape(3, -1, 2)
     for follower in (1, 2):
         behind = np.hypot(*(where[follower] - where[0]).T)[200:] / LENGTH
@@ -156,44 +158,44 @@ def test_followers_keep_near_their_leader_who_swims_to_its_goals(mode):
 
 
 def test_a_follower_swims_behind_its_leader():
-    player = player_of("hybrid", NEAR)
+    player = player_of(NEAR)
     fish = player.begin(np.random.default_rng(0)).fish
     place, left = wish(Rule.after(np.array([400.0, 300.0, 90.0, 0.0])), fish, player.waters, None)
     assert place == pytest.approx([400, 300 + LENGTH]) and left == 0
 
 
 def test_who_follows_nobody_has_the_goals():
-    waters = water("none", 4, ((2, 1), (4, 3)))
-    plans = Planner(waters, {}, None, 1.0, 1.0)
+    plans = planner_of(water("none", 4, ((2, 1), (4, 3))))
     goals = [Goal(name, 100.0, 100.0) for name in "ABC"]
     names = [[goal.name for goal in lot] for lot in (task.goals for task in plans.tasks(goals))]
     assert names == [["A", "C"], [], ["B"], []]
     assert plans.seekers == [0, 2]
-    assert Planner(water("zones"), {}, None, 1.0, 1.0).goals() == []
+    assert Planner(player_of(NEAR), None, 1.0, 1.0).goals() == []
 
 
 @pytest.mark.parametrize("follow", [((1, 2), (2, 1)), ((1, 1),), ((2, 9),)])
 def test_contradictory_rules_are_refused_before_anything_is_planned(follow):
-    plans = Planner(water("none", 3, follow), {}, None, 1.0, 1.0)
+    plans = planner_of(water("none", 3, follow))
     with pytest.raises(FinloopError, match="contradictory") as caught:
         plans.goals()
-    assert "animate.follow" in caught.value.do
+    assert "matching.follow" in caught.value.do
 
 
 def test_some_follow_and_the_rest_swim_in_company_or_each_by_itself():
     todo = tasks([], 3, np.random.default_rng(0))
-    both = by_rule(todo, settings("animate", rule="zones", follow=[[3, 1]]))
+    both = by_rule(todo, planning(rule="zones", follow=[[3, 1]]))
     assert [(one.zones, one.follows) for one in both] == [(True, None), (True, None), (False, 0)]
-    neither = by_rule(todo, settings("animate"))
+    neither = by_rule(todo, planning())
     assert [(one.zones, one.follows) for one in neither] == [(False, None)] * 3
 
 
 # --- in the live tank
 
 
-def live(mode="hybrid", zones=NEAR, fish=4, known=True):
-    player = player_of(mode, zones, rule="none", fish=fish)
-    return LiveTank({mode: player if known else replace(player, shoaling=None)}, mode, fish, 3)
+def live(zones=NEAR, fish=4, known=True):
+    player = player_of(zones, rule="none", fish=fish)
+    player = player if known else replace(player, shoaling=None)
+    return LiveTank({"matching": player}, "matching", fish, 3)
 
 
 def played(tank, ticks):
@@ -246,9 +248,8 @@ def test_weights_are_changed_while_fish_swim():
     assert spread(together) < 0.6 * spread(apart)
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again(mode):
-    tank = live(mode)
+def test_who_swims_by_a_rule_can_be_rewound_and_swims_the_same_again():
+    tank = live()
     tank.shoal(None)
     tank.lead(3, 1)
     played(tank, 60)

@@ -13,10 +13,12 @@ import pandas as pd
 import pytest
 from conftest import TINY_CARP
 from scratch import prepare
-from toy_film import DELTA, HULL, LENGTH, RATE, TOUCH, players_of, waters_of
+from toy_film import DELTA, HULL, LENGTH, RATE, TOUCH, matching_of, waters_of
 
 import stages.animate
 import stages.export
+import stages.modes.matching
+import stages.modes.network
 import stages.plots.animate
 import stages.plots.render
 import stages.render
@@ -25,8 +27,7 @@ from finloop.animate.arena import tank
 from finloop.animate.company import Plans, can_stay
 from finloop.animate.encounters import nearest, overlap, overlaps, placed
 from finloop.animate.kinematics import Spot
-from finloop.animate.measures import averaged
-from finloop.animate.path_measures import SWUM
+from finloop.animate.path_measures import LEFT, SWUM
 from finloop.animate.paths import lay
 from finloop.animate.planner import Planner
 from finloop.animate.shoal import deal, refuse_meetings, settle, shoal, swim, tasks
@@ -35,31 +36,33 @@ from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.base.settings import settings
 from finloop.edit.build import edit_lists
-from finloop.edit.schema import EDIT, HYBRID, LOOPS, MODES, NETWORK, PATH, Goal, by_fish
+from finloop.edit.measures import averaged
+from finloop.edit.modes import MODES
+from finloop.edit.schema import EDIT, PATH, Goal, by_fish
 from finloop.given_path import given_lines
+from finloop.io.parameters import parameters, read_parameters
 from finloop.io.table import load_table, save_table
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.live.tank import LiveTank
+from finloop.modes import samples
+from finloop.modes.samples import sample_animations
 from finloop.project import Project
-from finloop.realism import lists
-from finloop.realism.lists import animations
-from stages.settings import load
 
 
 @cache
 def crowded(through=False):
-    """Players of fish as wide as HULL, in a tank of ten lengths."""
+    """A player of fish as wide as HULL, in a tank of ten lengths."""
     arena = np.zeros((600, 800), bool)
     arena[100:500, 200:600] = True
-    return players_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=through))
+    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH), overlap=through))
 
 
 @cache
 def spacious():
-    """Players in a tank in which fish hardly ever meet."""
+    """A player in a tank in which fish hardly ever meet."""
     arena = np.zeros((2000, 2000), bool)
     arena[20:-20, 20:-20] = True
-    return players_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
+    return matching_of(waters_of(room_=tank(arena, 0.6 * LENGTH)))
 
 
 def swum(player, fish, ticks, goals=(), seed=0):
@@ -71,11 +74,10 @@ def swum(player, fish, ticks, goals=(), seed=0):
 # --- fish of one tank
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_nobody_swims_through_another_and_all_goals_are_reached(mode):
+def test_nobody_swims_through_another_and_all_goals_are_reached():
     met = {}
     for through in (False, True):
-        player, ticks = crowded(through)[mode], 1200
+        player, ticks = crowded(through), 1200
         goals = random_goals(player.waters, 12, np.random.default_rng(1))
         swims = shoal(player, tasks(goals, 6, np.random.default_rng(2)), ticks)
         assert all((one.reached >= 0).all() for one in swims)
@@ -83,9 +85,8 @@ def test_nobody_swims_through_another_and_all_goals_are_reached(mode):
     assert met[False] == 0 < met[True]
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_fish_that_do_not_meet_swim_as_each_would_alone(mode):
-    player, ticks = spacious()[mode], 60
+def test_fish_that_do_not_meet_swim_as_each_would_alone():
+    player, ticks = spacious(), 60
     goals = random_goals(player.waters, 6, np.random.default_rng(3))
     together = shoal(player, tasks(goals, 3, np.random.default_rng(5)), ticks)
     table = edit_lists(together, ticks, player.sources)
@@ -98,10 +99,9 @@ def test_fish_that_do_not_meet_swim_as_each_would_alone(mode):
     pd.testing.assert_frame_equal(table, edit_lists(alone, ticks, player.sources))
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_planning_keeps_no_hold_of_what_it_was_given(mode):
+def test_planning_keeps_no_hold_of_what_it_was_given():
     """Kernels that count no references must not take or give one either."""
-    player = crowded()[mode]
+    player = crowded()
     waters = player.waters
     given = [waters.film.rows, waters.film.to, waters.tank.legal, player.cast.discs.table]
     goals, held = random_goals(waters, 6, np.random.default_rng(1)), []
@@ -120,11 +120,10 @@ def test_the_first_fish_has_the_generator_of_a_fish_alone_and_each_its_own():
     assert [task.rng.random(4).tolist() for task in again[:3]] == draws
 
 
-@pytest.mark.parametrize("mode", [HYBRID, NETWORK])
-def test_the_live_tank_swims_the_same(mode):
+def test_the_live_tank_swims_the_same():
     ticks, fish = 120, 4
-    table = swum(crowded()[mode], fish, ticks, seed=6)
-    live = LiveTank(crowded(), mode, fish, 6)
+    table = swum(crowded(), fish, ticks, seed=6)
+    live = LiveTank({"matching": crowded()}, "matching", fish, 6)
     for _ in range(ticks - 1):
         live.on()
     shown = [[live.fish[k].at(t)[:12] for t in range(ticks)] for k in range(fish)]
@@ -134,13 +133,12 @@ def test_the_live_tank_swims_the_same(mode):
         assert own[columns].values.tolist() == theirs[columns].values.tolist()
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(mode, monkeypatch):
+def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(monkeypatch):
     """Its neighbours leave it less than the drift of a tick, and it heads for the wall."""
     arena = np.zeros((400, 400), bool)
     arena[50:350, 50:350] = True
     wall = tank(arena, 0.6 * LENGTH)
-    player = players_of(waters_of(room_=wall))[mode]
+    player = matching_of(waters_of(room_=wall))
     x, y = 200.0, float(np.flatnonzero(wall.legal[:, 200])[0])
     begun = player.begin(np.random.default_rng(0)).fish
     first = replace(begun, x=x, y=y, heading=90.0, rot=begun.rot + 90.0 - begun.heading)
@@ -170,7 +168,7 @@ def test_a_fish_in_a_row_along_a_wall_leaves_it_aside(mode, monkeypatch):
 
 
 def test_one_fish_swims_the_path_and_the_others_keep_clear_of_it():
-    player, angle = crowded()[LOOPS], np.linspace(0, 2 * np.pi, 40)
+    player, angle = crowded(), np.linspace(0, 2 * np.pi, 40)
     ring = Line("ring", 400 + 100 * np.cos(angle), 300 + 100 * np.sin(angle), PX, closed=True)
     path = lay(ring, player.waters.tank, player.waters.motion, None)
     swims = shoal(player, tasks([], 3, np.random.default_rng(0), path.route), 300)
@@ -188,11 +186,11 @@ def ring(x, y, radius=60.0):
 
 def plans_of(lines, **changes):
     """A planner of the crowded tank whose first fish have these lines, None for one with none."""
-    waters = crowded()[LOOPS].waters
+    waters = crowded().waters
     waters = replace(waters, settings=replace(waters.settings, **changes))
-    player = replace(crowded()[LOOPS], waters=waters)
+    player = replace(crowded(), waters=waters)
     paths = tuple(one and lay(one, waters.tank, waters.motion, None) for one in lines)
-    return Planner(waters, {LOOPS: player}, None, 1.0, 0.6 * LENGTH, paths)
+    return Planner(player, None, 1.0, 0.6 * LENGTH, paths)
 
 
 def test_each_fish_has_a_path_or_goals_of_its_own():
@@ -201,7 +199,7 @@ def test_each_fish_has_a_path_or_goals_of_its_own():
     goals = [Goal(name, x, 300.0, TOUCH) for name, x in (("A", 250), ("B", 350), ("C", 450))]
     todo = plans.tasks(goals)
     assert [[goal.name for goal in task.goals] for task in todo] == [[], ["A", "C"], [], ["B"]]
-    player = plans.players[LOOPS]
+    player = plans.player
     swims = shoal(player, todo, 500)
     assert [set(swims[fish].names) == {PATH} for fish in range(4)] == [True, False, True, False]
     assert all((swims[fish].reached >= 0).all() for fish in (1, 3))
@@ -219,9 +217,8 @@ def test_two_paths_that_begin_at_one_place_are_refused_unless_fish_overlap():
     plans_of(lines, fish=3, overlap=True, trials=0).check_room([])
 
 
-@pytest.mark.parametrize("mode", MODES)
-def test_who_begins_a_path_on_the_way_of_another_is_not_run_into(mode):
-    player, along = crowded()[mode], np.array([220.0, 580.0])
+def test_who_begins_a_path_on_the_way_of_another_is_not_run_into():
+    player, along = crowded(), np.array([220.0, 580.0])
     first = Line("first", along, np.array([300.0, 300.0]), PX)
     second = Line("second", np.array([330.0, 330.0]), np.array([300.0, 480.0]), PX)
     todo = [
@@ -234,7 +231,7 @@ def test_who_begins_a_path_on_the_way_of_another_is_not_run_into(mode):
 
 def test_there_is_a_path_a_fish_at_most(tmp_path):
     (tmp_path / "a.csv").write_text("x,y\n0.2,0.2\n0.8,0.8\n")
-    p = settings("animate", path=[str(tmp_path / "a.csv"), None], fish=2)
+    p = settings("matching", path=[str(tmp_path / "a.csv"), None], fish=2)
     lines = given_lines(p, pd.DataFrame())
     assert lines[0].name.endswith("a.csv") and lines[1] is None
     with pytest.raises(FinloopError, match="2 paths for 1 fish"):
@@ -245,10 +242,10 @@ def test_there_is_a_path_a_fish_at_most(tmp_path):
 
 
 def test_one_table_has_all_fish_one_after_the_other_and_comes_back_from_disk(tmp_path):
-    alone, table = swum(crowded()[HYBRID], 1, 50), swum(crowded()[HYBRID], 3, 50)
+    alone, table = swum(crowded(), 1, 50), swum(crowded(), 3, 50)
     assert list(table["fish"]) == 50 * [0] + 50 * [1] + 50 * [2]
     assert list(table["tick"]) == 3 * list(range(50)) and list(table.index) == list(range(150))
-    pd.testing.assert_frame_equal(table, swum(crowded()[HYBRID], 3, 50))  # the same seed
+    pd.testing.assert_frame_equal(table, swum(crowded(), 3, 50))  # the same seed
     loaded = []
     for one in (alone, table):
         save_table(tmp_path / "one.parquet", one, EDIT)
@@ -290,8 +287,7 @@ def test_two_fish_sent_to_one_place_are_refused():
 
 def planner_of(p):
     """A planner of the made-up fish, without pictures."""
-    waters = waters_of(**p)
-    return Planner(waters, players_of(waters), None, 1.0, 20.0)
+    return Planner(matching_of(waters_of(**p)), None, 1.0, 20.0)
 
 
 def test_the_planner_refuses_what_cannot_be_before_anything_is_planned():
@@ -312,46 +308,44 @@ def test_more_fish_than_fit_are_refused():
     arena[10:70, 10:120] = True
     small = tank(arena, 0.6 * LENGTH)
     waters = waters_of(room_=small, fish=40)
-    plans = Planner(waters, players_of(waters), None, 1.0, 20.0)
-    with pytest.raises(FinloopError, match=r"animate\.fish=40: the tank has room for ") as refused:
+    plans = Planner(matching_of(waters), None, 1.0, 20.0)
+    with pytest.raises(FinloopError, match=r"matching\.fish=40: the tank has room for ") as refused:
         plans.check_room([])
-    assert "at most" in refused.value.wanted and "animate.overlap=true" in refused.value.do
+    assert "at most" in refused.value.wanted and "matching.overlap=true" in refused.value.do
     through = replace(waters, settings=replace(waters.settings, overlap=True))
     todo = tasks([], 40, np.random.default_rng(0))
-    assert len(settle(players_of(through)[LOOPS], todo, Plans(40))) == 40
+    assert len(settle(matching_of(through), todo, Plans(40))) == 40
 
 
-def test_where_few_places_leave_room_realism_draws_other_ones(monkeypatch):
+def test_where_few_places_leave_room_samples_are_drawn_at_other_ones(monkeypatch):
     arena = np.zeros((80, 130), bool)
     arena[10:70, 10:120] = True
     waters = waters_of(room_=tank(arena, 0.6 * LENGTH), fish=3, seconds=0.2, trial_goals=1)
-    plans = Planner(waters, players_of(waters), None, 1.0, 20.0)
+    plans = Planner(matching_of(waters), None, 1.0, 20.0)
 
     def room(seed):
         try:
-            one = replace(waters, settings=replace(waters.settings, seed=seed))
-            return bool(
-                settle(plans.players[LOOPS], replace(plans, waters=one).tasks([]), Plans(99))
-            )
+            return bool(plans.sample(seed, 0.2).size)
         except NoRoom:
             return False
 
     few = next(seed for seed in range(40) if room(seed) and not room(seed + 1))
     p = replace(waters.settings, seed=few)
-    edits = [edit for edit, _ in animations(plans, LOOPS, 1.2, p)]
-    assert len(edits) == 6 and not edits[0].equals(edits[3])
-    monkeypatch.setattr(lists, "_SEEDS", 1)
+    edits = by_fish(sample_animations(plans, 1.2, p))
+    assert len(edits) == 6
+    assert not edits[0].drop(columns="fish").equals(edits[3].drop(columns="fish"))
+    monkeypatch.setattr(samples, "_SEEDS", 1)
     with pytest.raises(FinloopError, match="the tank has room for"):
-        list(animations(plans, LOOPS, 1.2, p))
+        sample_animations(plans, 1.2, p)
 
 
-def test_realism_takes_each_fish_for_itself():
+def test_samples_number_each_fish_on():
     for fish, works in ((1, 3), (3, 3), (4, 4)):
         plans = planner_of({"fish": fish, "seconds": 2.0, "trial_goals": 1})
-        made = list(animations(plans, LOOPS, 6.0, plans.waters.settings))
-        assert [set(edit["fish"]) for edit, _ in made] == [{k % fish} for k in range(works)]
-        assert sum(len(edit) for edit, _ in made) == pytest.approx(6 * RATE, abs=works)
-        assert all(list(edit["tick"]) == list(range(len(edit))) for edit, _ in made)
+        made = by_fish(sample_animations(plans, 6.0, plans.waters.settings))
+        assert [set(edit["fish"]) for edit in made] == [{number} for number in range(works)]
+        assert sum(len(edit) for edit in made) == pytest.approx(6 * RATE, abs=works)
+        assert all(list(edit["tick"]) == list(range(len(edit))) for edit in made)
 
 
 # --- how near they come
@@ -367,7 +361,7 @@ def test_outlines_that_share_a_pixel_overlap():
 
 
 def test_pairs_are_counted_at_each_tick():
-    player = crowded()[LOOPS]
+    player = crowded()
     table = swum(player, 3, 4)
     table[["kind", "mirrored", "heading_deg"]] = ["frame", False, 0.0]
     table["x_px"] = [0.0, 0, 0, 0] + [0.0, 500, 4, 500] + [900.0, 500, 8, 900]
@@ -400,74 +394,90 @@ def test_of_a_film_animals_of_one_frame_are_neighbours():
 def folder(tmp_path_factory, tiny_run):
     """What the stages make of a tiny carp of which three swim in one tank."""
     path = tmp_path_factory.mktemp("shoal")
-    tiny_run.bring(path, ["bpn", "calibrate", "forecast", "gateways", "identity", "loops"])
-    own = ["animate.fish=3", "animate.seconds=1", "animate.goal_radius=0.2", "animate.trials=1"]
+    tiny_run.bring(path, ["identity", *(f"modes-{mode}" for mode in MODES)])
+    own = [
+        "matching.fish=3", "animate.seconds=1", "animate.goal_radius=0.2", "animate.trials=1",
+        "realism.seconds=1", "render.mode=matching", "export.mode=matching",
+    ]  # fmt: skip
     prepare(path, *TINY_CARP, *own)
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(path)
+        stages.modes.matching.main()
         stages.animate.main()
     return path
 
 
-def test_a_fish_alone_has_no_company_to_measure(tmp_path):
-    plans = SimpleNamespace(waters=SimpleNamespace(settings=settings("animate", fish=1)))
-    table = stages.animate.company(tmp_path, plans)  # nothing is read
+def brought(project, mode=stages.modes.matching, **changes):
+    """A mode of a run, some of its parameters changed."""
+
+    def changed(word):
+        p = parameters(word, read_parameters(project.root / "params.yaml"))
+        return replace(p, **{name: one for name, one in changes.items() if hasattr(p, name)})
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(project, "settings", changed)
+        return mode.open_mode(project)
+
+
+def test_a_fish_alone_has_no_company_to_measure():
+    alone = SimpleNamespace(settings=lambda word: settings(word, fish=1))
+    table = stages.animate.company(alone)  # nothing is read
     assert table.empty and list(table) == ["shoal", "beside", "measure", "median", "distance"]
 
 
 def test_all_stages_take_several_fish(folder, monkeypatch, no_drawing):
     monkeypatch.chdir(folder)
-    table = load_table(folder / "data/animate/hybrid.parquet", EDIT)
+    table = load_table(folder / "data/animate/matching.parquet", EDIT)
     ticks = round(RATE)
     assert list(table["fish"].value_counts(sort=False)) == [ticks] * 3
     for stage in (stages.plots.animate, stages.render, stages.plots.render, stages.export):
         stage.main()
-    measures = pd.read_csv(folder / "reports/animate/measures.csv", index_col="measure")["hybrid"]
+    measures = pd.read_csv(folder / "reports/animate/measures.csv", index_col="measure")["matching"]
     assert measures["overlapping_pairs_per_1000_ticks"] == 0
     assert measures["trials_overlapping_pairs_per_1000_ticks"] == 0
     assert measures["nearest_median_body_lengths"] > 0
     assert pd.read_json(folder / "reports/render/metrics.json", typ="series")["frames"] == ticks
     company = pd.read_csv(folder / "reports/animate/company.csv")
-    assert {"first_half", "nn", "hybrid"} <= set(company["shoal"])
+    assert set(company["shoal"]) == {"first_half", "matching"}
     assert set(company["measure"]) == {"wall_distance"}  # the film has one fish
-    listed = pd.read_csv(folder / "data/export/hybrid.csv")
+    listed = pd.read_csv(folder / "data/export/matching.csv")
     assert sorted(listed["fish"].unique()) == [0, 1, 2]
+    samples = load_table(folder / "data/animate/matching/samples.parquet", EDIT)
+    assert samples["fish"].nunique() == 3
 
 
 def test_paths_of_several_fish_are_measured_and_drawn_one_by_one(folder, tmp_path, monkeypatch):
     monkeypatch.chdir(folder)
     for name, y in (("a", 0.3), ("b", 0.7)):
         (tmp_path / f"{name}.csv").write_text(f"x,y\n0.3,{y}\n0.7,{y}\n")
-    p = replace(
-        load("animate"), fish=3, path=[str(tmp_path / "a.csv"), None, str(tmp_path / "b.csv")]
-    )
-    monkeypatch.setattr(stages.animate, "OUT", tmp_path / "animate")
-    monkeypatch.setattr(stages.animate, "REPORT", tmp_path / "report")
-    numbers, _ = stages.animate.animations(p)
-    swum_ = load_table(tmp_path / "animate/path.parquet", SWUM)
-    assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == set(numbers)
-    left = pd.read_csv(tmp_path / "report/left.csv")
+    paths = [str(tmp_path / "a.csv"), None, str(tmp_path / "b.csv")]
+    with Project() as project:
+        plans = brought(project, fish=3, path=paths)
+        swims, edit = plans.plan(plans.goals())
+        numbers = stages.modes.matching.save_more(tmp_path, plans, swims, edit)
+    swum_ = load_table(tmp_path / "path.parquet", SWUM)
+    assert set(swum_["fish"]) == {0, 2} and set(swum_["mode"]) == {"matching"}
+    left = load_table(tmp_path / "left.parquet", LEFT)
     assert set(left["fish"]) <= {0, 2}
-    each = swum_[swum_["mode"] == HYBRID].groupby("fish")["across"]
-    assert numbers[HYBRID]["path_across_rms_body_lengths"] == pytest.approx(
-        each.agg(lambda far: np.sqrt((far**2).mean())).mean()
+    across = swum_.groupby("fish")["across"]
+    assert numbers["path_across_rms_body_lengths"] == pytest.approx(
+        across.agg(lambda far: np.sqrt((far**2).mean())).mean()
     )
-    monkeypatch.setattr(stages.plots.animate, "DATA", tmp_path / "animate")
-    (tmp_path / "report/metrics.json").write_text(
-        (folder / "reports/animate/metrics.json").read_text()
-    )
-    monkeypatch.setattr(stages.plots.animate, "REPORT", tmp_path / "report")
+    report = tmp_path / "report"
+    report.mkdir()
+    left.to_csv(report / "left.csv", index=False)
+    (report / "metrics.json").write_text((folder / "reports/animate/metrics.json").read_text())
+    monkeypatch.setattr(stages.plots.animate, "PATH", tmp_path / "path.parquet")
+    monkeypatch.setattr(stages.plots.animate, "REPORT", report)
     stages.plots.animate.main()
-    drawn = {file.name for file in (tmp_path / "report/path").iterdir()}
-    assert drawn == {"path.png", "path-3.png"}
+    assert {file.name for file in (report / "path").iterdir()} == {"path.png", "path-3.png"}
 
 
 def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeypatch):
     monkeypatch.chdir(folder)
-    p = replace(settings("animate"), fish=1, tank="arena")
     with ExitStack() as stack:
         whole, half = (
-            stages.animate.bring(stack.enter_context(Project()), replace(p, size=size))
+            brought(stack.enter_context(Project()), fish=1, tank="arena", size=size)
             for size in (1.0, 0.5)
         )
         assert half.reach_px == pytest.approx(whole.reach_px / 2)
@@ -477,15 +487,23 @@ def test_a_fish_drawn_half_as_large_swims_as_far_in_body_lengths(folder, monkeyp
         assert np.allclose(small.scale, film.scale / 2)
         assert np.allclose(small.dx, film.dx / 2) and np.allclose(small.speed, film.speed)
         assert half.waters.tank.legal.sum() > whole.waters.tank.legal.sum()
-        player, other = whole.players[NETWORK], half.players[NETWORK]
-        assert np.allclose(other.cast.sprite_scale, player.cast.sprite_scale / 2)
-        one, two = (each.cast.discs for each in (player, other))
+        one, two = (each.player.cast.discs for each in (whole, half))
         assert np.allclose(two.table[..., :2], one.table[..., :2] / 2, atol=1e-3)
         # Joins are measured in body lengths, so that what is drawn smaller joins no better.
         show = [each.pictures("frame", 5, 0, 30.0, float(each.waters.film.scale[5]), False)
                 for each in (whole, half)]  # fmt: skip
         assert np.allclose(*show, atol=1e-3) and show[0].any()
+
+
+def test_sprites_drawn_half_as_large_are_as_alike(folder, monkeypatch):
+    monkeypatch.chdir(folder)
+    with Project() as project:
+        whole, half = (
+            brought(project, stages.modes.network, tank="arena", size=size) for size in (1.0, 0.5)
+        )
+        assert np.allclose(half.player.cast.sprite_scale, whole.player.cast.sprite_scale / 2)
         assert np.allclose(whole.pictures.headed, half.pictures.headed, atol=1e-3)
+        assert half.player.world.touch_px == pytest.approx(whole.player.world.touch_px / 2)
 
 
 def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
@@ -493,11 +511,10 @@ def test_the_size_is_found_for_a_fish_that_does_not_fit(folder, monkeypatch):
     facts = load_facts(Path("data/clip") / FACTS_NAME)
     narrow = np.zeros((facts.height_px, facts.width_px), bool)
     narrow[100:130] = True
-    p = replace(settings("animate"), fish=1, trials=0, seconds=1.0)
     with Project() as project:
         project.arena = narrow
-        plans = stages.animate.bring(project, p)
+        plans = brought(project, fish=1)
         size = plans.pictures.reel.size
         assert 0.05 < size < 0.9 and plans.reach_px <= 0.5 * 15.5
         with pytest.raises(FinloopError, match=r"smaller than the fish(.|\n)*animate.size"):
-            stages.animate.bring(project, replace(p, size=1.0))
+            brought(project, fish=1, size=1.0)

@@ -493,7 +493,7 @@ JSON = st.recursive(
 )  # fmt: skip
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.text() | st.binary() | JSON.map(json.dumps))
 def test_no_message_breaks_anything(text):
     animals = animals_of()

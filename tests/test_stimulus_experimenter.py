@@ -9,7 +9,8 @@ from importlib.resources import files
 from typing import get_args
 
 import pytest
-from browser import Visit, chromium
+from browser import Visit, chromium, hold_time
+from conftest import wait_for
 from playwright.sync_api import expect
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import serve
@@ -17,6 +18,7 @@ from websockets.sync.server import serve
 from finloop.live.door import _policy
 from finloop.stimulus.animals import Verdict
 
+expect.set_options(timeout=60_000)  # a hang ends, a busy machine does not
 PAGE = files("finloop.stimulus").joinpath("page/experimenter.html").read_text(encoding="utf-8")
 WHOLE = {
     "protocol": "shoal or dot", "seed": 7, "file": "session-1.parquet", "link": "http://10.0.0.2:8751/show",
@@ -32,12 +34,6 @@ STATE = {
     "animals": [["larva 1", 300.0, 500.0, 1.57, 0.02], ["larva 2", 900.0, 600.0, None, 4.0]],
     "heard": {"rival": 4, "taken": 1210}, "messages": ["10.0 s: older", "91.0 s: newer"],
 }  # fmt: skip
-
-
-ARRIVES = """now => new Promise((done, fail) => {
-    const look = left => state && state.now === now ? done() : left ? setTimeout(look, 5, left - 1) : fail(now);
-    look(1000);
-})"""  # the page's policy forbids what playwright would wait with
 
 
 class Desk:
@@ -69,7 +65,7 @@ class Desk:
             pass
 
     def next(self):
-        return self.wishes.get(timeout=5)
+        return self.wishes.get(timeout=60)
 
     def close(self):
         self.server.shutdown()
@@ -90,19 +86,21 @@ def desk(browser):
 
 
 class Opened(Visit):
-    """The page, told a state; `tell` tells another, with some changes."""
+    """The page, told a state; `tell` tells another, with some changes. Its clock stands still."""
 
     def __init__(self, desk, page, query=""):
         self.desk, self.now = desk, 93.4
         super().__init__(page)
+        page.clock.install()
+        hold_time(page)
         page.goto(f"http://{desk.address}/{query}")
-        self.connection = desk.came.get(timeout=5)
+        self.connection = desk.came.get(timeout=60)
 
     def tell(self, whole=None, **changes):
         self.now += 0.1  # a state is told by its time, of the page's own making
         state = STATE | {"now": round(self.now, 2)} | changes
         self.connection.send(json.dumps(state if whole is None else whole | state))
-        self.page.evaluate(ARRIVES, state["now"])
+        assert wait_for(lambda: self.page.evaluate("state?.now") == state["now"], 60)
 
     def _asked(self, request):
         if not request.url.startswith(f"http://{self.desk.address}/"):
@@ -342,7 +340,8 @@ def test_a_session_that_does_not_answer_is_told_and_found_again(opened, desk):
     opened.connection.close(1013, "too many")
     expect(page.locator("#alarm")).to_contain_text("close one")
     assert not page.locator("#abort").is_enabled() and not page.locator("#add").is_enabled()
-    opened.connection = desk.came.get(timeout=5)
+    page.clock.run_for(1000)
+    opened.connection = desk.came.get(timeout=60)
     opened.tell(WHOLE)
     expect(page.locator("#alarm")).to_be_hidden()
     assert page.locator("#abort").is_enabled()
@@ -369,7 +368,8 @@ def test_a_session_that_never_answers_is_told(browser, desk):
     assert not page.locator("#alarm").is_visible()
     one.connection.close(1008, "no token")
     expect(page.locator("#alarm")).to_contain_text("does not answer")
-    desk.came.get(timeout=5)  # it has tried again
+    page.clock.run_for(1000)
+    desk.came.get(timeout=60)  # it has tried again
     page.close()
 
 

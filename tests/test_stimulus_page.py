@@ -6,7 +6,7 @@ import json
 import cv2
 import numpy as np
 import pytest
-from browser import Visit, chromium, visit
+from browser import Visit, chromium, hold_time, visit
 
 from finloop.base.errors import FinloopError
 from finloop.puppet import Line
@@ -223,7 +223,7 @@ def colour(stages):
 
 def wait(page, what):
     """Until something is so; a page's policy forbids the browser's own way."""
-    for _ in range(600):
+    for _ in range(3000):
         if page.evaluate(what):
             return
         page.wait_for_timeout(20)
@@ -619,6 +619,7 @@ class Server:
     def __init__(self, browser):
         self.seen = visit_of(browser)
         self.page, self.texts, self.frames, self.sockets = self.seen.page, [], [], []
+        self.page.clock.install()
         self.page.route("http://tank.test/**", self._answer)
         self.page.route_web_socket("ws://tank.test/display?token=a", self._open)
         self.page.goto("http://tank.test/show?token=a")
@@ -653,7 +654,7 @@ class Server:
             self.sockets[-1].send(one)
 
     def until(self, kind, count=1):
-        for _ in range(200):
+        for _ in range(2400):
             told = [one for one in self.texts if one["do"] == kind]
             if len(told) >= count:
                 return told
@@ -675,6 +676,13 @@ class Server:
                     height=height, line=list(one.line)),
         )  # fmt: skip
         wait(self.page, "drawer && drawer.pictures.has(10)")
+
+    def clear(self):
+        """The fish go, and what is recorded of them has come."""
+        self.send(message("clear"))
+        wait(self.page, "!motion.keys.length")
+        self.page.clock.run_for(400)
+        wait(self.page, "!noted && !records.length")
 
     def rows(self, seq, tick, due, *states, cut=False):
         self.send(
@@ -705,15 +713,15 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
     assert server.until("key")[0]["key"] == " "
     server.send(message("say", text=""))
     wait(page, "document.getElementById('say').hidden")
+    hold_time(page)
     begin = page.evaluate("clock.at(performance.now())") + 0.1
     for tick in range(11):
         server.rows(tick + 1, tick, begin + tick / 25, state_of(S_BEND, 100 + 4 * tick))
     page.keyboard.press("c")  # no panel while fish are shown
-    wait(page, "motion.seq === 11")
-    page.wait_for_timeout(100)
+    wait(page, "motion.keys.length === 11")
+    page.clock.run_for(600)
     assert page.locator("#panel").is_hidden()
-    server.send(message("clear"))
-    wait(page, "!noted && !records.length")
+    server.clear()
     facts = np.array([one for one, _ in server.frames])
     assert len(facts) > 10 and (np.diff(facts[:, 0]) >= 1).all()
     assert (facts[:, 3] >= facts[:, 2]).all() and (np.diff(facts[:, 1]) > 0).all()
@@ -734,6 +742,7 @@ def test_a_session_is_shown_and_every_frame_is_recorded(browser):
 def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
     server = Server(browser)
     server.hello()
+    hold_time(server.page)
     begin = server.page.evaluate("clock.at(performance.now())") + 0.05
     for tick in range(12):
         server.rows(
@@ -743,15 +752,15 @@ def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
             state_of(S_BEND, 100 + 3 * tick),
             state_of(CURL, 200, 90),
         )
-    wait(server.page, "motion.seq === 12")
-    server.send(message("clear"))
-    wait(server.page, "!noted && !records.length")
+    wait(server.page, "motion.keys.length === 12")
+    server.page.clock.run_for(600)
+    server.clear()
     session = server.frames[:-1]
     again = Server(browser)
     again.hello(mode="replay")
     for facts, states in session:
         again.send(message("frame", states.tobytes(), number=int(facts[0])))
-    for _ in range(200):
+    for _ in range(2400):
         if len(again.frames) == len(session):
             break
         again.page.wait_for_timeout(25)
@@ -761,20 +770,29 @@ def test_a_replay_draws_the_frames_of_a_session_pixel_by_pixel(browser):
 
 def test_a_lost_connection_is_not_seen_and_comes_back(browser):
     server = Server(browser)
+    page = server.page
     server.hello(digest=False)
-    begin = server.page.evaluate("clock.at(performance.now())")
+    hold_time(page)
+    begin = page.evaluate("clock.at(performance.now())")
     server.rows(1, 0, begin + 0.05, state_of(S_BEND, 100))
-    wait(server.page, "motion.keys.length && states[0] === 100")
+    wait(page, "motion.keys.length")
+    page.clock.run_for(100)
+    assert page.evaluate("states[0]") == 100
+    page.clock.resume()
     server.sockets[-1].close()
     server.until("ready", 2)
-    assert server.page.evaluate("[drawer.rects.length, document.getElementById('say').hidden]") == [
+    hold_time(page)
+    assert page.evaluate("[drawer.rects.length, document.getElementById('say').hidden]") == [
         1,
         True,
     ]
     server.hello(digest=False)
-    begin = server.page.evaluate("clock.at(performance.now())")
+    begin = page.evaluate("clock.at(performance.now())")
     server.rows(7, 50, begin + 0.3, state_of(S_BEND, 120))
-    wait(server.page, "states[0] === 120 && !records.length")
+    wait(page, "motion.keys.some(one => one.tick === 50)")
+    page.clock.run_for(600)
+    assert page.evaluate("states[0]") == 120
+    server.clear()
     places = [states[0, 0] for _, states in server.frames if len(states)]
     assert any(100 < x < 120 for x in places)  # it swam there from where it was
     assert server.seen.bad == []
@@ -846,8 +864,10 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     )
     path = tmp_path / "alone.html"
     path.write_text(text, encoding="utf-8")
-    seen = visit(browser, path, viewport={"width": WIDTH, "height": HEIGHT})
+    seen = Visit(browser.new_context(viewport={"width": WIDTH, "height": HEIGHT}).new_page())
     page = seen.page
+    page.clock.install()
+    page.goto(path.as_uri())
     wait(page, "typeof drawer !== 'undefined' && drawer && drawer.box")
     assert page.title() == "a <title>" and page.locator("#hint").is_visible()
     page.evaluate("document.getElementById('hint').hidden = true; paint(1)")
@@ -861,9 +881,11 @@ def test_a_page_plays_a_motion_without_a_server(browser, tmp_path):
     )
     assert np.abs(shot - wanted).max() <= 2
     page.keyboard.press("i")
+    hold_time(page)
     page.keyboard.press(" ")
-    wait(page, "!runs && played === 4")  # swum to its end, once
-    assert page.evaluate("frames * refresh.period") < 2000  # ms
+    page.clock.run_for(1000)
+    assert page.evaluate("[runs, played]") == [False, 4]  # swum to its end, once
+    assert page.evaluate("frames * refresh.period") == pytest.approx(500, abs=100)  # ms
     assert (
         page.evaluate("states[0]") == 140
         and "frames dropped" in page.locator("#info").text_content()

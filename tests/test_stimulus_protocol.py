@@ -266,7 +266,6 @@ def test_every_permitted_order_is_as_likely(conditions, order, repeats):
     seed=st.integers(0, 2**53 - 1), count=st.integers(1, 7), repeats=st.integers(1, 6),
     order=st.sampled_from(["given", "shuffled", "blocks"]),
 )  # fmt: skip
-@settings(deadline=None)
 def test_what_holds_of_any_order(seed, count, repeats, order):
     conditions = {f"c{number}": WANDER for number in range(count)}
     if count > 3:
@@ -407,6 +406,7 @@ CONDITION = "  a: {seconds: 10, motion: {wander: true}}\n"
         ("fish:\n", "line 4: fish: should be a valid integer, got null"),
         ("fsh: 2\n", "line 4: fsh: unknown; did you mean fish?"),
         ("zzz: 2\n", "line 4: zzz: unknown; known: version, name"),
+        ("mode: hybrid\n", "line 4: mode: unknown; leave it out: the stimulus is always of mode matching"),
         ("pause_s: .inf\n", 'line 4: pause_s: should be a valid number, got ".inf"'),
         ("pause_s: 1e999\n", "line 4: pause_s: should be a finite number, got Infinity"),
         ("pause_s: 1:30\n", 'line 4: pause_s: should be a valid number, got "1:30"'),
@@ -601,7 +601,7 @@ LINES = EXAMPLE.read_text(encoding="utf-8").splitlines()
         ),
     )
 )  # fmt: skip
-@settings(deadline=None, max_examples=150)
+@settings(max_examples=150)
 def test_nothing_but_a_plain_complaint_comes_of_any_text(tmp_path_factory, text):
     path = tmp_path_factory.getbasetemp() / "any.yaml"
     path.write_bytes(text.encode(errors="surrogatepass"))

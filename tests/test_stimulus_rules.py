@@ -58,7 +58,7 @@ def turned(x, y, angle):
 coordinates = st.floats(100, 900)
 angles = st.floats(-math.pi, math.pi)
 scenes = st.tuples(coordinates, coordinates, angles, coordinates, coordinates, angles)
-laws = settings(max_examples=25, deadline=None)
+laws = settings(max_examples=25)
 
 
 def apart(scene, least=1.0):

@@ -58,7 +58,7 @@ def test_a_control_shows_the_very_same_motion_in_another_look(tmp_path):
     np.testing.assert_array_equal(made["fish"], made["dot"])
     np.testing.assert_array_equal(made["back"], made["fish"][::-1])
     np.testing.assert_array_equal(made["yoked"], made["live"][: len(made["yoked"])])
-    shown = {name: Cue(session.plan.conditions[name], 1, "hybrid", look).shown(made[name], scene())
+    shown = {name: Cue(session.plan.conditions[name], 1, look).shown(made[name], scene())
              for name, look in (("fish", 0), ("dot", 1))}  # fmt: skip
     assert (shown["fish"][..., LOOK] == 0).all() and (shown["dot"][..., LOOK] == 1).all()
     rest = [n for n in range(shown["fish"].shape[2]) if n != LOOK]
@@ -92,7 +92,7 @@ def test_fading_changes_nothing_but_alpha(tmp_path):
         from finloop.stimulus.animals import Animals
 
         animals = Animals(plan.animals, made.tank, None)
-        reaction = Reaction(made, Cue(plan.conditions["a"], 1, "hybrid", 0, fade), 1, animals)
+        reaction = Reaction(made, Cue(plan.conditions["a"], 1, 0, fade), 1, animals)
         told.append(np.stack([reaction.tick(n / made.rate_hz) for n in range(made.ticks(1.5))]))
     plain, faded = told
     assert (plain[..., ALPHA] == 1).all() and faded[0, 0, ALPHA] == faded[-1, 0, ALPHA] == 0
@@ -220,7 +220,7 @@ def test_displayed_frames_come_back_bit_for_bit(tmp_path):
     assert back == told
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.binary(max_size=400) | st.lists(st.floats(width=32), max_size=60).map(
     lambda numbers: np.array(numbers, "<f8").tobytes()))  # fmt: skip
 def test_no_record_of_frames_breaks_the_reader(content):

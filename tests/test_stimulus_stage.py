@@ -6,7 +6,8 @@ import sys
 
 import pytest
 import yaml
-from browser import WITHIN, chromium
+from browser import WITHIN, chromium, hold_time
+from conftest import wait_for
 from tiny_run import TinyRun
 
 import stages.stimulus
@@ -14,7 +15,7 @@ from finloop.base.errors import FinloopError
 from finloop.io.journal import save_journal
 from finloop.stimulus.display import Display, save_display
 from finloop.stimulus.replay import Record, open_record
-from stages.stimulus import display_file, known_display, open_scene
+from stages.stimulus_scene import display_file, known_display, open_scene
 
 CONDITIONS = {
     "goals": {"seconds": 1.0, "motion": {"goals": [[0.2, 0.5], [0.8, 0.5]]}},
@@ -91,7 +92,7 @@ def test_a_session_of_another_film_is_refused(there, tmp_path, monkeypatch):
     command(monkeypatch, "dry", protocol(tmp_path), "--out", tmp_path)
     [session] = tmp_path.glob("*.parquet")
     with monkeypatch.context() as patch:
-        patch.setattr("stages.stimulus._MADE_FROM", ("clip/facts.json",))
+        patch.setattr("stages.stimulus_scene._MADE_FROM", ("clip/facts.json",))
         with pytest.raises(FinloopError, match=r"from another film\n"):
             command(monkeypatch, "replay", session, "--check")
     header = open_record(session).header
@@ -143,11 +144,13 @@ def test_the_page_that_stands_alone_plays_the_edit_list(there):
         page.on(
             "request", lambda one: bad.append(one.url) if not one.url.startswith(WITHIN) else None
         )
+        page.clock.install()
         page.goto((there / "data/export/stimulus.html").absolute().as_uri())
         pictures = []
-        page.wait_for_timeout(500)
+        assert wait_for(lambda: page.evaluate("!!(drawer && drawer.box)"), 60)
+        hold_time(page)
         page.keyboard.press("Space")
         for _ in range(3):
-            page.wait_for_timeout(400)
+            page.clock.run_for(400)
             pictures.append(page.screenshot())
         assert not bad and len(set(pictures)) == 3  # it moves

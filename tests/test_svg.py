@@ -132,7 +132,7 @@ def test_s_and_t_mirror_their_own_kind_only(tmp_path, smooth, plain):
 NUMBER = st.floats(-500, 500).map(lambda x: round(x, 3))
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(nodes=st.lists(st.tuples(NUMBER, NUMBER), min_size=3, max_size=4, unique=True))
 def test_curves_are_followed_within_flatness(tmp_path_factory, nodes):
     path = tmp_path_factory.getbasetemp() / "f"

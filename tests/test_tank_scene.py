@@ -243,16 +243,16 @@ def put(folder, fish=1):
     facts = VideoFacts("file", 200, 150, 2, Fraction(25), True, ((0, 2),))
     save_facts(folder / "data/clip" / FACTS_NAME, facts)
     usual = {
-        "speed": 1.0, "motion_area": np.nan, "mode": "nn", "state": "straight", "goal": "",
+        "speed": 1.0, "motion_area": np.nan, "mode": "network", "state": "straight", "goal": "",
         "aim_x_px": 0.0, "aim_y_px": 0.0, **dict.fromkeys(Decision._fields),
     }  # fmt: skip
     edit = swimming(30).assign(tick=np.arange(30), time_s=np.arange(30) / 25, **usual)
     every = [edit.assign(fish=number, y_px=50.0 + 40 * number) for number in range(fish)]
-    save_table(folder / "data/animate/nn.parquet", pd.concat(every), EDIT)
+    save_table(folder / "data/animate/network.parquet", pd.concat(every), EDIT)
 
 
 def ready(folder, *more):
-    small = ("tank.mode=nn", "tank.seconds=0.4", "tank.width_px=160", "tank.height_px=96")
+    small = ("tank.mode=network", "tank.seconds=0.4", "tank.width_px=160", "tank.height_px=96")
     prepare(folder, *small, *more)
 
 

@@ -14,6 +14,8 @@ import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import prepare
 
+from benchmarks.pipeline import in_conf
+
 PIPELINE: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())
 STAGES: dict[str, Any] = PIPELINE["stages"]
 GIVEN = ("benchmarks", "data/drawings", "data/gaits")  # what stages read and none makes
@@ -38,7 +40,7 @@ def with_those_before(words: Iterable[str]) -> list[str]:
     todo, wanted = [*words], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        deps = STAGES[word]["deps"]  # a folder, or in one
+        deps = {*map(in_conf, STAGES[word]["deps"])}  # a folder, or in one
         near = {one for places, one in MAKERS if not places.isdisjoint(deps)}
         todo += near - wanted
     return [one for one in STAGES if one in wanted]

@@ -13,13 +13,18 @@ import pandas as pd
 import scipy
 
 from finloop.animate.arena import Tank, tank
+from finloop.animate.brisk import Brisk, learn_brisk
+from finloop.animate.cast import Cast
 from finloop.animate.film import Film, film, loop_jumps
+from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import Motion, learn
-from finloop.animate.planner import Gates, players
-from finloop.animate.sprites import Sprites, arrange
+from finloop.animate.plan_settings import Settings as PlanSettings
+from finloop.animate.plan_settings import merge_settings
+from finloop.animate.policies import Policy
+from finloop.animate.protocols import AnyPlayer
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, Player
-from finloop.base.settings import settings
+from finloop.animate.swim import Player
+from finloop.base.settings import settings, values_of
 from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import joins
@@ -27,6 +32,13 @@ from finloop.edit.stretch import Decision
 from finloop.features.table import wrap_deg
 from finloop.gateways.find import GATEWAYS
 from finloop.loops.graph import loop_graph
+from finloop.modes.hybrid import Gateways, Hybrid
+from finloop.modes.loops import Loops
+from finloop.modes.network import Network
+from finloop.modes.phases import Phases, learn_phases
+from finloop.modes.player import PaperMode, PaperPlayer
+from finloop.modes.sprites import Sprites, arrange
+from finloop.modes.world import World
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
 from finloop.social.rule import Shoaling
@@ -100,13 +112,35 @@ def lessons(mirror: int = 1, scale: float = 1.0) -> pd.DataFrame:
 
 def learnt(table: pd.DataFrame, rate: float = RATE) -> Motion:
     """What a feature table teaches."""
-    return learn(table, rate, DELTA, settings("animate"))
+    return learn(table, rate, DELTA)
 
 
 @cache
 def lesson() -> Motion:
     """What the lessons teach."""
     return learnt(lessons())
+
+
+@cache
+def phases(rate: float = RATE) -> Phases:
+    """The phases of straight swimming of the lessons."""
+    return learn_phases(lessons(), rate, DELTA, settings("network"))
+
+
+@cache
+def brisk() -> Brisk:
+    """How fast a brisk fish of the lessons swims."""
+    return learn_brisk(lessons(), RATE, DELTA, planning())
+
+
+def planning(**changes) -> PlanSettings:
+    """The parameters of the planner of `matching`, some changed."""
+    common, own = set(values_of("animate", "default")), set(values_of("matching", "default"))
+    assert set(changes) <= common | own
+    return merge_settings(
+        settings("animate", **{k: v for k, v in changes.items() if k in common}),
+        settings("matching", **{k: v for k, v in changes.items() if k in own}),
+    )
 
 
 # --- sprites
@@ -262,21 +296,78 @@ def open_tank() -> Tank:
 def waters_of(film_=None, room_=None, taught=None, **changes) -> Waters:
     """A film in a tank, with some parameters changed."""
     return Waters(
-        open_tank() if room_ is None else room_, rich_film() if film_ is None else film_, order(),
-        lesson() if taught is None else taught, TOUCH, HEAD, settings("animate", **({"wander": "places", "free": 0.75} | changes)),
+        open_tank() if room_ is None else room_, rich_film() if film_ is None else film_,
+        lesson() if taught is None else taught, brisk(), TOUCH, HEAD,
+        planning(**({"wander": "places", "free": 0.75} | changes)),
     )  # fmt: skip
 
 
 HULL = np.array([[20.0, 0], [-20, 5], [-20, -5]])
 
 
-def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, Player]:
-    """A player a mode; every sprite has the first outline, every frame the second."""
+def cast_of(film_: Film, hulls=(HULL, HULL)) -> Cast:
+    """Outlines: every sprite has the first, every frame the second."""
+    frames = np.repeat(hulls[1][None].astype(np.float32), len(film_.more), axis=0)
+    return Cast(sprites(), [hulls[0]] * len(sprites()), frames)
+
+
+def matching_of(waters=None, hulls=(HULL, HULL), forecast=None, film_too=True) -> Player:
+    """A player of mode `matching`: by the film, and as a forecast predicts if there is one."""
     waters = waters_of() if waters is None else waters
-    frames = np.repeat(hulls[1][None].astype(np.float32), len(waters.film.more), axis=0)
-    cast = Cast(sprites(), [hulls[0]] * len(sprites()), frames)
-    how = joins(waters.settings, bodies_of(waters.film), DELTA, lambda *_: True)
-    return players(waters, cast, Model(), Gates(gateways() if gates is None else gates, 1.0), how)
+    how = joins(
+        waters.settings, waters.settings.join, bodies_of(waters.film), DELTA, lambda *_: True
+    )
+    rows = np.minimum(sprites()["row"].to_numpy(), len(waters.film.more) - 2)
+    policy = Policy(FilmSwimmer(waters), forecast, film_too, rows)
+    return Player(policy, waters, cast_of(waters.film, hulls), how)
+
+
+def world_of(room_=None, taught=None) -> World:
+    """The tank of the paper's modes, and what the lessons teach."""
+    return World(
+        open_tank() if room_ is None else room_, lesson() if taught is None else taught, TOUCH, HEAD
+    )
+
+
+def network_of(world=None, model=None, **changes) -> Network:
+    """What moves sprites by the lessons, some parameters of `network` changed."""
+    world = world_of() if world is None else world
+    p = settings("network", **changes)
+    return Network(world, order(), phases(), Model() if model is None else model, p)
+
+
+def loops_of(film_=None, world=None, **changes) -> Loops:
+    """What plays the loops of a film, some parameters of `loops` changed."""
+    world = world_of() if world is None else world
+    return Loops(world, rich_film() if film_ is None else film_, settings("loops", **changes))
+
+
+def hybrid_of(film_=None, world=None, gates=None) -> Hybrid:
+    """Loops and network, joined by gateways."""
+    play = loops_of(film_, world)
+    ways = Gateways(gateways() if gates is None else gates, 1.0, play)
+    return Hybrid(network_of(play.world), play, ways)
+
+
+def paper_player(mode: PaperMode, join="fade", hulls=(HULL, HULL)) -> PaperPlayer:
+    """A player of a mode of the paper."""
+    network = mode if isinstance(mode, Network) else getattr(mode, "network", None)
+    play = mode if isinstance(mode, Loops) else getattr(mode, "loops", None)
+    film_ = rich_film() if play is None else play.film
+    how = joins(settings("animate"), join, bodies_of(film_), DELTA, lambda *_: True)
+    world = (network or play).world
+    kept = None if network is None else network.sprites
+    return PaperPlayer(mode, world, film_, kept, cast_of(film_, hulls), how)
+
+
+def players_of(waters=None, gates=None, hulls=(HULL, HULL)) -> dict[str, AnyPlayer]:
+    """A player a mode."""
+    waters = waters_of() if waters is None else waters
+    world = world_of(waters.tank, waters.motion)
+    hybrid = hybrid_of(waters.film, world, gates)
+    modes = {"network": hybrid.network, "loops": hybrid.loops, "hybrid": hybrid}
+    paper = {name: paper_player(mode, hulls=hulls) for name, mode in modes.items()}
+    return paper | {"matching": matching_of(waters, hulls)}
 
 
 @cache

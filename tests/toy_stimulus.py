@@ -23,7 +23,7 @@ LIVE = {"unit": "px"}
 
 
 def scene():
-    return Scene(toy_players(), bodies_of(rich_film()))
+    return Scene(toy_players()["matching"], bodies_of(rich_film()))
 
 
 def plan_of(conditions, **more):

@@ -9,7 +9,7 @@ import numpy as np
 from toy_film import ARENA, bodies_of, players_of, rich_film, waters_of
 
 from finloop.base.cutout import Cutout
-from finloop.edit.schema import FRAME, HYBRID, SPRITE
+from finloop.edit.schema import FRAME, SPRITE
 from finloop.live.fish import ROW
 from finloop.live.tank import LiveTank
 from finloop.live.view import View
@@ -51,7 +51,7 @@ class Drops:
         return Cutout(0, 0, 0, 0, drop())
 
 
-def view_of(mode=HYBRID, fish=1, seed=0, colour=False):
+def view_of(mode="matching", fish=1, seed=0, colour=False):
     floor = np.full(ARENA.shape + ((3,) if colour else ()), 200, np.uint8)
     frames, sprites, middle = len(rich_film().more), 60, (15.0, 15.0)
     gallery = Gallery({

@@ -28,9 +28,11 @@ from docs.draw.film import (
 from docs.draw.flow import save_flow
 from docs.draw.guides import draw_guides
 from docs.draw.pipeline import run
+from finloop.edit.modes import MODES
 
 PICTURES = ROOT / "docs/pictures"
 CARP = ["clip=carp", "animate.trials=1"]
+SHOWN = "hybrid"  # the mode of the story and of what shows one mode alone
 HERO_PX, PANEL_PX, TANK_PX, REPORT_PX = 720, 320, 640, 800  # widths
 FILM_S, OUTLINE_S, AFTER_S = 2.0, 2.4, 1.0  # of the film, of its outlines, after the last goal
 WINDOW, PANEL_S = (360, 270), 8.0  # that follows the fish; seconds of it
@@ -61,13 +63,13 @@ def tracks_rate(folder: Path) -> float:
 
 def story(folder: Path) -> Iterator[Picture]:
     """The film, what is measured in it, and the fish on its way to A, B and C."""
-    clip, edit = folder / "data/clip/clip.mp4", edit_list(folder, "hybrid")
+    clip, edit = folder / "data/clip/clip.mp4", edit_list(folder, SHOWN)
     wanders = edit.loc[edit["goal"] == "", "time_s"]
     end_s = AFTER_S + float(wanders.iloc[0] if len(wanders) else edit["time_s"].iloc[-1])
     parts = (
         (frames(clip, 0, FILM_S), "1   The film"),
         (outlined(folder, FILM_S, FILM_S + OUTLINE_S), "2   The fish is cut out and measured"),
-        (frames(folder / "data/render/hybrid_marked.mp4", 0, end_s), "3   Sent to A, B and C"),
+        (frames(folder / f"data/render/{SHOWN}_marked.mp4", 0, end_s), "3   Sent to A, B and C"),
     )
     return chain.from_iterable(
         captioned((sized(one, HERO_PX) for one in steady(part)), words) for part, words in parts
@@ -93,14 +95,14 @@ def panel(path: Path, places: pd.DataFrame) -> Iterator[Picture]:
 
 
 def draw_panels(folder: Path) -> None:
-    """The film, the network and the hybrid, to be put side by side."""
+    """The film and every mode, to be put side by side."""
     film = pd.read_parquet(folder / "data/features/features.parquet")
     first = film[film["track_id"] == film["track_id"].iloc[0]]
     save_film(PICTURES / "film.webp", panel(folder / "data/clip/clip.mp4", first))
-    for mode in ("nn", "hybrid"):  # the second is the one that the other pictures show
-        run(folder, [*CARP, f"render.mode={mode}"], ["render"])
+    for mode in sorted(MODES, key=lambda name: name == SHOWN):  # that one last: films stay of it
+        run(folder, [*CARP, f"render.mode={mode}", "render.beside_seconds=0"], ["render"])
         moving = panel(folder / f"data/render/{mode}.mp4", edit_list(folder, mode))
-        save_film(PICTURES / f"{'network' if mode == 'nn' else mode}.webp", moving)
+        save_film(PICTURES / f"{mode}.webp", moving)
 
 
 def draw_drawings() -> None:

@@ -1,5 +1,6 @@
 """The stages of dvc.yaml as an SVG: which stage waits for which."""
 
+import re
 from pathlib import Path
 from typing import Any
 from xml.sax.saxutils import escape
@@ -7,14 +8,16 @@ from xml.sax.saxutils import escape
 import networkx as nx
 import yaml
 
-BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a stage, between stages, around all
-PLACES = {  # column and row of every stage
+BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a box, between boxes, around all
+MODES = "modes-…"  # the stages of all modes, in one box
+PLACES = {  # column and row of every box
     "clip": (0, 1), "extract": (1, 1), "features": (2, 1),
-    "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "gait": (3, 4),
-    "identity": (3, 5), "calibrate": (3, 6), "morph": (3, 7),
-    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), "animate": (6, 1),
-    "retarget": (6, 2),
-    "render": (7, 0), "tank": (7, 1), "export": (7, 2), "realism": (7, 3), "report": (8, 1),
+    "bpn": (3, 0), "distance": (3, 1), "sprites": (3, 2), "pose": (3, 3), "calibrate": (3, 4),
+    "identity": (3, 5), "gait": (3, 6), "morph": (3, 7),
+    "loops": (4, 1), "gateways": (4, 2), "jumps": (4, 3), "forecast": (5, 3), MODES: (6, 2),
+    "retarget": (6, 4),
+    "animate": (7, 0), "render": (7, 1), "realism": (7, 2), "tank": (7, 3), "export": (7, 5),
+    "report": (8, 2),
 }  # fmt: skip
 TIP = (
     '<marker id="tip" viewBox="0 0 8 8" refX="1" refY="4" markerWidth="6" markerHeight="6" '
@@ -33,6 +36,23 @@ marker path { fill: #51636c; stroke: none; marker-end: none; }
 """
 
 
+def _box(stage: str) -> str:
+    """The box that a stage is drawn in."""
+    return MODES if stage.startswith("modes-") else stage
+
+
+def _reads(dep: str, out: str) -> bool:
+    """Whether a stage that depends on a path reads from an output.
+
+    A parameter in the path stands for any name: `data/animate/${render.mode}.parquet`. A folder so
+    named says no more than the table beside it, and is left out.
+    """
+    if "${" in dep:
+        pattern = r"[^/.]+".join(map(re.escape, re.split(r"\$\{[^}]*\}", dep)))
+        return not dep.endswith("}") and bool(re.fullmatch(pattern, out))
+    return out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")
+
+
 def _outputs(stage: dict[str, Any]) -> list[str]:
     """The paths that a stage writes."""
     listed = [out for kind in ("outs", "metrics", "plots") for out in stage.get(kind, [])]
@@ -40,10 +60,10 @@ def _outputs(stage: dict[str, Any]) -> list[str]:
 
 
 def flow(dvc_yaml: str) -> nx.DiGraph:
-    """Stages, an edge from each to those that wait for it; edges that follow from others left out.
+    """Boxes, an edge from each to those that wait for it; edges that follow from others left out.
 
-    The stage `params`, which only checks the values, is left out, and so are the stages
-    `plots-<word>`, which only draw.
+    A box is a stage, or the stages of all modes. The stage `params`, which only checks the values,
+    is left out, and so are the stages `plots-<word>`, which only draw.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
     stages = {
@@ -52,14 +72,13 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
         if name != "params" and not name.startswith("plots-")
     }
     graph = nx.DiGraph()
-    graph.add_nodes_from(stages)
-    homes = {out: name for name, stage in stages.items() for out in _outputs(stage)}
+    graph.add_nodes_from(map(_box, stages))
+    homes = {out: _box(name) for name, stage in stages.items() for out in _outputs(stage)}
     for name, stage in stages.items():
         for dep in stage.get("deps", []):
             for out, home in homes.items():
-                inside = out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")
-                if inside and home != name:
-                    graph.add_edge(home, name)
+                if home != _box(name) and _reads(dep, out):
+                    graph.add_edge(home, _box(name))
     return nx.transitive_reduction(graph)
 
 

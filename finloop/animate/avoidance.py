@@ -12,7 +12,7 @@ from finloop.animate.loops import FilmSwimmer
 from finloop.animate.policies import Policy
 from finloop.animate.state import Fish, Waters
 from finloop.base.arrays import Floats
-from finloop.edit.schema import FORECAST, SPOT, TURN, WAITING
+from finloop.edit.schema import FORECAST, SPOT, WAITING
 from finloop.edit.stretch import Decision, Stretch
 
 _AWAY = 3.0  # body lengths; so far away from the nearest fish is the place to make way to
@@ -108,15 +108,6 @@ class Avoidance:
 
     def _staying(self, fish: Fish, away: Spot) -> list[Stretch]:
         """What a fish can show in its place: turning, not turning, the same picture."""
-        if fish.row < 0:
-            stays = self._policy.sprites.stay(fish, away)
-            same, phase = (np.full(len(stays.way), one) for one in (fish.sprite, fish.phase))
-            turns = fish.state == TURN  # it goes on with the turn then
-            frozen = replace(
-                stays, state=fish.state, number=same, phase=None if turns else phase, new=False,
-                whole=not turns,
-            )  # fmt: skip
-            return [stays, frozen]
         stays = self._film.stay(fish, away, turns=False)
         rot = stays.way[:, 2] - self._waters.film.heading[fish.row]
         same = np.full(len(rot), fish.row)
@@ -133,7 +124,7 @@ class Avoidance:
         error = float(wrap(bearing(x, y, aim.x, aim.y) - heading))
         # So slowly that its ends swim no faster than a brisk fish does.
         slowly = np.degrees(self._film.rules.pace / self._waters.motion.body_length_px)
-        most = min(self._waters.motion.brisk_deg, slowly) * ticks
+        most = min(self._waters.brisk.turn_deg, slowly) * ticks
         turn = np.sign(error) * np.minimum(most, abs(error))
         way = frozen.way + np.outer(turn, (0.0, 0.0, 1.0))
         rot = None if frozen.rot is None else frozen.rot + turn

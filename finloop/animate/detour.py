@@ -17,7 +17,7 @@ _NEARER = 0.25  # body lengths; by less a fish comes no nearer
 def effort(
     before: Effort, fish: Fish, goal: Goal, waters: Waters, rng: np.random.Generator
 ) -> Effort:
-    """How a fish gets on now; a detour is begun where it came no nearer for `animate.patience`."""
+    """How a fish gets on now; a detour is begun where it came no nearer for `matching.patience`."""
     far = float(np.hypot(goal.x_px - fish.x, goal.y_px - fish.y))
     if before.goal != (goal.x_px, goal.y_px):
         return Effort((goal.x_px, goal.y_px), far, fish.tick)

@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pandas as pd
 
-from finloop.animate.swim import Player
+from finloop.animate.protocols import AnyPlayer
 from finloop.base.arrays import Floats, Ints
 from finloop.base.axes import ahead_left
 from finloop.distance.picture import typical_length
@@ -35,7 +35,7 @@ def placed(hull: Floats, x_px: float, y_px: float, heading_deg: float, mirrored:
     return np.asarray(turned + np.array([x_px, y_px]))
 
 
-def outline(player: Player, row: Any) -> Floats:
+def outline(player: AnyPlayer, row: Any) -> Floats:
     """The outline (p, 2) on screen of a row of an edit list, or `Shown`."""
     mirrored = row.kind == FRAME and row.mirrored
     return placed(player.hull(row.kind, row.source), row.x_px, row.y_px, row.heading_deg, mirrored)
@@ -59,7 +59,7 @@ def places(edit: pd.DataFrame) -> Floats:
     return edit[["x_px", "y_px"]].to_numpy(float).reshape(edit["fish"].nunique(), -1, 2)
 
 
-def overlaps(edit: pd.DataFrame, player: Player) -> Ints:
+def overlaps(edit: pd.DataFrame, player: AnyPlayer) -> Ints:
     """How many pairs of fish overlap at each tick (ticks,) of an edit list."""
     where = places(edit)
     fish, ticks = where.shape[:2]
@@ -83,7 +83,7 @@ def nearest(where: Floats) -> Floats:
     return np.asarray(far.min(axis=1))
 
 
-def of_shoal(edit: pd.DataFrame, player: Player) -> dict[str, float]:
+def of_shoal(edit: pd.DataFrame, player: AnyPlayer) -> dict[str, float]:
     """How near the fish of an edit list come to each other; nothing of one alone."""
     where = places(edit)
     if len(where) < 2:

@@ -31,9 +31,7 @@ from finloop.edit.schema import (
     FORECAST,
     FORETOLD,
     FRAME,
-    HYBRID,
     JUMP,
-    NETWORK,
     PLAY,
     SPOT,
     TURN,
@@ -69,20 +67,16 @@ class Follower:
             horizon=self.rules.horizon + self.rules.stride, beam=1 + p.path_beam // _FEWER
         )
         self._film = self._foretold = None
-        if policy.crossing is not None and policy.mode != NETWORK:
-            self._film = policy.crossing.film.footage
+        if policy.shows_film:
+            self._film = policy.film.footage
         if policy.forecast is not None:
             self._foretold = policy.forecast.footage
 
     def begin(self, route: Route, rng: np.random.Generator) -> Fish:
         """A fish at the beginning of the path, in the row from which it can be followed best."""
         footage = self._film or self._foretold
+        assert footage is not None
         x, y = map(float, place(route, 0.0))
-        if footage is None:
-            fish = self.policy.begin(rng)
-            ahead = place(route, self.steering.length_px)
-            heading = np.degrees(np.arctan2(y - ahead[1], ahead[0] - x))
-            return replace(fish, x=x, y=y, heading=float(heading))
         rows = footage.film.rows
         plays = np.flatnonzero(rows["more"][:-1] & rows["endless"][:-1] & rows["endless"][1:])
         some = np.sort(rng.choice(plays, min(_STARTS, len(plays)), replace=False))
@@ -110,13 +104,13 @@ class Follower:
         """What is shown next, and how the fish gets on with the path then."""
         since = least_along(route, path.along, fish.tick)
         path = path._replace(along=float(foot(route, fish.x, fish.y, since)[0]))
-        asked = path.route is route and path.mode == self.policy.mode
+        asked = path.route is route and (path.foretold or self._film is not None)
         if path.runs and asked and not fish.company.near:
             stretch, on = self._go_on(fish, path, Decision(PLAY), None)
             if len(stretch.way):
                 return stretch, on
         film, told = self._by_film(fish, path.along, route), None
-        if film is None or (self.policy.mode == HYBRID and self._leaves(film, fish, route)):
+        if film is None or (self._foretold is not None and self._leaves(film, fish, route)):
             told = self._as_foretold(fish, path.along, route)
         plans = [one for one in (film, told) if one is not None]
         # To leave the film is as dear as a seam of one natural step.
@@ -124,7 +118,7 @@ class Follower:
             plans.reverse()
         for plan in plans:
             runs = plan.runs(self.rules.stride if fish.company.near else self._swum)
-            planned = Progress(path.along, route, runs, self.policy.mode, plan is told)
+            planned = Progress(path.along, route, runs, plan is told)
             rate = self.waters.motion.rate_hz
             decision = Decision(PLAY, value_s=plan.value / rate, ways=len(plan.ways.rows))
             stretch, on = self._go_on(fish, planned, decision, plan.options(rate))

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from finloop.animate.brisk import brisk_of
 from finloop.animate.company import clear_ticks
 from finloop.animate.film import foretold_film
 from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot
-from finloop.animate.motion import brisk_of
 from finloop.animate.outlook import Pace, Recall, course, held, look
 from finloop.animate.rare import Rarity
 from finloop.animate.search import Rules, space_of
@@ -36,22 +36,21 @@ _TRIES = 8  # ways that are tried one after the other before the fish slides alo
 class ForecastSwimmer:
     """Swims as is foretold.
 
-    sampler: of `endless`; sprite_rows (s,): behind sprites; rarity: of the film's rows.
+    sampler: of `endless`; rarity: of the film's rows.
     """
 
-    def __init__(self, waters: Waters, sampler: Sampler, sprite_rows: Ints, rarity: Rarity) -> None:
+    def __init__(self, waters: Waters, sampler: Sampler, rarity: Rarity) -> None:
         motion, p = waters.motion, waters.settings
         self.waters = waters
         self.sampler = sampler
         self._rarity = rarity
-        self._sprite_rows = sprite_rows
         usable = np.flatnonzero(sampler.usable)
         speed = sampler.states[usable][:, -MOTION:]
         px = motion.body_length_px / motion.rate_hz
         turn_deg = float(np.degrees(1 / motion.rate_hz))
         fastest = brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px
         turning = brisk_of(np.abs(speed[:, 2]), p) * turn_deg
-        horizon = max(2, waters.ticks(p.ahead), motion.about)
+        horizon = max(2, waters.ticks(p.ahead), waters.brisk.ahead)
         self.pace = Pace(
             px, turn_deg, horizon, fastest, turning, p.wall,
             waters.film.dear.copy(), wakes(sampler),
@@ -81,8 +80,7 @@ class ForecastSwimmer:
         """The fish and its past; one that has none takes that of the row on screen."""
         if fish.past is not None:
             return fish, fish.past
-        row = fish.row if fish.row >= 0 else int(self._sprite_rows[fish.sprite])
-        row = int(self._near[row])
+        row = int(self._near[fish.row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
     def _look(
@@ -150,7 +148,7 @@ class ForecastSwimmer:
         at_wall = not free.any() and best < min(ticks, self.waters.motion.delta)
         reason = FORETOLD
         if best == 0 or at_wall:  # a wall holds it up: along it, and round to the aim
-            most_deg = self.waters.motion.brisk_deg
+            most_deg = self.waters.brisk.turn_deg
             way, touched = held(self.waters.bounds, states, row, start, towards, most_deg)
             best, reason = len(way), WALL
         n = min(best, touched + 1)

@@ -19,7 +19,7 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.search import Here, Rules, Space, space_of
 from finloop.animate.state import Fish, Options, Waters
 from finloop.base.arrays import Mask
-from finloop.edit.schema import ENTER, FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
+from finloop.edit.schema import FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.edit.stretch import Decision, Stretch
 from finloop.loops.positions import quadrant
 
@@ -99,7 +99,7 @@ class FilmSwimmer:
         rate = self.waters.motion.rate_hz
         here = Here(
             *self.arrival(fish), fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
-            fish.company, int(self.waters.film.rest[fish.row + 1]) if fish.row >= 0 else 0,
+            fish.company, int(self.waters.film.rest[fish.row + 1]),
             self.waters.price_of_rest(fish, aim),
         )  # fmt: skip
         terms, found, verdict = decide.weigh(self.space, ways, here, aim, self.rules)
@@ -109,11 +109,7 @@ class FilmSwimmer:
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 
     def arrival(self, fish: Fish) -> tuple[float, float]:
-        """Where the fish is at the next tick: by the film, or at its speed if it shows sprites."""
-        if fish.row < 0:
-            motion = self.waters.motion
-            forward = fish.speed * motion.body_length_px / motion.rate_hz
-            return step.ahead(fish.x, fish.y, fish.heading, forward, 0.0)
+        """Where the fish is at the next tick, by the film."""
         return decide.arrival(self.waters.film, fish.x, fish.y, fish.row, fish.rot)
 
     def choose(self, options: Options, allowed: Mask, rng: np.random.Generator) -> Options | None:
@@ -132,8 +128,8 @@ class FilmSwimmer:
         path, touched, (dx, dy) = decide.play(
             self.waters.film, (*self.arrival(fish), rot), row, (goal, aim), self.rules
         )
-        plays = row == fish.row + 1 and fish.row >= 0
-        reason = ENTER if fish.row < 0 else PLAY if plays else JUMP
+        plays = row == fish.row + 1
+        reason = PLAY if plays else JUMP
         return Stretch(
             FILM, path, np.arange(row, row + len(path)), not plays, aim, touched,
             decision(options, reason, int(quadrant(dx, -dy))), FRAME, np.full(len(path), rot),
@@ -148,7 +144,7 @@ class FilmSwimmer:
 
     def stay(self, fish: Fish, aim: Spot, turns: bool = True) -> Stretch:
         """No way on: stay in place while the film goes on. turns: whether towards the aim."""
-        film, most_deg = self.waters.film, self.waters.motion.brisk_deg
+        film, most_deg = self.waters.film, self.waters.brisk.turn_deg
         ways = self._ways_on(fish, jumps=True).rows
         begin, last = int(ways[0]) if len(ways) else fish.row, len(film.more) - 1
         rot = fish.rot

@@ -11,17 +11,15 @@ from itertools import pairwise
 import numpy as np
 import pandas as pd
 import scipy
-from numpy.typing import NDArray
 
 from finloop.animate.motion import Motion
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player
+from finloop.animate.protocols import AnyPlayer, AnyWorld
 from finloop.base.arrays import Floats
 from finloop.base.schema import Column, Schema
-from finloop.edit.schema import FILM, FRAME, LOOPS, STATES, TURN, Goal
+from finloop.edit.measures import area_missed, of_steps, of_turns, shown_shares
+from finloop.edit.schema import FRAME, Goal
 from finloop.features.current import through_water
 from finloop.features.table import wrap_deg
-from finloop.puppet import PoseShapes
 
 FILM_MOTION = "film"
 KINEMATICS = Schema(
@@ -34,21 +32,17 @@ KINEMATICS = Schema(
 _ROUNDED_PX = 2.0  # the centre and the outline of a fish are rounded to pixels
 
 
-def averaged(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
-    """Measures of several fish on average, each of those that have it."""
-    return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
-
-
 def of_plan(
-    edit: pd.DataFrame, goals: Sequence[Goal], player: Player, film: tuple[Floats, Floats]
+    edit: pd.DataFrame, goals: Sequence[Goal], player: AnyPlayer, film: tuple[Floats, Floats]
 ) -> dict[str, float]:
     """All measures of one fish that need no picture. film: of `motion_of_film`."""
     return {
         **(of_goals(edit, goals, player.waters) if goals else {}),
         **of_kinematics(motion_of_edit(edit, player), film),
         **of_turns(edit),
+        **shown_shares(edit),
+        **area_missed(edit),
         "frames_outside": outside(edit, player),
-        "film_pct": 100 * float((edit["mode"] == LOOPS).mean()),
     }
 
 
@@ -75,8 +69,11 @@ def reached(edit: pd.DataFrame, goals: Sequence[Goal], touch_px: float, head_px:
     return ticks
 
 
-def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: Waters) -> dict[str, float]:
-    """Goals reached, time, path error against the straight ways from goal to goal, straightness."""
+def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: AnyWorld) -> dict[str, float]:
+    """Return goals reached, time, path error against straight ways, straightness, and the heading.
+
+    arrival_heading_error_deg: of the heading at a goal against the straight way there, on average.
+    """
     ticks, motion = reached(edit, goals, waters.touch_px, waters.head_px), waters.motion
     done = np.flatnonzero(~np.isnan(ticks))
     measures = {"goals": float(len(goals)), "goals_reached_pct": 100 * len(done) / len(goals)}
@@ -84,13 +81,16 @@ def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: Waters) -> dict[
         return measures
     place = edit[["x_px", "y_px"]].to_numpy()
     ends = np.concatenate([[0], ticks[done]]).astype(int)
-    errors, asked, swum = [], 0.0, 0.0
+    heading = edit["heading_deg"].to_numpy(float)
+    errors, arrivals, asked, swum = [], [], 0.0, 0.0
     start = place[0]
     for i, (a, b) in enumerate(pairwise(ends)):
         goal = np.array(goals[i][1:3])
         leg = place[a : b + 1]
         errors.append(_off_segment(leg, start, goal))
         asked += float(np.hypot(*(place[b] - place[a])))
+        direction = np.degrees(np.arctan2(start[1] - goal[1], goal[0] - start[0]))
+        arrivals.append(abs(float(wrap_deg(heading[b] - direction))))
         swum += float(np.hypot(*np.diff(leg, axis=0).T).sum())
         start = goal
     off = np.concatenate(errors) / motion.body_length_px
@@ -98,6 +98,7 @@ def of_goals(edit: pd.DataFrame, goals: Sequence[Goal], waters: Waters) -> dict[
         "time_to_goal_median_s": float(np.median(np.diff(ends)) / motion.rate_hz),
         "path_error_rms_body_lengths": float(np.sqrt((off**2).mean())),
         "straightness": asked / swum if swum > 0 else np.nan,
+        "arrival_heading_error_deg": float(np.mean(arrivals)),
     }
 
 
@@ -117,15 +118,16 @@ def kinematics(motions: Mapping[str, tuple[Floats, Floats]]) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def motion_of_edit(edit: pd.DataFrame, player: Player) -> tuple[Floats, Floats]:
+def motion_of_edit(edit: pd.DataFrame, player: AnyPlayer) -> tuple[Floats, Floats]:
     """Speed [body lengths/s] and turn rate [°/s] of one fish, both over Δ as the film's (Eq. 3).
 
     The film's heading is that of the head, so the drawn head's is taken: the sprites sway.
     """
+    head = edit["heading_deg"].to_numpy(float, copy=True)
     sprite = (edit["kind"] != FRAME).to_numpy()
-    number = np.where(sprite, edit["source"], 0)
-    sway = player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
-    head = edit["heading_deg"].to_numpy(float) + sway
+    if sprite.any():
+        number = np.where(sprite, edit["source"], 0)
+        head += player.cast.sprites["head_offset_deg"].to_numpy(float)[number] * sprite
     motion = player.waters.motion
     place = edit[["x_px", "y_px"]].to_numpy() / motion.body_length_px
     return _over_delta(place, head, motion)
@@ -166,7 +168,7 @@ def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> d
     }
 
 
-def outside(edit: pd.DataFrame, player: Player) -> int:
+def outside(edit: pd.DataFrame, player: AnyPlayer) -> int:
     """Ticks at which any point of the drawn fish is outside the arena."""
     count, tank = 0, player.waters.tank
     height, width = tank.arena.shape
@@ -188,116 +190,6 @@ def outside(edit: pd.DataFrame, player: Player) -> int:
         there[there] = tank.arena[row[there], column[there]]
         count += int((~there.all(1)).sum())
     return count
-
-
-def of_turns(edit: pd.DataFrame) -> dict[str, float]:
-    """Whether the error of the heading against the aim falls at every tick of every turn."""
-    turning = (edit["state"] == STATES[TURN]).to_numpy()
-    begins = edit["reason"].notna().to_numpy()
-    number = np.cumsum(begins)
-    bearing = np.degrees(
-        np.arctan2(edit["y_px"] - edit["aim_y_px"], edit["aim_x_px"] - edit["x_px"])
-    )
-    error = np.abs(wrap_deg((bearing - edit["heading_deg"]).to_numpy(float)))
-    same = (number[1:] == number[:-1]) & turning[1:]
-    rises = same & (np.diff(error) > 1e-3)
-    turns = np.unique(number[turning])
-    bad = np.unique(number[1:][rises])
-    return {
-        "turns": float(len(turns)),
-        "turns_monotone_pct": 100 * (1 - len(bad) / len(turns)) if len(turns) else np.nan,
-        "turns_with_little_room_pct": 100
-        * float((edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan),
-    }
-
-
-def of_steps(mine: Floats, film: Floats) -> dict[str, float]:
-    """Steps between drawn pictures against the film's own."""
-    above = 100 * float((mine > np.quantile(film, 0.995)).mean())
-    return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
-
-
-def of_seams(seams: Floats, film: Floats) -> dict[str, float]:
-    """Seam ratios of joins, as drawn, without any cross-fade."""
-    if seams.size == 0:
-        return {"jumps": 0.0}
-    return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
-
-
-def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[str, float]:
-    middle = float(np.median(film))
-    return {
-        f"{name}_ratio_median": float(np.median(mine)) / middle,
-        f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
-        f"{all_of_them}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
-    }
-
-
-def of_poses(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
-    """Ticks drawn in another pose than filmed; those whose pose the film hardly shows."""
-    codes = [pose for pose in edit["pose"] if pose is not None]
-    far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
-    return {
-        "posed_pct": 100 * len(codes) / len(edit),
-        "poses_at_the_limit_pct": 100 * far / len(edit),
-    }
-
-
-def of_states(edit: pd.DataFrame) -> dict[str, float]:
-    """Share of time in each state."""
-    share = 100 * edit["state"].value_counts(normalize=True)
-    return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
-
-
-def longest_repeat(edit: pd.DataFrame) -> int:
-    """The longest run of pictures that comes twice, the second after the first, in ticks."""
-    pictures, longest = _pictures(edit), 0
-    for lag in range(1, len(pictures)):
-        if len(pictures) - lag <= longest:
-            break
-        equal = np.concatenate([[False], pictures[lag:] == pictures[:-lag], [False]])
-        edges = np.flatnonzero(np.diff(equal.astype(np.int8)))
-        if edges.size:
-            longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
-    return longest
-
-
-def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
-    """A number (ticks,) for each picture that an edit list names, the same for the same."""
-    names = ["kind", "source", "orientation", "mirrored"]
-    return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
-
-
-def film_states(features: pd.DataFrame, motion: Motion) -> dict[str, float]:
-    """Share of time the film's fish spend in each state."""
-    phases = motion.phases
-    straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
-    turning = float((features["swimming_type"] != 0).mean())
-    share = np.append(straight / straight.sum() * (1 - turning), turning)
-    return {
-        f"{state}_pct": 100 * float(part) for state, part in zip(STATES[:FILM], share, strict=True)
-    }
-
-
-def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> dict[str, float]:
-    """Freezing and flickering: the longest time one picture stays, the shortest between two jumps.
-
-    jumps: ticks at which the picture does not follow; only those from frame to frame count.
-    """
-    changes = np.diff(_pictures(edit)) != 0
-    runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
-    frame = (edit["kind"] == FRAME).to_numpy()
-    across = jumps[frame[jumps] & frame[jumps - 1]]
-    return {
-        "longest_still_s": float(runs.max()) / rate_hz,
-        "jumps_of_the_film": float(len(across)),
-        "shortest_stay_s": float(np.diff(across).min()) / rate_hz if len(across) > 1 else np.nan,
-    }
-
-
-def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
-    """All measures side by side: a row each, a column per mode and one of the film itself."""
-    return pd.DataFrame({**modes, "film": film}).rename_axis("measure").reset_index()
 
 
 def of_film(
@@ -323,5 +215,4 @@ def of_film(
         "speed_median_body_lengths_s": float(np.median(swum[0])),
         "turn_rate_sd_deg_s": float(swum[1].std()),
         **of_steps(steps, steps),
-        **film_states(features, motion),
     }

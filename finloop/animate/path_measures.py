@@ -132,7 +132,7 @@ def limits(film: Film, waters: Waters) -> Limits:
     """The limits of a film."""
     motion = waters.motion
     bend = film_turning(film, motion.delta, motion.body_length_px, _BEND)
-    return Limits(bend, motion.high)
+    return Limits(bend, waters.brisk.fastest)
 
 
 def where_left(swum: pd.DataFrame, path: Path, waters: Waters, most: Limits) -> pd.DataFrame:

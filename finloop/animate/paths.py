@@ -34,7 +34,7 @@ class Path(NamedTuple):
     asked: Route
 
 
-def track_line(features: pd.DataFrame, name: str, parameter: str = "animate.path") -> Line:
+def track_line(features: pd.DataFrame, name: str, parameter: str = "matching.path") -> Line:
     """A track of the film, `track:8`, with times and headings; FinloopError if there is none.
 
     parameter: that names it.
@@ -76,7 +76,7 @@ def lay(line: Line, tank: Tank, motion: Motion, mm_per_px: float | None) -> Path
         raise FinloopError(
             f"{line.name} is {along[-1] / length:.2f} body lengths long",
             f"a path of {2 * _STEP:g} body lengths at least",
-            "draw a longer path, or correct its unit (animate.path_in)",
+            "draw a longer path, or correct its unit (matching.path_in)",
         )
     when = np.zeros(0)
     if line.time_s is not None:
@@ -130,7 +130,7 @@ def _refuse_outside(line: Line, tank: Tank, x: Floats, y: Floats) -> None:
         f"{line.name}: {np.count_nonzero(~inside)} of {len(x)} places are outside the tank, first "
         f"({x[first]:.0f}, {y[first]:.0f}) px",
         f"a path inside the tank, which is {columns[0]}-{columns[-1]} × {rows[0]}-{rows[-1]} px",
-        "move or scale the path, or correct its unit (animate.path_in)",
+        "move or scale the path, or correct its unit (matching.path_in)",
     )
 
 

@@ -1,4 +1,4 @@
-"""Everything that plans an animation, from what has been made of a film."""
+"""Mode `matching`: everything that plans an animation, from what has been made of a film."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,18 +8,19 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.arena import place_goals, size_for, tank, where
-from finloop.animate.company import NO_DISCS, Plans
-from finloop.animate.crossing import Crossing
+from finloop.animate.brisk import learn_brisk
+from finloop.animate.cast import Cast, FrameHulls
+from finloop.animate.company import Plans
 from finloop.animate.endless import endless
-from finloop.animate.film import Film, Jumps, film, loop_jumps, neighbour_jumps
+from finloop.animate.film import film, neighbour_jumps
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.motion import learn
-from finloop.animate.network import SpriteSwimmer
 from finloop.animate.paths import Path, lay
+from finloop.animate.plan_settings import Settings
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
-from finloop.animate.settings import Settings
+from finloop.animate.settings import Settings as CommonSettings
 from finloop.animate.shoal import (
     Task,
     by_rule,
@@ -29,72 +30,89 @@ from finloop.animate.shoal import (
     shoal,
     tasks,
 )
-from finloop.animate.sprites import arrange
 from finloop.animate.state import Waters
-from finloop.animate.swim import Cast, FrameHulls, Player, random_goals
+from finloop.animate.swim import Player, random_goals
 from finloop.base.arrays import Floats, Ints, Mask, Picture, Reals
+from finloop.base.errors import FinloopError
 from finloop.base.line import Line
-from finloop.bpn.model import MotionModel
 from finloop.distance.map import MapFacts, mapped
-from finloop.distance.picture import BODY, distance
+from finloop.distance.picture import BODY
 from finloop.edit.bodies import Bodies
 from finloop.edit.build import edit_lists
-from finloop.edit.joins import Joins, joins
+from finloop.edit.joins import joins
 from finloop.edit.pictures import Pictures, without_ghosts
-from finloop.edit.schema import FADE, HYBRID, MODES, NETWORK, Goal
+from finloop.edit.schema import FADE, Goal
 from finloop.edit.stretch import Swim
-from finloop.features.table import delta_frames
+from finloop.features.table import delta_of
 from finloop.forecast.sampling import Sampler
-from finloop.loops.graph import loop_graph
 from finloop.pose.film import FilmPoses
 from finloop.reel import Reel
 from finloop.social.rule import Shoaling, rule_of
 from finloop.sprites.pictures import outlines
 
+NO_SPRITES: Ints = np.zeros(0, np.intp)
+
 
 class Material(NamedTuple):
     """What has been made of a film.
 
-    arena (h, w): where the fish can be; reel: its pictures and sprites; outline_px (n, k, 2): x, y
-    as filmed of its n rows; steps, loops, jumps, gateways: columns of `STEPS`, `LOOPS`,
-    `JUMPS`, `GATEWAYS`; poses: of the rows of the reel; forecast: None where the film shows too
-    little for one; lines: to be swum in place of goals, by the first fish, None for one that has
-    none; mm_per_px: None: not known; shoaling:
-    how fish swim by zones, None: not known; floor: the empty tank as filmed, None: not known.
+    arena (h, w): where the fish can be; reel: its pictures; outline_px (n, k, 2): x, y as filmed of
+    its n rows; map_facts, steps: of the distance map, columns of `STEPS`; jumps: columns of
+    `JUMPS`; poses: of the rows of the reel;
+    forecast: None where the film shows too little for one; lines: to be swum in place of goals, by
+    the first fish, None for one that has none; mm_per_px: None: not known; shoaling: how fish swim
+    by zones, None: not known; floor: the empty tank as filmed, None: not known; sprite_rows (s,):
+    the rows behind sprites, from which a fish of another mode goes on.
     """
 
     rate_hz: float
     arena: Mask
     reel: Reel
     outline_px: Reals
-    model: MotionModel
     map_facts: MapFacts
     steps: pd.DataFrame
-    loops: pd.DataFrame
     jumps: pd.DataFrame
-    gateways: pd.DataFrame
     poses: FilmPoses
     forecast: Sampler | None = None
     lines: Sequence[Line | None] = ()
     mm_per_px: float | None = None
     shoaling: Shoaling | None = None
     floor: Picture | None = None
+    sprite_rows: Ints = NO_SPRITES
 
 
 @dataclass(frozen=True)
 class Planner:
-    """A player a mode. step: the film's median natural step, the unit of every seam.
+    """Mode `matching` of a film. step: its median natural step, the unit of every seam.
 
     reach_px: how far the fish reaches from its centre; paths: of the first fish, None for one that
     has none.
     """
 
-    waters: Waters
-    players: dict[str, Player]
+    player: Player
     pictures: Pictures
     step: float
     reach_px: float
     paths: tuple[Path | None, ...] = ()
+
+    @property
+    def waters(self) -> Waters:
+        """What its fish swim in."""
+        return self.player.waters
+
+    @property
+    def fish(self) -> int:
+        """How many fish swim together."""
+        return self.waters.settings.fish
+
+    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
+        """Return the edit list of an animation with another seed, to random goals."""
+        p = replace(self.waters.settings, seed=seed, seconds=seconds)
+        player = replace(self.player, waters=replace(self.waters, settings=p))
+        count = p.trial_goals * p.fish
+        goals = random_goals(player.waters, count, np.random.default_rng(seed))
+        near = [goal._replace(radius_px=self.waters.touch_px) for goal in goals]
+        return replace(self, player=player).plan(near)[1]
 
     def goals(self) -> list[Goal]:
         """The goals of the parameters, none where all fish swim paths, or by a rule.
@@ -104,8 +122,7 @@ class Planner:
         """
         p = self.waters.settings
         if p.rule == "zones" and p.fish > 1:
-            for player in self.players.values():
-                rule_of(player.shoaling)
+            rule_of(self.player.shoaling)
         if not self.seekers:
             return []
         waters = self.waters
@@ -129,6 +146,10 @@ class Planner:
         swum = [fish for fish, path in enumerate(self.paths) if path is not None]
         return [fish for fish in self.unruled if fish not in swum]
 
+    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
+        """Return the goals of each fish."""
+        return [task.goals for task in self.tasks(goals)]
+
     def tasks(self, goals: Sequence[Goal]) -> list[Task]:
         """What each fish does: swim its path, or to goals, or by a rule."""
         rng = np.random.default_rng(self.waters.settings.seed)
@@ -149,11 +170,11 @@ class Planner:
                 todo[fish] = todo[fish]._replace(goals=lot)
         return todo
 
-    def trial(self, player: Player, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
+    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
         """A further animation, to random goals of each fish: its edit list, and their goals."""
         todo, ticks = self._trial(number), self.waters.duration
         goals = [task.goals for task in todo]
-        return edit_lists(shoal(player, todo, ticks), ticks, player.sources), goals
+        return edit_lists(shoal(self.player, todo, ticks), ticks, self.player.sources), goals
 
     def _trial(self, number: int) -> list[Task]:
         p = self.waters.settings
@@ -165,14 +186,13 @@ class Planner:
         """NoRoom, before anything is planned, if there is none for all fish."""
         p = self.waters.settings
         if p.fish > 1:
-            for player in self.players.values():
-                settle(player, self.tasks(goals), Plans(p.fish))
-                for number in range(p.trials):
-                    settle(player, self._trial(number), Plans(p.fish))
+            settle(self.player, self.tasks(goals), Plans(p.fish))
+            for number in range(p.trials):
+                settle(self.player, self._trial(number), Plans(p.fish))
 
-    def plan(self, mode: str, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
-        """An animation in a mode, fish by fish, and its edit list (columns of `EDIT`)."""
-        player, p = self.players[mode], self.waters.settings
+    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
+        """An animation, fish by fish, and its edit list (columns of `EDIT`)."""
+        player, p = self.player, self.waters.settings
         ticks = self.waters.duration
         swum = shoal(player, self.tasks(goals), ticks)
         edit = edit_lists(swum, ticks, player.sources)
@@ -182,53 +202,61 @@ class Planner:
 
 
 def planner(made: Material, p: Settings) -> Planner:
-    """Bring together everything that swims."""
-    reel, hulls, area, reach_px, barred = sized(made, p)
+    """Bring together what plans mode `matching`.
+
+    FinloopError where the film shows too little for what `matching.uses` names.
+    """
+    reel, hulls, area, reach_px, barred = sized(
+        made.reel, made.outline_px, made.arena, p, made.floor
+    )
     facts, rate_hz = made.map_facts, made.rate_hz
-    features, sprites = reel.features, reel.sprites
-    motion = learn(features, rate_hz, delta_frames(made.model.delta_s, rate_hz), p)
-    motion = motion.sized(reel.size)
-    bodies = Bodies(made.poses, reel.goes_on, sprites)
+    features = reel.features
+    delta = delta_of(features)
+    motion = learn(features, rate_hz, delta).sized(reel.size)
+    bodies = Bodies(made.poses, reel.goes_on, reel.sprites)
     pictures = Pictures(reel, facts.size, bodies)
-    cast = Cast(sprites, outlines(reel), hulls)
+    cast = Cast(reel.sprites, [], hulls)
     for line in made.lines:
         if line is not None and line.rows is not None and not p.path_film:
             barred[line.rows] = True
-    pose = facts.pose if p.jumps == "loops" else BODY
-    how = joins(p, bodies, motion.delta, pictures.helps)
+    how = joins(p, p.join, bodies, motion.delta, pictures.helps)
     seen = np.full(len(features), np.nan)
     seen[mapped(features, made.steps)] = made.steps["as_filmed"]
     rarity = Rarity.of(
         bodies.movement, made.poses.codes, reel.goes_on, seen, how.spring()[0], p.rare
     )
-    way = film(features, _jumps(made, p), motion, pose, barred, rarity.dear, how.rests)
-    head = (
-        np.hypot(
-            features["head_x_px"] - features["x_px"], features["head_y_px"] - features["y_px"]
-        ).median()
-        * reel.size
-    )
-    order = arrange(sprites, distance(pictures.after, pictures.headed), motion.rate_hz)
-    touch_px = p.goal_radius * motion.body_length_px
-    water = tank(area, reach_px)
+    jumps = neighbour_jumps(made.jumps, len(features))
+    way = film(features, jumps, motion, BODY, barred, rarity.dear, how.rests)
     swum = None if made.forecast is None else endless(made.forecast, way.more, how.rests)
-    learned = swum is not None and swum.usable.any() and p.sprites == "learned"
-    # Sprites are shown where every picture fits alone.
-    discs = cast.discs if learned else NO_DISCS
-    waters = Waters(water, way, order, motion, touch_px, float(head), p, discs)
-    followers = _followers(sprites, way) if p.jumps == "neighbours" else None
-    gates = Gates(made.gateways, facts.step_median, followers)
-    by_mode = players(waters, cast, made.model, gates, how)
-    if swum is not None and learned:
-        swimmer = ForecastSwimmer(waters, swum, sprites["row"].to_numpy(), rarity)
-        for mode in (NETWORK, HYBRID):
-            policy = replace(by_mode[mode].policy, forecast=swimmer)
-            by_mode[mode] = replace(by_mode[mode], policy=policy)
-    by_mode = {mode: replace(one, shoaling=made.shoaling) for mode, one in by_mode.items()}
+    foretells = "forecast" in p.uses and swum is not None and bool(swum.usable.any())
+    plays = "film" in p.uses and bool((way.endless & way.more).any())
+    if not (foretells or plays):
+        raise NothingToUse(
+            f"the film is too short or too uneven for matching.uses={list(p.uses)}",
+            "frames that can follow each other for ever, or a forecast of them",
+            "take a longer film, or another mode; reports/jumps and reports/forecast say more",
+        )
+    touch_px = p.goal_radius * motion.body_length_px
+    water, head_px = tank(area, reach_px), head_ahead_px(features, reel.size)
+    brisk = learn_brisk(features, rate_hz, delta, p)
+    waters = Waters(water, way, motion, brisk, touch_px, head_px, p, cast.discs)
+    swimmer = ForecastSwimmer(waters, swum, rarity) if foretells and swum is not None else None
+    policy = Policy(FilmSwimmer(waters), swimmer, plays, made.sprite_rows)
+    player = Player(policy, waters, cast, how, made.shoaling)
     paths = tuple(
         None if line is None else lay(line, water, motion, made.mm_per_px) for line in made.lines
     )
-    return Planner(waters, by_mode, pictures, facts.step_median, reach_px, paths)
+    return Planner(player, pictures, float(made.steps["headed"].median()), reach_px, paths)
+
+
+class NothingToUse(FinloopError):
+    """The film shows too little for a mode."""
+
+
+def head_ahead_px(features: pd.DataFrame, size: float) -> float:
+    """How far the head is before the mass centre of a fish drawn at a size, px, in the median."""
+    dx, dy = (features[f"head_{axis}_px"] - features[f"{axis}_px"] for axis in "xy")
+    return float(np.hypot(dx, dy).median() * size)
 
 
 class Sized(NamedTuple):
@@ -244,25 +272,22 @@ class Sized(NamedTuple):
     barred: Mask
 
 
-def sized(made: Material, p: Settings) -> Sized:
-    """The film at the size that is asked for; by `auto` it fits in where the fish may be."""
-    reel, outline_px = made.reel, made.outline_px
+def sized(
+    reel: Reel, outline_px: Reals, arena: Mask, p: CommonSettings, floor: Picture | None
+) -> Sized:
+    """The film at the size that is asked for; by `auto` it fits in where the fish may be.
+
+    outline_px (n, k, 2): x, y as filmed of the reel's rows; arena (h, w): where fish can be.
+    """
     scale = (reel.length_px / reel.lengths_px).astype(float)
     filmed = frame_hulls(outline_px, reel.features, scale)
-    reach_px, barred = reach(outlines(reel), filmed, p.reach_quantile)
+    hulls = outlines(reel) if len(reel.sprites) else []
+    reach_px, barred = reach(hulls, filmed, p.reach_quantile)
     size = 1.0 if p.size == "auto" else p.size
-    area = where(made.arena, outline_px, size * reach_px, p.tank, made.floor)
+    area = where(arena, outline_px, size * reach_px, p.tank, floor)
     size = size_for(area, reach_px) if p.size == "auto" else size
-    hulls = replace(filmed, scale=size * scale)
-    return Sized(reel.sized(size), hulls, area, size * reach_px, barred)
-
-
-def _jumps(made: Material, p: Settings) -> Jumps:
-    """Where the film can go on, by its loops or by nearest neighbours."""
-    rows = made.reel.features["track_id"].to_numpy()
-    if p.jumps == "loops":
-        return loop_jumps(loop_graph(made.loops, rows), len(rows), made.map_facts.step_median)
-    return neighbour_jumps(made.jumps, len(rows))
+    hulls_at_size = replace(filmed, scale=size * scale)
+    return Sized(reel.sized(size), hulls_at_size, area, size * reach_px, barred)
 
 
 def frame_hulls(outline_px: Reals, places: pd.DataFrame, scale: Floats) -> FrameHulls:
@@ -282,33 +307,6 @@ def reach(sprite_hulls: Sequence[Floats], hulls: FrameHulls, quantile: float) ->
     quantile: of the frames' reach; wider ones are mostly faults.
     """
     frames = hulls.reach_px
-    sprites = max(float(np.hypot(*hull.T).max()) for hull in sprite_hulls)
+    sprites = max((float(np.hypot(*hull.T).max()) for hull in sprite_hulls), default=0.0)
     most = max(sprites, float(np.quantile(frames, quantile)))
     return most, frames > most
-
-
-class Gates(NamedTuple):
-    """How sprites and film are joined, as `Crossing` takes it."""
-
-    gateways: pd.DataFrame
-    median_step: float
-    followers: Ints | None = None
-
-
-def _followers(sprites: pd.DataFrame, way: Film) -> Ints:
-    """The row of the film (s,) that follows each sprite."""
-    other = sprites["mirrored"].to_numpy() & (len(way.rows) > way.filmed)
-    rows = sprites["row"].to_numpy() + way.filmed * other
-    return rows + way.more[rows]
-
-
-def players(
-    waters: Waters, cast: Cast, model: MotionModel, gates: Gates, how: Joins
-) -> dict[str, Player]:
-    """A player for every mode; without loops there is no such mode, the hybrid is the network."""
-    sprites = SpriteSwimmer(waters, model)
-    policies = dict.fromkeys((NETWORK, HYBRID), Policy(NETWORK, sprites))
-    if (waters.film.endless & waters.film.more).any():
-        crossing = Crossing(sprites, FilmSwimmer(waters), *gates)
-        policies = {mode: Policy(mode, sprites, crossing) for mode in MODES}
-    return {mode: Player(policy, waters, cast, how) for mode, policy in policies.items()}

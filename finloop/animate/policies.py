@@ -1,9 +1,7 @@
-"""The three modes, which differ in what may be shown next.
+"""What mode `matching` may show next: the film, what the forecast predicts, or both.
 
-Network mode shows sprites (Fig. 18), loops mode the film, hybrid mode the film where it leads to
-the goal and sprites between (§4.3, Figs. 17, 19). A fish that swims as is foretold takes the place
-of sprites, where there is one. Every policy goes on from any state that a fish is in: by a gateway
-where it may not show more of what is on screen.
+With both, the film is played where a way of it is legal and gains enough; elsewhere the fish swims
+as the forecast predicts, in frames of the film bent into the predicted poses.
 """
 
 from dataclasses import dataclass, replace
@@ -12,94 +10,62 @@ import numpy as np
 
 from finloop.animate import search
 from finloop.animate.bounds import beyond
-from finloop.animate.crossing import Crossing, refused
 from finloop.animate.forecast import ForecastSwimmer
-from finloop.animate.kinematics import Spot
-from finloop.animate.loops import FilmSwimmer
-from finloop.animate.network import SpriteSwimmer
+from finloop.animate.kinematics import Spot, wrap
+from finloop.animate.loops import FilmSwimmer, counted
 from finloop.animate.state import Fish, Options
-from finloop.base.arrays import Mask
-from finloop.edit.schema import FILM, HYBRID, LOOPS, NETWORK, NO_WAY, OTHER_MODE, WALL
+from finloop.base.arrays import Ints, Mask
+from finloop.edit.schema import FILM, NO_WAY, WALL
 from finloop.edit.stretch import Stretch
 
 
 @dataclass(frozen=True)
 class Policy:
-    """What may be shown next in a mode. crossing: None where there is no film to be in.
+    """What may be shown next. film, forecast: how a fish swims by each.
 
-    forecast: whoever swims in place of sprites.
+    shows_film: whether the film is played as filmed; if not, there is a forecast. sprite_rows (s,):
+    the rows behind sprites, from which a fish of another mode goes on.
     """
 
-    mode: str
-    sprites: SpriteSwimmer
-    crossing: Crossing | None = None
-    forecast: ForecastSwimmer | None = None
+    film: FilmSwimmer
+    forecast: ForecastSwimmer | None
+    shows_film: bool
+    sprite_rows: Ints
 
     def begin(self, rng: np.random.Generator) -> Fish:
-        """A fish somewhere in the tank: gliding, in loops mode in the film."""
-        if self.forecast is not None:
-            return self.forecast.begin(rng)
-        if self.crossing is not None and self.mode == LOOPS:
-            return self.crossing.film.begin(rng)
-        return self.sprites.begin(rng)
+        """A fish somewhere in the tank, in a state of the film."""
+        return self.film.begin(rng) if self.forecast is None else self.forecast.begin(rng)
 
     def next(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-        """What is shown next, on the way to a goal; first into the film, or out of it."""
-        if self.forecast is not None:
-            if self.mode == HYBRID and self.crossing is not None:
-                return film_or_forecast(self.crossing, self.forecast, fish, goal, rng)
+        """What is shown next, on the way to a goal."""
+        if fish.row < 0:
+            fish = self._from_sprite(fish)
+        if self.forecast is None:
+            return self.film.swim(fish, goal, rng)
+        if not self.shows_film:
             return self.forecast.next(fish, goal, rng)
-        if self.crossing is None:
-            return self.sprites.figure18(fish, goal, rng)
-        if self.mode == HYBRID:
-            return figure19(self.crossing, fish, goal, rng)
-        if self.mode == NETWORK:
-            if fish.row >= 0:
-                return self.crossing.leave(fish, goal, OTHER_MODE, rng)
-            return self.sprites.figure18(fish, goal, rng)
-        if fish.row >= 0:
-            return self.crossing.film.swim(fish, goal, rng)
-        return _enter(self.crossing, fish, goal, rng, any_way=True)
+        return film_or_forecast(self.film, self.forecast, fish, goal, rng)
 
-
-def figure19(crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
-    """Fig. 19, playing in hybrid mode.
-
-    Network mode until a gateway fits. In the film every loop end asks whether a way on is legal and
-    gains enough; if not, out by a gateway, which is waited for a moment.
-    """
-    film, least = crossing.film, crossing.waters.ticks(crossing.waters.settings.network_least)
-    if fish.row < 0:
-        if fish.since < least:
-            return crossing.sprites.figure18(fish, goal, rng)
-        return _enter(crossing, fish, goal, rng, any_way=False)
-    aim = film.aim(fish, goal)
-    options = film.options(fish, aim)
-    taken = film.choose(options, worth(crossing, options, fish, aim), rng)
-    if taken is not None:
-        return film.play(fish, taken, goal, aim)
-    left = crossing.leave(fish, goal, NO_WAY, rng)
-    if np.isnan(left.decision.seam) and fish.waits < least:
-        taken = film.choose(options, np.isfinite(options.value), rng)
-        if taken is not None:
-            return replace(film.play(fish, taken, goal, aim), waits=True)
-    return refused(left, options)
+    def _from_sprite(self, fish: Fish) -> Fish:
+        """A fish that a sprite shows, as one of the film's row behind it."""
+        film = self.film.waters.film
+        row = int(self.sprite_rows[fish.sprite])
+        rot = float(wrap(fish.heading - film.heading[row]))
+        return replace(fish, state=FILM, sprite=-1, row=row, rot=rot, since=self.film.rules.stay)
 
 
 def film_or_forecast(
-    crossing: Crossing, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
+    film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
 ) -> Stretch:
-    """Fig. 19 without sprites: by the film where that is legal and gains enough, else as foretold.
+    """By the film where that is legal and gains enough, else as the forecast predicts.
 
-    No gateways are needed: a fish that swims as is foretold shows a row of the film, too. Where
-    that leads farther up to a wall, the film goes on as in loops mode.
+    Where that leads farther up to a wall, the film goes on.
     """
-    film = crossing.film
     if fish.row < 0 or not film.waters.film.more[fish.row]:
         return forecast.next(fish, goal, rng)
     aim = film.aim(fish, goal)
     options = film.options(fish, aim)
-    taken = film.choose(options, worth(crossing, options, fish, aim), rng)
+    taken = film.choose(options, worth(film, options, fish, aim), rng)
     if taken is not None:
         return film.play(fish, taken, goal, aim)
     stretch = forecast.next(fish, goal, rng)
@@ -107,7 +73,8 @@ def film_or_forecast(
         return film.by(options, fish, (goal, aim), rng)
     if fish.state == FILM:
         stretch = replace(stretch, decision=stretch.decision._replace(exit=NO_WAY))
-    return refused(stretch, options)
+    decision = counted(stretch.decision, options)
+    return replace(stretch, options=replace(options, taken=-1), decision=decision)
 
 
 def _up_to_wall(film: FilmSwimmer, fish: Fish, stretch: Stretch) -> bool:
@@ -118,32 +85,13 @@ def _up_to_wall(film: FilmSwimmer, fish: Fish, stretch: Stretch) -> bool:
     return stretch.decision.reason == WALL or after > before
 
 
-def worth(crossing: Crossing, options: Options, fish: Fish, aim: Spot) -> Mask:
+def worth(film: FilmSwimmer, options: Options, fish: Fish, aim: Spot) -> Mask:
     """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second.
 
     Of a fish that wanders, all that are legal.
     """
     if aim.free:
         return options.legal
-    rate, gain = crossing.waters.motion.rate_hz, crossing.waters.settings.gain
-    ticks = search.remaining(fish.x, fish.y, fish.heading, aim, crossing.film.rules)
+    rate, gain = film.waters.motion.rate_hz, film.waters.settings.gain
+    ticks = search.remaining(fish.x, fish.y, fish.heading, aim, film.rules)
     return options.legal & (options.value <= (ticks + (1 - gain) * options.ticks) / rate)
-
-
-def _enter(
-    crossing: Crossing, fish: Fish, goal: Spot, rng: np.random.Generator, any_way: bool
-) -> Stretch:
-    """By a gateway into the film where a way from there is worth it, else on by sprites.
-
-    any_way: also where it only stays in the tank.
-    """
-    film = crossing.film
-    aim = film.aim(fish, goal)
-    options = crossing.ways_in(fish, aim)
-    if options is not None:
-        taken = film.choose(options, worth(crossing, options, fish, aim), rng)
-        if taken is None and any_way:
-            taken = film.choose(options, np.isfinite(options.value), rng)
-        if taken is not None:
-            return film.play(fish, taken, goal, aim)
-    return refused(crossing.sprites.figure18(fish, goal, rng), options)

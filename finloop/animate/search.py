@@ -17,10 +17,10 @@ from finloop.animate.beam import (
     leads_on,
 )
 from finloop.animate.bounds import Bounds, beyond, fits
+from finloop.animate.brisk import brisk_of
 from finloop.animate.company import ALONE, Company, clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import Spot, bearing, touches, wrap
-from finloop.animate.motion import brisk_of
 from finloop.animate.recent import NO_REPEAT, Repeat, again_cost, last_on_screen
 from finloop.animate.state import Waters
 from finloop.base.arrays import Floats, Ints

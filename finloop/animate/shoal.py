@@ -14,10 +14,11 @@ import numpy as np
 import pandas as pd
 
 from finloop.animate.company import Plans, can_stay
+from finloop.animate.plan_settings import Settings
+from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
-from finloop.animate.settings import Settings
-from finloop.animate.swim import NoRoom, Player
+from finloop.animate.swim import NoRoom
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import edit_list
@@ -66,7 +67,7 @@ def refuse_meetings(goals: Sequence[Goal], seekers: Sequence[int]) -> None:
             f"animate.goals sends two fish to one place at the same time: {', '.join(meetings)}",
             f"places at least {goals[0].radius_px:.0f} px apart (animate.goal_radius): goals are "
             f"dealt in turn to the fish {', '.join(str(one + 1) for one in seekers)}",
-            "move the goals (animate.goals), or let fish overlap (animate.overlap=true)",
+            "move the goals (animate.goals), or let fish overlap (matching.overlap=true)",
         )
 
 
@@ -99,7 +100,7 @@ def by_rule(todo: Sequence[Task], p: Settings) -> list[Task]:
 class Swimmer:
     """A fish of a shoal: what it has planned so far."""
 
-    def __init__(self, player: Player, task: Task, number: int, plans: Plans) -> None:
+    def __init__(self, player: AnyPlayer, task: Task, number: int, plans: Plans) -> None:
         """A fish that begins in company, with nothing planned yet. NoRoom where there is none.
 
         FinloopError where it begins a path on another fish.
@@ -116,10 +117,10 @@ class Swimmer:
             others = company.places[0, :, :2] - begins[:2]
             near = plans.number(number, int(np.hypot(*others.T).argmin()))
             raise FinloopError(
-                f"animate.path begins fish {number + 1} on fish {near + 1}, at "
+                f"matching.path begins fish {number + 1} on fish {near + 1}, at "
                 f"({fish.x:.0f}, {fish.y:.0f}) px",
                 "beginnings at which the fish do not touch",
-                "begin a path elsewhere, or let fish overlap (animate.overlap=true)",
+                "begin a path elsewhere, or let fish overlap (matching.overlap=true)",
             )
         plans.put(number, 0, begins[None])
 
@@ -161,7 +162,7 @@ class Swimmer:
         return Rule.by_zones(others[0, :, :3], rule_of(shoaling))
 
 
-def settle(player: Player, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
+def settle(player: AnyPlayer, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
     """Put fish into the tank, each with a first plan.
 
     All that begin a path are there before anyone plans; the others come one after the other. plans:
@@ -177,15 +178,15 @@ def settle(player: Player, todo: Sequence[Task], plans: Plans) -> list[Swimmer]:
             fish[number].decide(plans)
         except NoRoom as error:
             raise NoRoom(
-                f"animate.fish={len(todo)}: the tank has room for {len(fish)}",
+                f"matching.fish={len(todo)}: the tank has room for {len(fish)}",
                 f"at most {len(fish)} fish of this size, clear of each other",
-                "take fewer fish (animate.fish), let them overlap (animate.overlap=true), or film "
-                "them from farther away",
+                "take fewer fish (matching.fish), let them overlap (matching.overlap=true), or "
+                "film them from farther away",
             ) from error
     return [fish[number] for number in range(len(todo))]
 
 
-def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
+def shoal(player: AnyPlayer, todo: Sequence[Task], ticks: int) -> list[Swim]:
     """Swim at least `ticks` ticks with as many fish as there are tasks.
 
     NoRoom if there is none for all of them.
@@ -204,7 +205,7 @@ def shoal(player: Player, todo: Sequence[Task], ticks: int) -> list[Swim]:
 
 
 def swim(
-    player: Player,
+    player: AnyPlayer,
     goals: Sequence[Goal],
     ticks: int,
     rng: np.random.Generator,
@@ -215,7 +216,7 @@ def swim(
 
 
 def play(
-    player: Player, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
+    player: AnyPlayer, goals: Sequence[Goal], ticks: int, rng: np.random.Generator
 ) -> pd.DataFrame:
     """An edit list of `ticks` ticks: to the goals one after the other, afterwards anywhere."""
     return edit_list(swim(player, goals, ticks, rng), ticks, player.sources)

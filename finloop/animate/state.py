@@ -13,24 +13,24 @@ from numpy.typing import NDArray
 
 from finloop.animate.arena import Tank
 from finloop.animate.bounds import Bounds, bounds_of
+from finloop.animate.brisk import Brisk
 from finloop.animate.company import ALONE, NO_DISCS, Company, Discs
 from finloop.animate.film import Film, farthest
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.motion import Motion
+from finloop.animate.plan_settings import Settings
 from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
 from finloop.animate.route import Route
-from finloop.animate.settings import Settings
-from finloop.animate.sprites import Sprites
 from finloop.animate.tempo import Tempo
 from finloop.base.arrays import Floats, Ints, Mask
-from finloop.edit.schema import FRAME, SPOT, TURN, WAITING
+from finloop.edit.schema import SPOT, TURN, WAITING
 from finloop.edit.stretch import Stretch
 from finloop.social.walls import Walls
 
 
 @dataclass(frozen=True)
 class Waters:
-    """What every mode swims in and by: the tank, the film, the sprites, what the film teaches.
+    """What a fish of `matching` swims in and by: the tank, the film, what the film teaches.
 
     touch_px: radius of a goal; head_px: the head is so far before the centre; discs: by which it is
     told whether a picture is inside the tank; none where the fish must be where all are.
@@ -38,8 +38,8 @@ class Waters:
 
     tank: Tank
     film: Film
-    sprites: Sprites
     motion: Motion
+    brisk: Brisk
     touch_px: float
     head_px: float
     settings: Settings
@@ -160,14 +160,13 @@ class Run(NamedTuple):
 class Progress(NamedTuple):
     """How far a fish has come along a path, px, and what it has planned beyond the last stretch.
 
-    route: the path that `runs` are planned along; mode: in which; foretold: whether they are
-    followed as is foretold, not shown as filmed.
+    route: the path that `runs` are planned along; foretold: whether they are followed as is
+    foretold, not shown as filmed.
     """
 
     along: float = 0.0
     route: Route | None = None
     runs: tuple[Run, ...] = ()
-    mode: str = ""
     foretold: bool = False
 
 
@@ -214,34 +213,21 @@ class Options:
 
 
 def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
-    """The fish at the end of a stretch."""
+    """The fish at the end of a stretch of film."""
     ticks, number = len(stretch.way), int(stretch.number[-1])
     x, y, heading = map(float, stretch.way[-1])
-    film, sprites, motion = waters.film, waters.sprites, waters.motion
-    lag = waters.tempo.after(fish.lag, stretch.way, (fish.x, fish.y))
-    if stretch.kind == FRAME and stretch.rot is not None:
-        return Fish(
-            x, y, float(wrap(heading)),
-            speed=0.0 if stretch.decision.reason in (SPOT, WAITING) else float(film.speed[number]),
-            state=stretch.state, sprite=-1, phase=fish.phase, area=float(film.area[number]),
-            tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
-            since=ticks - 1 if stretch.new else fish.since + ticks,
-            waits=fish.waits + ticks if stretch.waits else 0,
-            recent=_remembered(fish, stretch, waters), repeat=_repeated(fish, stretch),
-            past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
-            lag=lag,
-        )  # fmt: skip
-    before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
-    step = np.hypot(x - before_x, y - before_y) / motion.body_length_px
-    phase = fish.phase
-    if stretch.phase is not None:
-        phase = float(stretch.phase[-1]) % len(sprites.cycles[stretch.state])
-    bent = stretch.state == TURN and not stretch.whole
+    film = waters.film
+    assert stretch.rot is not None
     return Fish(
-        x, y, float(wrap(heading)), max(float(step * motion.rate_hz), motion.low),
-        stretch.state, number, phase, float(sprites.area[number]) if bent else 0.0,
-        fish.tick + ticks, since=ticks if fish.row >= 0 else fish.since + ticks,
-        recent=fish.recent, lag=lag,
+        x, y, float(wrap(heading)),
+        speed=0.0 if stretch.decision.reason in (SPOT, WAITING) else float(film.speed[number]),
+        state=stretch.state, sprite=-1, phase=fish.phase, area=float(film.area[number]),
+        tick=fish.tick + ticks, row=number, rot=float(stretch.rot[-1]),
+        since=ticks - 1 if stretch.new else fish.since + ticks,
+        waits=fish.waits + ticks if stretch.waits else 0,
+        recent=_remembered(fish, stretch, waters), repeat=_repeated(fish, stretch),
+        past=None if stretch.past is None else np.ascontiguousarray(stretch.past[ticks:][::-1]),
+        lag=waters.tempo.after(fish.lag, stretch.way, (fish.x, fish.y)),
     )  # fmt: skip
 
 

@@ -1,6 +1,5 @@
 """Who swims, and the next stretch: to a goal, along a path, or anywhere (Figs. 16-18)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -12,26 +11,24 @@ from numpy.typing import NDArray
 from finloop.animate.arena import goal_name
 from finloop.animate.avoidance import Avoidance
 from finloop.animate.bounds import fits
+from finloop.animate.cast import Cast
 from finloop.animate.company import (
     ALONE,
     Company,
-    Discs,
-    Hulls,
     can_stay,
     company_of,
-    discs_of,
     near_first,
 )
 from finloop.animate.detour import effort
 from finloop.animate.follower import Follower
 from finloop.animate.kinematics import Spot
 from finloop.animate.policies import Policy
+from finloop.animate.protocols import AnyWorld
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule, wish
 from finloop.animate.state import Effort, Fish, Progress, State, Waters, after
-from finloop.base.arrays import Floats, Reals
+from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
-from finloop.base.kernel import kernel
 from finloop.edit.build import Sources
 from finloop.edit.joins import Joins
 from finloop.edit.schema import CONSIDERED, FRAME, TURN, VERDICTS, Goal
@@ -47,80 +44,6 @@ class NoRoom(FinloopError):
 
 
 @dataclass(frozen=True)
-class FrameHulls:
-    """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
-
-    They are turned when they are looked at: of a film of hours the outlines stay in their file.
-    outline_px (n, k, 2): x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each
-    frame, the last drawn size / filmed size.
-    """
-
-    outline_px: Reals
-    centre_px: Floats
-    heading_rad: Floats
-    scale: Floats
-
-    def __len__(self) -> int:
-        return len(self.centre_px)
-
-    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
-        """The outlines (m, k, 2) of some frames."""
-        frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
-        return np.asarray(_own_axes(self.outline_px[rows], *frames))
-
-    @property
-    def reach_px(self) -> Floats:
-        """How far (n,) each outline reaches from the mass centre."""
-        return _farthest(self.outline_px, self.centre_px) * self.scale
-
-
-@kernel
-def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-def]
-    """Points (n, k, 2) x, y from each centre (n, 2), scaled, along each heading: `ahead_left`."""
-    made = np.empty(points.shape, np.float32)
-    for row in range(len(points)):
-        cos, sin = scale[row] * np.cos(heading_rad[row]), scale[row] * np.sin(heading_rad[row])
-        for k in range(points.shape[1]):
-            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
-            made[row, k, 0], made[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
-    return made
-
-
-@kernel
-def _farthest(points, centre):  # type: ignore[no-untyped-def]
-    """The distance (n,) of the farthest of some points (n, k, 2) from each centre (n, 2)."""
-    far = np.zeros(len(points))
-    for row in range(len(points)):
-        for k in range(points.shape[1]):
-            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
-            far[row] = max(far[row], dx * dx + dy * dy)
-    return np.sqrt(far)
-
-
-@dataclass(frozen=True)
-class Cast:
-    """What is drawn: the table of sprites (n rows), and the outlines of all pictures.
-
-    sprite_hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass
-    centre, at the drawn size; frame_hulls: of every frame.
-    """
-
-    sprites: pd.DataFrame
-    sprite_hulls: Sequence[Floats]
-    frame_hulls: Hulls
-
-    @cached_property
-    def sprite_scale(self) -> Floats:
-        """Drawn size / filmed size (n,) of every sprite."""
-        return self.sprites["scale"].to_numpy(float)
-
-    @cached_property
-    def discs(self) -> Discs:
-        """The discs that hold the body in every picture."""
-        return discs_of(self.frame_hulls, self.sprite_hulls)
-
-
-@dataclass(frozen=True)
 class Player:
     """Whoever swims. policy: what may be shown next; joins: how pictures follow on others.
 
@@ -133,15 +56,17 @@ class Player:
     joins: Joins
     shoaling: Shoaling | None = None
 
+    most_fish = None
+
     @cached_property
     def sources(self) -> Sources:
         """What its edit lists can show."""
-        film, sprites, motion = self.waters.film, self.waters.sprites, self.waters.motion
+        film, motion = self.waters.film, self.waters.motion
         own = slice(0, film.filmed)
         return Sources(
             motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
-            film.more[own], self.cast.sprite_scale, sprites.following, sprites.orientations,
-            self.joins,
+            film.more[own], np.ones(1), np.zeros(1, np.int64), 1, self.joins,
+            ("matching", "matching"),
         )  # fmt: skip
 
     def begin(
@@ -164,7 +89,7 @@ class Player:
         raise NoRoom(
             f"in the tank there is no room for another fish beside {others}",
             f"at most {others} fish",
-            "take fewer fish, or let them overlap (animate.overlap=true)",
+            "take fewer fish, or let them overlap (matching.overlap=true)",
         )
 
     def company(self, others: Floats, start: int) -> Company:
@@ -218,8 +143,8 @@ class Player:
             x, y = place
             free = not wished and waters.settings.wander == "film"
         spot = Spot(float(x), float(y), waters.touch_px, waters.head_px, free)
-        film = None if self.policy.crossing is None else self.policy.crossing.film
-        if fish.tick < tried.until and film is not None and film.faces_wall(fish):
+        film = self.policy.film
+        if fish.tick < tried.until and film.faces_wall(fish):
             stretch = film.stay(fish, spot)
         else:
             stretch = self.policy.next(fish, spot, rng)
@@ -281,7 +206,7 @@ def considered(swum: Swim, ticks: int, filmed: int, fish: int = 0) -> pd.DataFra
     return table.assign(value_s=table["value_s"].astype(float).replace(np.inf, np.nan))
 
 
-def random_goals(waters: Waters, count: int, rng: np.random.Generator) -> list[Goal]:
+def random_goals(waters: AnyWorld, count: int, rng: np.random.Generator) -> list[Goal]:
     """Places in the tank that the head of a fish can touch, all equally likely."""
     tank, touch_px = waters.tank, waters.touch_px + waters.head_px
     goals: list[Goal] = []

@@ -36,13 +36,31 @@ Quality = Annotated[int, Field(ge=0, le=100)]  # of WebP: 0 = worst, 100 = best
 
 WORDS = (
     "clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "bpn", "forecast",
-    "sprites", "distance", "loops", "gateways", "animate", "retarget", "render", "realism", "tank",
-    "export", "morph", "gait", "report",
+    "sprites", "distance", "loops", "gateways", "network", "hybrid", "matching", "animate",
+    "retarget", "render", "realism", "tank", "export", "morph", "gait", "report",
 )  # fmt: skip
-"""The stage words that have parameters, in the order of conf/config.yaml."""
+"""The words that have parameters, in the order of conf/config.yaml."""
 GROUPS = (*WORDS, "cluster")
 """All groups of parameters: of the stages, and where their work is done, which no result shows."""
+SETTINGS_AT = {
+    "network": "modes/network_settings.py",
+    "hybrid": "modes/hybrid_settings.py",
+    "matching": "animate/matching_settings.py",
+}
+"""Where parameters are declared, below `finloop/`, if not in <word>/settings.py."""
 CONF = Path(__file__).parents[2] / "conf"
+
+OF_MODES = ("network", "loops", "hybrid", "matching", "animate")
+"""The groups of the playing modes, and what is common to them: `animate` once held them all."""
+_PAPER = "the modes network, loops and hybrid are the paper's; matching.uses says what it may use"
+GONE = {
+    "sprites": _PAPER,
+    "jumps": _PAPER,
+    "from": "it is matching.uses now",
+}
+"""Parameters that these groups no longer have under any name, and what stands in their place."""
+RENAMED = {"nn": "network"}
+"""Values that have another name now."""
 
 
 def settings(word: str, **values: Any) -> Any:
@@ -75,9 +93,10 @@ def variants(word: str) -> dict[str, type]:
 
 def _declaration(word: str) -> ModuleType:
     """The module finloop.<word>.settings, without its package, which brings torch and the like."""
-    name = f"finloop.{word}.settings"
+    path = SETTINGS_AT.get(word, f"{word}/settings.py")
+    name = "finloop." + path.removesuffix(".py").replace("/", ".")
     if name not in sys.modules:
-        spec = spec_from_file_location(name, Path(__file__).parents[1] / word / "settings.py")
+        spec = spec_from_file_location(name, Path(__file__).parents[1] / path)
         assert spec is not None and spec.loader is not None
         sys.modules[name] = module_from_spec(spec)
         spec.loader.exec_module(sys.modules[name])
@@ -140,8 +159,33 @@ def _problem(word: str, names: list[str], detail: dict[str, Any]) -> str:
     if detail["type"] == "missing":
         return f"{name}: has no value"
     if detail["type"] == "unexpected_keyword_argument":
-        near = get_close_matches(str(detail["loc"][0]), names, 1)
-        hint = f"did you mean {word}.{near[0]}?" if near else f"{word} has {', '.join(names)}"
-        return f"{name}: unknown; {hint}"
+        return f"{name}: unknown; {_hint(word, str(detail['loc'][0]), names)}"
     message = detail["msg"].removeprefix("Value error, ").removeprefix("Input ")
-    return f"{name}: {message}" + (f", got {detail['input']!r}" if detail["loc"] else "")
+    got = f", got {detail['input']!r}" if detail["loc"] else ""
+    if detail["type"] == "literal_error" and (renamed := RENAMED.get(str(detail["input"]))):
+        got += f", which is {renamed} now"
+    return f"{name}: {message}{got}"
+
+
+def _hint(word: str, key: str, names: list[str]) -> str:
+    """Return where a parameter is that a group with these names lacks."""
+    if word in OF_MODES:
+        if key in GONE:
+            return GONE[key]
+        if moved := _having(key, OF_MODES):
+            return f"it is {moved} now"
+    if near := get_close_matches(key, names, 1):
+        return f"did you mean {word}.{near[0]}?"
+    if other := _having(key, GROUPS):
+        return f"did you mean {other}?"
+    return f"{word} has {', '.join(names)}"
+
+
+def _having(key: str, words: tuple[str, ...]) -> str:
+    """Return the full names of a parameter in those groups that have it, as a list in words."""
+    every = [
+        f"{word}.{key}"
+        for word in words
+        if any(key == field.name for one in variants(word).values() for field in fields(one))
+    ]
+    return " or ".join(filter(None, [", ".join(every[:-1]), *every[-1:]]))

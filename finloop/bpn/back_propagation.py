@@ -1,24 +1,20 @@
 """Plain back-propagation of the network 4-hidden-2 (fish paper §3.1, §5.1.1, Figs. 6, 15).
 
-The gradient is written out with torch's own kernels: at this size the book-keeping of autograd and
-of torch.optim costs several times what the arithmetic does. Tests hold it to autograd and to
-finite differences.
-
-Glossary: x a batch of scaled inputs and a 1; h the hidden layer; o the outputs; t the targets;
-E = ½ Σ (o - t)² over the batch and both outputs. Sums, not means: a batch of one is the paper's
-rule, a larger one takes the sum of its steps.
+Glossary: x a row of scaled inputs and a 1; h the hidden layer and a 1; o the outputs; t the
+targets; E = ½ Σ (o - t)² over the rows of a batch and both outputs. Sums, not means: a batch of one
+is the paper's rule, a larger one takes the sum of its steps.
 """
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+import math
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
-import torch
-from torch import Tensor
 
 from finloop.base.arrays import Floats, Mask
 from finloop.base.errors import FinloopError
+from finloop.base.kernel import for_kernels, kernel, leaf_kernel
+from finloop.bpn.held_out import COMPARED, errors
 from finloop.bpn.model import (
     INPUTS,
     MARGIN,
@@ -32,68 +28,70 @@ from finloop.bpn.model import (
 )
 from finloop.bpn.settings import Settings
 
-# The bias of the outputs is the weight of one more hidden unit, which is always on: sigmoid(40) is
-# 1 to the last bit, so its slope h (1 - h) is 0 and its own weights never change.
-ALWAYS_ON = 40.0
+PART = 4096  # rows whose hidden layer fits the processor's cache: 200,000 at once take 5 × as long
 RUN_AWAY = 1e6  # of a weight: its sigmoid has long been a mere switch
 _IN, _OUT = len(INPUTS) + 1, len(OUTPUTS)
 
 
-def new_weights(hidden: int, rng: np.random.Generator) -> Tensor:
+def new_weights(hidden: int, rng: np.random.Generator) -> Floats:
     """Flat random weights, uniform within ±√(6 / (units before + units after)); biases 0."""
-    weights = torch.zeros((_IN + _OUT) * (hidden + 1), dtype=torch.float64)
-    first, second = layers(weights)
-    for layer in (first[:-1, :-1], second[:-1]):
-        reach = np.sqrt(6 / sum(layer.shape))
-        layer.copy_(torch.from_numpy(rng.uniform(-reach, reach, layer.shape)))
-    first[-1, -1] = ALWAYS_ON
+    weights = np.zeros((_IN + _OUT) * hidden + _OUT)
+    for layer in layers(weights):
+        before = layer[:, :-1].T
+        reach = np.sqrt(6 / sum(before.shape))
+        before[:] = rng.uniform(-reach, reach, before.shape)
     return weights
 
 
-def layers(weights: Tensor) -> tuple[Tensor, Tensor]:
-    """Both layers of flat weights, (5, hidden + 1) and (hidden + 1, 2): views."""
-    units = len(weights) // (_IN + _OUT)
-    return weights[: _IN * units].view(_IN, units), weights[_IN * units :].view(units, _OUT)
+@for_kernels
+def layers(weights):  # type: ignore[no-untyped-def]
+    """Both layers of flat weights, (hidden, 5) and (2, hidden + 1): views, a unit a row."""
+    hidden = (len(weights) - _OUT) // (_IN + _OUT)
+    first, second = weights[: _IN * hidden], weights[_IN * hidden :]
+    return first.reshape(hidden, _IN), second.reshape(_OUT, hidden + 1)
 
 
-def forward(weights: Tensor, x: Tensor) -> Tensor:
-    """Fig. 6: x (n, 5) → o (n, 2)."""
-    first, second = layers(weights)
-    return torch.sigmoid(torch.sigmoid(x @ first) @ second)
+@leaf_kernel
+def unit_output(weights, signals):  # type: ignore[no-untyped-def]
+    """Fig. 6: what a unit makes of the signals that come in, the sigmoid of their weighted sum."""
+    z = 0.0
+    for i in range(len(signals)):
+        z += weights[i] * signals[i]
+    return 1 / (1 + math.exp(-z))
 
 
-def stepper(
-    weights: Tensor, velocity: Tensor, rows: int, learning_rate: float, momentum: float
-) -> Callable[[Tensor, Tensor, Tensor], None]:
-    """Make `step(x, xᵀ, t)` for batches of that many rows, which changes weights and velocity.
+@kernel
+def learn_epoch(x, t, weights, velocity, rule):  # type: ignore[no-untyped-def]
+    """§3.1: learn from rows x (n, 5) and targets t (n, 2) in their order; weights change in place.
 
-    velocity ← momentum · velocity - learning rate · ∂E/∂weights; weights ← weights + velocity.
+    After each batch velocity ← momentum · velocity - learning rate · ∂E/∂weights, and
+    weights ← weights + velocity. rule: rows a batch, learning rate, momentum.
+    step, back: learning rate · ∂E/∂(sum that goes into an output, into a hidden unit).
     """
+    size, learning_rate, momentum = rule
     first, second = layers(weights)
     first_velocity, second_velocity = layers(velocity)
-    second_t = second.T
-    h = weights.new_empty(rows, len(second))
-    h_t, dh = h.T, torch.empty_like(h)
-    o = weights.new_empty(rows, _OUT)
-    do = torch.empty_like(o)
-    sigmoid, mm, sub = torch.sigmoid_, torch.mm, torch.sub
-    slope = torch.ops.aten.sigmoid_backward.grad_input  # d · y (1 - y) in one pass
-    rate = -learning_rate
-
-    def step(x: Tensor, x_t: Tensor, t: Tensor) -> None:
-        mm(x, first, out=h)
-        sigmoid(h)
-        mm(h, second, out=o)
-        sigmoid(o)
-        sub(o, t, out=do)
-        slope(do, o, grad_input=do)
-        mm(do, second_t, out=dh)
-        slope(dh, h, grad_input=dh)
-        second_velocity.addmm_(h_t, do, beta=momentum, alpha=rate)
-        first_velocity.addmm_(x_t, dh, beta=momentum, alpha=rate)
-        weights.add_(velocity)
-
-    return step
+    hidden = len(first)
+    h, step = np.ones(hidden + 1), np.empty(_OUT)
+    for begin in range(0, len(x), size):
+        velocity *= momentum
+        for n in range(begin, min(begin + size, len(x))):
+            for j in range(hidden):
+                h[j] = unit_output(first[j], x[n])
+            for k in range(_OUT):
+                o = unit_output(second[k], h)
+                step[k] = learning_rate * (o - t[n, k]) * o * (1 - o)
+            for j in range(hidden):
+                back = 0.0
+                for k in range(_OUT):
+                    back += second[k, j] * step[k]
+                back *= h[j] * (1 - h[j])
+                for i in range(_IN):
+                    first_velocity[j, i] -= back * x[n, i]
+            for k in range(_OUT):
+                for j in range(hidden + 1):
+                    second_velocity[k, j] -= step[k] * h[j]
+        weights += velocity
 
 
 def learn(
@@ -125,56 +123,37 @@ def train(
 
     Returns the model, and the errors after each epoch (Fig. 15); epoch 0: the untaught network.
     """
-    device = _device(settings.device)
     low, high = input_range(inputs)
-    x, t = _tensors(inputs, outputs, low, high, device)
-    watched = {"train": (x, t), "held_out": _tensors(*held_out, low, high, device)}
-    size = min(settings.batch_size, len(x))
-    whole = len(x) // size * size
-    with _one_thread(), torch.inference_mode():
-        weights = new_weights(settings.hidden, rng).to(device)
-        velocity = torch.zeros_like(weights)
-        how = settings.learning_rate, settings.momentum
-        step = stepper(weights, velocity, size, *how)
-        rest = stepper(weights, velocity, max(1, len(x) - whole), *how)
-        curve = [_errors(weights, watched)]
-        for _ in range(settings.epochs):
-            order = torch.from_numpy(rng.permutation(len(x))).to(device)
-            shuffled, targets = x[order], t[order]
-            batches = shuffled[:whole].view(-1, size, _IN)
-            for batch, batch_t, target in zip(
-                batches.unbind(),
-                batches.transpose(1, 2).unbind(),
-                targets[:whole].view(-1, size, _OUT).unbind(),
-                strict=True,
-            ):
-                step(batch, batch_t, target)
-            if whole < len(x):
-                rest(shuffled[whole:], shuffled[whole:].T, targets[whole:])
-            curve.append(_errors(weights, watched))
-            advance()
-        first, second = (layer.cpu().numpy().copy() for layer in layers(weights))
-    _check_growth(first, second, settings)
-    model = MotionModel(
-        delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,
-        first[:-1, :-1], first[-1, :-1], second[:-1], second[-1],
-    )  # fmt: skip
+    x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
+    t = MARGIN + (1 - 2 * MARGIN) * (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
+    watched = {"train": (inputs, outputs), "held_out": held_out}
+    rule = settings.batch_size, settings.learning_rate, settings.momentum
+    weights = new_weights(settings.hidden, rng)
+    velocity = np.zeros_like(weights)
+    model = model_of(weights, low, high, delta_s)
+    curve = [_errors(model, watched)]
+    for _ in range(settings.epochs):
+        order = rng.permutation(len(x))
+        learn_epoch(x[order], t[order], weights, velocity, rule)
+        _check_growth(weights, settings)
+        model = model_of(weights, low, high, delta_s)
+        curve.append(_errors(model, watched))
+        advance()
     return model, pd.DataFrame(curve).rename_axis("epoch").reset_index()
 
 
-def _tensors(
-    inputs: Floats, outputs: Floats, low: Floats, high: Floats, device: torch.device
-) -> tuple[Tensor, Tensor]:
-    """Inputs (n, 5), scaled and with a last 1, and targets (n, 2), within the margin."""
-    x = np.column_stack([to_scale(inputs, low, high), np.ones(len(inputs))])
-    share = (outputs - OUTPUT_LOW) / (OUTPUT_HIGH - OUTPUT_LOW)
-    t = MARGIN + (1 - 2 * MARGIN) * share
-    return torch.from_numpy(x).to(device), torch.from_numpy(t).to(device)
+def model_of(weights: Floats, low: Floats, high: Floats, delta_s: float) -> MotionModel:
+    """The model with a copy of flat weights; low, high: the range (4,) of its inputs."""
+    first, second = (layer.T.copy() for layer in layers(weights))
+    return MotionModel(
+        delta_s, low, high, OUTPUT_LOW, OUTPUT_HIGH, MARGIN,
+        first[:-1], first[-1], second[:-1], second[-1],
+    )  # fmt: skip
 
 
-def _check_growth(first: Floats, second: Floats, settings: Settings) -> None:
-    """Refuse weights, (inputs, hidden) and (hidden, outputs), that grew without bound."""
-    if not max(np.abs(first).max(), np.abs(second).max()) < RUN_AWAY:
+def _check_growth(weights: Floats, settings: Settings) -> None:
+    """Refuse weights that grew without bound."""
+    if not np.abs(weights).max() < RUN_AWAY:
         raise FinloopError(
             f"the weights grew without bound (learning rate {settings.learning_rate:g}, momentum "
             f"{settings.momentum:g}, at most {settings.batch_size} rows a batch)",
@@ -183,38 +162,11 @@ def _check_growth(first: Floats, second: Floats, settings: Settings) -> None:
         )
 
 
-def _errors(weights: Tensor, watched: dict[str, tuple[Tensor, Tensor]]) -> dict[str, float]:
-    """The errors of `finloop.bpn.held_out.errors`, for the curve."""
+def _errors(model: MotionModel, watched: dict[str, tuple[Floats, Floats]]) -> dict[str, float]:
+    """A row of the curve: the model's errors on each side, NaN on one without rows."""
     result: dict[str, float] = {}
-    for side, (x, t) in watched.items():
-        share = ((forward(weights, x) - MARGIN) / (1 - 2 * MARGIN)).clamp(0, 1)
-        true = (t - MARGIN) / (1 - 2 * MARGIN)
-        area, kind = (share - true).square().mean(0).sqrt().tolist()
-        wrong = (2 * share[:, 1] - 1).round() != (2 * true[:, 1] - 1).round()
-        result |= {
-            f"{side}_area_rmse": area,
-            f"{side}_type_rmse": 2 * kind,
-            f"{side}_type_error_pct": 100 * wrong.double().mean().item(),
-        }
+    for side, (inputs, outputs) in watched.items():
+        parts = [model.predict(inputs[at : at + PART]) for at in range(0, len(inputs), PART)]
+        found = errors(np.concatenate(parts), outputs) if parts else {}
+        result |= {f"{side}_{name}": found.get(name, math.nan) for name in COMPARED}
     return result
-
-
-def _device(name: str) -> torch.device:
-    if name == "cuda" and not torch.cuda.is_available():
-        raise FinloopError(
-            "bpn.device=cuda, but torch finds no CUDA device here",
-            "a GPU, its driver, and a torch built for CUDA",
-            "bpn.device=cpu: a network this small learns faster there anyway",
-        )
-    return torch.device(name)
-
-
-@contextmanager
-def _one_thread() -> Iterator[None]:
-    """Torch on one thread: sums in one order give the same bits, and nothing here is big enough."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)

@@ -26,7 +26,7 @@ HELD_OUT = Schema(
 )
 """Predicted and true states Δ later of the held-out rows."""
 
-_COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
+COMPARED = ("area_rmse", "type_rmse", "type_error_pct")
 
 
 def held_out_table(model: MotionModel, rows: Rows, held_out: Mask) -> pd.DataFrame:
@@ -94,7 +94,7 @@ def assessment(model: MotionModel, rows: Rows, train: Mask, held_out: Mask) -> d
         )
         for baseline in ("persistence", "linear")
         if results
-        for name in _COMPARED
+        for name in COMPARED
     }
     failures = {"skills_not_above_0": sum(skill <= 0 for skill in skills.values())}
     return {

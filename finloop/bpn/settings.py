@@ -20,10 +20,9 @@ class Settings:
     # rows learnt from: the most; a longer film gives a random sample. From 5,000 to 15,000 rows the
     # held-out error of the area falls by 3 %, that of the type from 26 to 24 %
     most_rows: Annotated[int, Field(ge=20)]
-    batch_size: Count  # rows a step, their gradients summed; 1 is the paper's rule, but slower
+    batch_size: Count  # rows a step, their gradients summed; 1 is the paper's rule
     seed: Seed  # for the split, the first weights and the order of rows
     split: Literal["blocks", "tracks"]  # held out: stretches of time of all fish | whole tracks
     # Δ, a stretch of time, well above 1; a short film's are shorter
     block: Positive
     held_out: Share  # share of the rows that is never learnt from, to measure the error there
-    device: Literal["cpu", "cuda"]  # cuda is slower for a network of this size

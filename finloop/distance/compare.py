@@ -22,7 +22,7 @@ from finloop.distance.map import (
     step_table,
     usual_steps,
 )
-from finloop.distance.picture import FILM
+from finloop.distance.picture import BODY, FILM
 from finloop.distance.settings import Settings
 from finloop.features.table import step_of
 
@@ -61,6 +61,14 @@ def blocks(features: pd.DataFrame, p: Settings) -> list[Block]:
     return list(bands(kind[rows], area[rows], p.area_threshold))
 
 
+def headed_steps(film: Film, rows: Ints, size: int) -> Picture:
+    """Return Eq. 5 from some rows (k,) to those a natural step later, both headed to the right."""
+    features = film.features.iloc[rows]
+    x = about_mean(film.frames(rows, size, BODY))
+    table = step_table(features, x, np.arange(len(rows)), step_of(film.features))
+    return np.asarray(table["step"], np.float32)
+
+
 def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: None) -> Similar:
     """Compare frames with those like them (Eqs. 5-8); `advance()` after each block.
 
@@ -76,6 +84,7 @@ def compare(film: Film, p: Settings, advance: Callable[[], object] = lambda: Non
     rows = mapped[places]
     x = about_mean(film.frames(rows, p.size, p.pose))
     steps = step_table(features, x, np.argsort(places), step_of(film.features))
+    steps["headed"] = steps["step"] if p.pose == BODY else headed_steps(film, mapped, p.size)
     steps["as_filmed"] = film.steps(p.size, FILM, mapped)
     median, p95 = usual_steps(steps)
     most = np.inf if p.keep is None else p.keep * median

@@ -40,13 +40,15 @@ STEPS = Schema(
     Column("track_id", "int32", "1"),
     Column("frame", "int32", "1"),
     Column("step", "float32", "1", nullable=True),
+    Column("headed", "float32", "1", nullable=True),
     Column("as_filmed", "float32", "1", nullable=True),
 )
 """Eq. 5 from every mapped row to a later frame of its track, null where there is none.
 
 step: to the frame a natural step later (`features.table.step_of`), in the pose of the map; its
-median over the film is the unit of every seam. as_filmed: to the next frame, without turning the
-fish.
+median over the film is the unit of loops and gateways. headed: to the same frame, both headed to
+the right; its median is the unit of the seams of an animation. as_filmed: to the next frame,
+without turning the fish.
 """
 
 

@@ -12,7 +12,7 @@ from finloop.base.settings import Positive
 class Settings:
     """How pictures of two frames are compared."""
 
-    # body: every fish turned to heading 0°; film: as filmed, the paper's way
+    # film: as filmed, within one orientation, the paper's way; body: every fish turned to 0°
     pose: Literal["body", "film"]
     # px, width and height of a compared picture, which is 1.5 body lengths
     size: Annotated[int, Field(ge=8, le=256)]

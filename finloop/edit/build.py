@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask, Reals
 from finloop.edit.joins import INERTIAL, Joins, Shown, cross_fades, inertialized
-from finloop.edit.schema import EDIT, FORECAST, FRAME, LOOPS, NETWORK, SPRITE, STATES
+from finloop.edit.schema import EDIT, FRAME, SPRITE, STATES
 from finloop.edit.stretch import Decision, Stretch, Swim
 from finloop.features.table import direction_deg, orientation, wrap_deg
 
@@ -21,7 +21,8 @@ class Sources:
 
     rate_hz: ticks a second; body_length_px: as drawn; heading_deg (n,): as filmed; scale (n,):
     drawn size / filmed size; goes_on (n,): whether a row is followed by the next one; sprite_scale
-    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: of a sprite.
+    (s,): as `scale`; sprite_after (s,): the sprite that follows each; orientations: of a sprite;
+    modes: that play frames, and sprites.
     """
 
     rate_hz: float
@@ -33,6 +34,7 @@ class Sources:
     sprite_after: Ints
     orientations: int
     joins: Joins
+    modes: tuple[str, str]
 
     def following(self, kind: str, number: int) -> int:
         """The picture after this one, itself where there is none."""
@@ -114,7 +116,7 @@ def edit_columns(
         "heading_deg": heading,
         "speed": speed,
         "motion_area": np.array([s.area for s in stretches])[owner],
-        "mode": np.where(pictures.frame & (state != FORECAST), LOOPS, NETWORK),
+        "mode": np.where(pictures.frame, *sources.modes),
         "state": np.array(STATES)[state],
         "goal": np.array(names)[owner],
         "aim_x_px": aims[owner, 0],

@@ -43,7 +43,7 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
     sprites = {
         PHASE: f"like a stretch of the film from {decision.film_speed:.1f} body lengths/s on",
         WALL: "a wall is ahead",
-        SPOT: "no way on: turn on the spot",
+        SPOT: f"no way stays in the tank ({_ways(decision)}): on the spot",
         WAITING: "other fish are in the way: wait",
         FORETOLD: f"as is foretold, {_told(decision)}",
     }
@@ -59,7 +59,8 @@ def _reason(decision: Decision, goal: str, motion_area: float) -> str:
     )
     if not decision.ways:
         return f"{how[decision.reason]}: {leads}; as planned before"
-    return f"{how[decision.reason]}: {leads}; {_ways(decision)}; {decision.value_s:.1f} s"
+    cost = "" if math.isnan(decision.value_s) else f"; {decision.value_s:.1f} s"
+    return f"{how[decision.reason]}: {leads}; {_ways(decision)}{cost}"
 
 
 def _told(decision: Decision) -> str:

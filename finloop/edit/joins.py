@@ -40,8 +40,6 @@ class JoinTimes(Protocol):
     """The parameters of joins, as `animate` has them."""
 
     @property
-    def join(self) -> str: ...
-    @property
     def join_time(self) -> Literal["auto"] | float: ...
     @property
     def join_frames(self) -> int: ...
@@ -94,16 +92,16 @@ class Joins:
         return (1 + rate * ticks) * left, ticks * left
 
 
-def joins(p: JoinTimes, bodies: Bodies, delta: int, helps: Helps) -> Joins:
+def joins(p: JoinTimes, kind: str, bodies: Bodies, delta: int, helps: Helps) -> Joins:
     """The joins of the parameters, their times in ticks; delta: Δ in ticks."""
     if p.join_time == "auto":
         time = min(max(bodies.poses.memory_frames / delta, p.join_least), p.join_most)
         ticks = max(time * delta, float(p.join_frames))
     else:
         ticks = max(p.join_time * delta, 1.0)
-    fade = 0 if p.join == CUT else round(p.fade * delta)
+    fade = 0 if kind == CUT else round(p.fade * delta)
     still = rests(bodies, p.rest)
-    return Joins(p.join, fade, ticks, bodies, helps, still)
+    return Joins(kind, fade, ticks, bodies, helps, still)
 
 
 @dataclass(frozen=True)

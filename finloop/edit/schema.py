@@ -22,13 +22,6 @@ from finloop.base.schema import ANY, Column, Schema, columns
 SPRITE, FRAME = "sprite", "frame"
 """Kinds of source: a sprite in an orientation, or a row of the film."""
 
-NETWORK, LOOPS, HYBRID = MODES = ("nn", "loops", "hybrid")
-"""The modes: what a network learnt moves sprites or, by its forecast, frames in any pose; the film,
-jumping at loops; both in turn."""
-
-RETARGET = "retarget"
-"""What names the edit list of the stage `retarget` in place of a mode: a recorded track."""
-
 INERTIAL, FADE, CUT = "inertial", "fade", "cut"
 """Joins: posture and heading go on and die away, the pictures are mixed, or nothing of both."""
 
@@ -67,7 +60,8 @@ EDIT = Schema(
 )
 """`heading_deg` is the body's (a sprite's head sways about it), `motion_area` what was asked of the
 model, `goal` the goal's name (empty: the fish wanders), aim the point that it is heading for.
-`mode` is "nn" or "loops", whichever the tick is in. `mirrored` is of a frame; a sprite was mirrored
+`mode` is the mode that plays the tick (`finloop.edit.modes`): in `hybrid`, `network` or `loops`.
+`mirrored` is of a frame; a sprite was mirrored
 or not when it was made.
 
 The columns from `reason` on say why, on the first tick of each stretch; they are empty on its other

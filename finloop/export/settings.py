@@ -1,18 +1,19 @@
 """Parameters of `export`: what is handed to other programs, and how fine."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import Field
 
 from finloop.base.settings import NotNegative, Quality
+from finloop.edit.modes import Shown
 
 
 @dataclass(frozen=True)
 class Settings:
     """Which edit list and which tracks are handed on, and how fine."""
 
-    mode: Literal["nn", "loops", "hybrid", "retarget"]  # the edit list that is exported and filmed
+    mode: Shown  # the edit list that is exported and filmed
     # quality of the films with alpha, VP9: 0 = best, 63 = worst
     webm_crf: Annotated[int, Field(ge=0, le=63)]
     # s, of the animated WebP, shorter than the WebM; 0 = none of the animation

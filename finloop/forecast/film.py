@@ -146,5 +146,5 @@ def _check(control: Floats, turns: bool) -> None:
             f"the film has {what}",
             f"at least {LEAST_ROWS} rows of tracks of some seconds, in which a fish moves and "
             "turns",
-            "take a longer film, or animate.sprites=paper, which needs less",
+            "take a longer film, or leave the forecast out (matching.uses=[film])",
         )

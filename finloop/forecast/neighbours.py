@@ -67,7 +67,7 @@ def similar_rows(
             f"some that are at most forecast.look={p.look} deviations and forecast.seen={p.seen} "
             "natural steps apart",
             "take a longer film, in which postures come back, or raise these, or "
-            "animate.sprites=paper, which needs less",
+            "leave the forecast out (matching.uses=[film])",
         )
     return _both_ways(there, film.count, len(film.states))
 

@@ -1,4 +1,4 @@
-"""The edit list of a mode, as the stage `animate` left it."""
+"""The edit list of a mode, as the stages `modes-…` and `retarget` left it."""
 
 from pathlib import Path
 
@@ -17,8 +17,8 @@ def load_edit(folder: Path, mode: str, stage: str, schema: Schema) -> pd.DataFra
     path = folder / f"{mode}.parquet"
     if not path.exists():
         raise FinloopError(
-            f"there is no {path}: the film has no loops, or `animate` has not run",
+            f"there is no {path}: the stage that makes it has not run",
             f"an edit list of the mode that {stage}.mode names",
-            f"{stage}.mode=hybrid or nn; or let more frames join: loops.threshold",
+            "make it: dvc repro",
         )
     return load_table(path, schema)

@@ -31,7 +31,7 @@ def load_line(path: Path, unit: str) -> Line:
         raise FinloopError(
             f"{path} is no file that a path is read from",
             "a file .csv, .parquet or .svg; or a track of the film, such as track:8",
-            "save the path as one of these, or correct animate.path",
+            "save the path as one of these, or correct matching.path",
         )
     return checked_line(_of_table(path, _table(path, suffix), unit))
 
@@ -41,7 +41,7 @@ def _table(path: Path, suffix: str) -> pa.Table:
         return pa.csv.read_csv(path) if suffix == ".csv" else pq.read_table(path)
     except (OSError, pa.ArrowException, UnicodeDecodeError) as error:
         raise FinloopError(
-            f"{path} cannot be read as a table ({error})", _WANTED, "correct animate.path"
+            f"{path} cannot be read as a table ({error})", _WANTED, "correct matching.path"
         ) from error
 
 

@@ -10,7 +10,7 @@ each decision, with the other fish as they are then.
 
 import math
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple, get_type_hints
 
@@ -18,12 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.company import Company, Plans
+from finloop.animate.protocols import AnyPlayer
 from finloop.animate.route import Route, place
 from finloop.animate.rule import Rule
-from finloop.animate.swim import Player
 from finloop.edit.build import edit_columns
 from finloop.edit.schema import Goal
 from finloop.live.choice import Choice, Errand, Order, Wish
+from finloop.live.modes import Modes
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +90,7 @@ class LiveFish:
     """
 
     def __init__(
-        self, players: Mapping[str, Player], mode: str, born: int, name: str,
+        self, modes: Modes, mode: str, born: int, name: str,
         rng: np.random.Generator, ghost: Ghost, others: Others,
     ) -> None:  # fmt: skip
         self.mode, self.born, self.name = mode, born, name
@@ -97,7 +98,7 @@ class LiveFish:
         self.errand: Errand | None = None
         self.order: Order | None = None
         self.reached = False
-        self._players, self._rng, self._ghost = players, rng, ghost
+        self._modes, self._rng, self._ghost = modes, rng, ghost
         self._others = others
         company = self._player.company(self._around(0), 0)
         self._state = self._player.begin(rng, None, company)
@@ -113,8 +114,8 @@ class LiveFish:
         self._was_ghost = self._ghost_before = False  # at the last tick, and at the one before
 
     @property
-    def _player(self) -> Player:
-        return self._players[self.mode]
+    def _player(self) -> AnyPlayer:
+        return self._modes.players[self.mode]
 
     @property
     def now(self) -> int:
@@ -279,7 +280,7 @@ class LiveFish:
         if not 0 < self._played < len(self._plan):
             return
         last, old = self._choices[-1], self._memory()
-        player = self._players[last.mode]
+        player = self._modes.players[last.mode]
         stretch, self._state = player.cut(last.state, last.stretch, self._played)
         self._choices[-1] = replace(last, stretch=stretch)
         self._plan = self._plan[: self._played]
@@ -340,7 +341,7 @@ class LiveFish:
             if moved > joins.reach:
                 break
         stretches, names = [one.stretch for one in recent], [one.name for one in recent]
-        columns = edit_columns(stretches, names, ticks, self._player.sources)
+        columns = edit_columns(stretches, names, ticks, self._modes.sources[self.mode])
         rows = np.zeros(len(stretches[-1].way), ROW)
         for column in _EDIT:
             rows[column] = columns[column][ticks - len(rows) :]

@@ -4,6 +4,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError
 
+from finloop.edit.modes import Mode
+
 MOST_FISH = 8
 MOST_PLACES = 500  # of a path
 LONGEST = 16_000  # bytes of a message
@@ -68,7 +70,7 @@ class SetMode(Message):
     """Go on in another mode."""
 
     do: Literal["mode"]
-    mode: Literal["nn", "loops", "hybrid"]
+    mode: Mode
 
 
 class Pause(Message):

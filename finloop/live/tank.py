@@ -7,52 +7,52 @@ import numpy as np
 
 from finloop.animate.arena import goal_name
 from finloop.animate.paths import lay
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player
+from finloop.animate.protocols import AnyPlayer, AnyWorld
 from finloop.base.errors import FinloopError
 from finloop.base.line import PX, Line
 from finloop.live import fish as play_fish
 from finloop.live.choice import Order
 from finloop.live.fish import Floats, Ghost, LiveFish
+from finloop.live.modes import Modes
 from finloop.social.leader import contradiction
 from finloop.social.rule import rule_of
 
 
-def rehearse(players: Mapping[str, Player]) -> None:
+def rehearse(player: AnyPlayer) -> None:
     """Lay out and compile what a drawn path takes, so that the first one need not wait for it.
 
     Where a fish has no room but for a touch, every path is a goal, and nothing is to be done.
     """
-    for player in players.values():
-        rng, waters = np.random.default_rng(0), player.waters
-        y, x = (side[[0, -1]].astype(float) for side in np.nonzero(waters.tank.legal))
-        if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
-            line = Line("a rehearsal", x, y, PX)
-            route = lay(line, waters.tank, waters.motion, None).route
-            player.step(player.begin(rng), route, rng)
+    rng, waters = np.random.default_rng(0), player.waters
+    y, x = (side[[0, -1]].astype(float) for side in np.nonzero(waters.tank.legal))
+    if np.hypot(x[1] - x[0], y[1] - y[0]) > waters.touch_px:
+        line = Line("a rehearsal", x, y, PX)
+        route = lay(line, waters.tank, waters.motion, None).route
+        player.step(player.begin(rng), route, rng)
 
 
 class LiveTank:
     """All fish. players: one a mode, as `animate` has them; `tick`: the last one played."""
 
     def __init__(
-        self, players: Mapping[str, Player], mode: str, fish: int, seed: int,
+        self, players: Mapping[str, AnyPlayer], mode: str, fish: int, seed: int,
         ghost: Ghost = lambda row: False,
     ) -> None:  # fmt: skip
         if mode not in players:
             raise FinloopError(
-                f"there is no mode {mode}: the film has no loops to go on by",
+                f"there is no mode {mode} for this film: it shows too little for it",
                 f"one of {', '.join(players)}",
-                "take another mode, or let more frames join (loops.threshold)",
+                "take one of these",
             )
         self.players, self.mode, self.tick = players, mode, 0
-        self.shoaling = players[mode].shoaling
+        self._modes = Modes.of(players)
+        self.shoaling = next((one.shoaling for one in players.values() if one.shoaling), None)
         self._ghost, self._draws, self._born = ghost, np.random.default_rng(seed), 0
         self.fish: list[LiveFish] = []
         self.count(fish)
 
     @property
-    def waters(self) -> Waters:
+    def waters(self) -> AnyWorld:
         """What all fish swim in, in every mode."""
         return self.players[self.mode].waters
 
@@ -78,8 +78,18 @@ class LiveTank:
         if self.tick > fish.born + 1:
             fish.renew()
 
+    @property
+    def most_fish(self) -> int | None:
+        """How many fish the mode can move; None: any number."""
+        return self.players[self.mode].most_fish
+
     def count(self, fish: int) -> None:
-        """So many fish, or as many as there is room for: further ones come, the last ones go."""
+        """So many fish, or as many as there is room for: further ones come, the last ones go.
+
+        FinloopError where the mode moves fewer.
+        """
+        if self.most_fish is not None and fish > self.most_fish:
+            raise self._paper_alone(f"{fish} fish", self.mode)
         del self.fish[fish:]
         while len(self.fish) < fish:
             rng = self._draws.spawn(1)[0] if self._born else self._draws
@@ -87,7 +97,7 @@ class LiveTank:
             name = goal_name(len(self.fish))
             try:
                 one = LiveFish(
-                    self.players, self.mode, self.tick, name, rng, self._ghost, self._others
+                    self._modes, self.mode, self.tick, name, rng, self._ghost, self._others
                 )
             except FinloopError:
                 return
@@ -106,6 +116,18 @@ class LiveTank:
         for number in self._of(which):
             self.fish[number].send((float(x), float(y)), drag)
 
+    def _paper_alone(self, what: str, mode: str) -> FinloopError:
+        """Return the error that a mode of the paper is asked for more than it does."""
+        return FinloopError(
+            f"mode {mode} cannot do {what}",
+            "one fish that is sent to goals, or wanders, as in the paper",
+            "change over to mode matching first",
+        )
+
+    def _refuse_in_paper(self, what: str) -> None:
+        if self.most_fish is not None:
+            raise self._paper_alone(what, self.mode)
+
     def follow(self, which: int | None, places: Sequence[tuple[float, float]]) -> None:
         """A fish, or all of them, along a path drawn by hand: places x, y px of the tank's picture.
 
@@ -113,6 +135,7 @@ class LiveTank:
         touched, is closed, and swum again and again; one that is hardly longer than a point is a
         goal.
         """
+        self._refuse_in_paper("a path")
         waters = self.waters
         x, y = np.array([waters.tank.into(*place) for place in places], float).T
         gap, reach = np.hypot(x[-1] - x[0], y[-1] - y[0]), np.hypot(x - x[0], y - y[0]).max()
@@ -132,12 +155,14 @@ class LiveTank:
 
     def shoal(self, which: int | None) -> None:
         """A fish, or all of them, swim in company. FinloopError where there is no rule for it."""
+        self._refuse_in_paper("company")
         rule = rule_of(self.shoaling)
         for number in self._of(which):
             self.fish[number].obey(Order(rule))
 
     def lead(self, which: int | None, leader: int) -> None:
         """A fish, or all others, swim after another one. FinloopError if that is contradictory."""
+        self._refuse_in_paper("a leader")
         if leader >= len(self.fish):
             return
         followers = [one for one in self._of(which) if which is not None or one != leader]
@@ -170,9 +195,25 @@ class LiveTank:
             if fish.order is not None and fish.order.shoaling is not None:
                 fish.order = Order(self.shoaling)
 
+    def lack(self, mode: str) -> str:
+        """Return why the tank cannot change over to a mode now; empty if it can."""
+        if mode not in self.players:
+            return "the film shows too little for it"
+        most = self.players[mode].most_fish
+        if most is not None and len(self.fish) > most:
+            return "a mode of the paper moves one fish: take one, then change over"
+        return ""
+
     def switch(self, mode: str) -> None:
-        """All go on in a mode, if the film allows it."""
+        """All go on in a mode, if the film allows it. FinloopError if it moves fewer fish."""
         if mode in self.players:
+            most = self.players[mode].most_fish
+            if self.lack(mode):
+                raise self._paper_alone(f"{len(self.fish)} fish", mode)
+            if most is not None:
+                for fish in self.fish:
+                    if fish.errand is not None or fish.order is not None:
+                        fish.send(None)
             self.mode = mode
             for fish in self.fish:
                 fish.switch(mode)

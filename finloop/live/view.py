@@ -11,10 +11,13 @@ from typing import Any
 import cv2
 import numpy as np
 
+from finloop.animate.film import Film
 from finloop.animate.search import moved
 from finloop.animate.state import Options
+from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.edit.explain import in_words
+from finloop.edit.modes import MODES
 from finloop.edit.schema import VERDICTS
 from finloop.live import message
 from finloop.live.choice import Choice, Errand, Order
@@ -149,7 +152,7 @@ class View:
             "frame": self.frame, "tick": tick, "now": tank.tick, "oldest": tank.oldest,
             "rate": round(rate, 3), "width": width, "height": height,
             "paused": self.paused, "past": self.looked is not None, "speed": self.speed,
-            "mode": tank.mode, "modes": list(tank.players),
+            "mode": tank.mode, "modes": self._modes(), "most": tank.most_fish or message.MOST_FISH,
             "touch": round(tank.waters.touch_px, 1),
             "fish": [self._fish(number, tick) for number in range(len(tank.fish))],
             "explained": self.explained, "refused": self.refused,
@@ -159,6 +162,16 @@ class View:
             "bad": self.counts.bad, "dropped": self.counts.dropped,
             "reached": self.counts.reached, "ms": round(took_ms, 1),
         }  # fmt: skip
+
+    def _modes(self) -> list[dict[str, str]]:
+        """Every mode as the page shows it. lack: why it cannot be had now, if so."""
+        return [
+            {
+                "name": mode, "title": facts.title, "says": f"{facts.sentence} ({facts.source})",
+                "colour": facts.colour, "lack": self.tank.lack(mode),
+            }
+            for mode, facts in MODES.items()
+        ]  # fmt: skip
 
     def _fish(self, number: int, tick: int) -> dict[str, Any] | None:
         fish = self.tank.fish[number]
@@ -194,7 +207,7 @@ class View:
         fish, stretch, options = choice.state.fish, choice.stretch, choice.stretch.options
         ways = [] if options is None else _ranked(options)
         return {
-            "tick": choice.tick,
+            "tick": choice.tick, "mode": choice.mode,
             "why": in_words(stretch.decision, choice.name, stretch.area),
             "x": round(fish.x, 1), "y": round(fish.y, 1),
             "aim": [round(part, 1) for part in stretch.aim[:2]],
@@ -209,16 +222,21 @@ class View:
         row, terms, cost = int(options.rows[way]), options.terms[way], float(options.value[way])
         value = round(cost, 2) if math.isfinite(cost) else None
         return {
-            "row": row % self.tank.waters.film.filmed, "seam": round(float(options.seams[way]), 2),
+            "row": row % self._film(choice).filmed, "seam": round(float(options.seams[way]), 2),
             "terms": [round(float(term), 2) for term in terms],
             "swim": None if value is None else round(cost - float(sum(terms)), 2),
             "value": value, "fails": VERDICTS[options.verdict[way]],
             "taken": way == options.taken,
-            "path": self._path(fish.x, fish.y, row, float(options.rots[way])),
+            "path": self._path(self._film(choice), fish.x, fish.y, row, float(options.rots[way])),
         }  # fmt: skip
 
-    def _path(self, x: float, y: float, row: int, rot: float) -> list[list[int]]:
-        film = self.tank.waters.film
+    def _film(self, choice: Choice) -> Film:
+        """The film through which ways were weighed."""
+        player = self.tank.players[choice.mode]
+        assert isinstance(player, Player)
+        return player.waters.film
+
+    def _path(self, film: Film, x: float, y: float, row: int, rot: float) -> list[list[int]]:
         last = row + round(_WAY_S * self.tank.rate_hz)
         stops = np.flatnonzero(~film.more[row:last])
         last = row + int(stops[0]) if stops.size else min(last, len(film.more) - 1)

@@ -30,6 +30,18 @@ def quadrant(dx: Any, dy: Any) -> NDArray[np.int8]:
 
 
 @kernel
+def quadrant_of(dx, dy):  # type: ignore[no-untyped-def]
+    """Return the `quadrant` of one displacement, y up, as a kernel needs it."""
+    if (dx > 0 and dy >= 0) or (dx == 0 and dy == 0):
+        return 1
+    if dx <= 0 and dy > 0:
+        return 2
+    if dx < 0:
+        return 3
+    return 4
+
+
+@kernel
 def next_end(more, end, row, stride):  # type: ignore[no-untyped-def]
     """The first loop end at least `stride` rows after a row, or the last row of its track.
 

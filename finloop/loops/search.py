@@ -22,11 +22,10 @@ from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.errors import FinloopError
 from finloop.base.kernel import kernel
 from finloop.base.schema import Column, Schema, columns
-from finloop.distance.picture import typical_length
-from finloop.features.current import through_water
-from finloop.features.table import delta_of, wrap_deg
+from finloop.features.table import delta_of
 from finloop.loops.graph import ranked
 from finloop.loops.settings import Settings
+from finloop.loops.travel import improper
 
 
 class NoLoops(FinloopError):
@@ -40,8 +39,6 @@ LOOPS = Schema(
     Column("length_s", "float64", "s", nullable=True),
     Column("group", "int32", "1"),
 )
-TRAVEL = 0.05  # body lengths from which a fish has a direction of travel
-RESULTANT = 0.3  # of headings; below, the fish turned round and has no mean heading
 
 Rows = NDArray[np.integer]
 
@@ -83,7 +80,8 @@ def find(
     -------
     loops : columns of `LOOPS`, sorted by filtered distance; counts.
     """
-    loops, counts = _candidates(pairs, features, settings.threshold * step, settings)
+    loops, counts = candidates(pairs, features, settings.threshold * step, settings)
+    loops = loops[~loops["improper"]].reset_index(drop=True)
     if loops.empty:
         raise _none(pairs, features, step, settings)
     loops = loops[keep_best(loops["a"].to_numpy(), loops["b"].to_numpy(), settings.most_per_end)]
@@ -101,10 +99,13 @@ def least_frames(delta: int, settings: Settings) -> int:
     return max(1, round(settings.least * delta))
 
 
-def _candidates(
+def candidates(
     pairs: SparseMap, features: pd.DataFrame, limit: float, settings: Settings
 ) -> tuple[pd.DataFrame, Counts]:
-    """All proper local minima of filtered D up to `limit`, best first."""
+    """All local minima of filtered D up to `limit`, best first, and the counts of each test.
+
+    Columns a, b, distance, filtered, improper (Fig. 13: whether the pair is no loop).
+    """
     track = features["track_id"].to_numpy(np.int32)
     value = filtered(pairs, track, settings.dynamics, limit)
     delta = delta_of(features)
@@ -112,9 +113,11 @@ def _candidates(
     at, a = minima(pairs, value, track, radius, least)
     b = pairs.j[at]
     bad = improper(a, b, features, settings.improper_deg)
-    table = pd.DataFrame({"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at]})
+    table = pd.DataFrame(
+        {"a": a, "b": b, "distance": pairs.distance[at], "filtered": value[at], "improper": bad}
+    )
     counts = Counts(len(pairs.j), int(np.isfinite(value).sum()), len(at), int(bad.sum()))
-    return table[~bad].sort_values(["filtered", "a", "b"], ignore_index=True), counts
+    return table.sort_values(["filtered", "a", "b"], ignore_index=True), counts
 
 
 def weights(n: int) -> Floats:
@@ -216,38 +219,6 @@ def _minima(pairs, value, track, radius, least):  # type: ignore[no-untyped-def]
     return minimum
 
 
-def improper(a: Rows, b: Rows, features: pd.DataFrame, most_deg: float) -> Mask:
-    """Fig. 13: whether loops (n,) travel against the fish's heading, by more than `most_deg`.
-
-    Played between its ends, a loop within one track travels from a to b, whatever the fish does on
-    the way; its heading is the mean over it (none where the fish turns round). And at either end of
-    any loop the fish must swim the way it is headed: head and tail may be swapped, or the fish
-    adrift. A fish that moved less than `TRAVEL` body lengths has no direction of travel.
-    """
-    track = features["track_id"].to_numpy()
-    x, y = through_water(features).T * ((1,), (-1,))
-    length = typical_length(features).to_numpy(float)
-    heading = np.radians(features["heading_deg"].to_numpy(float))
-    unit = np.exp(1j * heading)
-
-    def against(low: Rows, high: Rows, towards: NDArray[np.complex128]) -> Mask:
-        way = (x[high] - x[low]) + 1j * (y[high] - y[low])
-        off = np.abs(wrap_deg(np.degrees(np.angle(way) - np.angle(towards))))
-        return (np.abs(way) >= TRAVEL * length[low]) & (off > most_deg)
-
-    total = np.r_[0, np.cumsum(unit)]
-    mean = (total[b + 1] - total[a]) / (b + 1 - a)
-    bad = (track[a] == track[b]) & (np.abs(mean) >= RESULTANT) & against(a, b, mean)
-    delta = delta_of(features)
-    first = np.searchsorted(track, track)  # tracks lie one after another, their numbers rise
-    last = np.searchsorted(track, track, side="right") - 1
-    for end in (a, b):
-        low = np.maximum(end - delta // 2, first[end])
-        high = np.minimum(low + delta, last[end])
-        bad |= against(low, high, unit[end])
-    return bad
-
-
 def keep_best(a: Rows, b: Rows, most: int) -> Mask:
     """Mask (n,) of the loops, best first, that leave no end with more than `most` loops."""
     return _keep_best(a, b, np.zeros(b.max() + 1, np.int32), most)
@@ -305,7 +276,8 @@ def _none(pairs: SparseMap, features: pd.DataFrame, step: float, settings: Setti
             "let more be compared: a greater distance.keep or distance.area_threshold, or "
             "distance.pose=body; or take a longer clip",
         )
-    any_far, _ = _candidates(pairs, features, np.inf, settings)
+    any_far, _ = candidates(pairs, features, np.inf, settings)
+    any_far = any_far[~any_far["improper"]]
     if len(any_far):
         enough = np.ceil(100 * any_far["filtered"].iloc[0] / step) / 100
         return NoLoops(

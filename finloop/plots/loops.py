@@ -1,4 +1,4 @@
-"""Pictures of video loops: over time, over the tank, the position table, the best and the worst."""
+"""Pictures of video loops: over the tank, the position table, the best and the worst."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -6,22 +6,19 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.collections import LineCollection
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
 from matplotlib.patheffects import withStroke
 from numpy.typing import NDArray
 
 from finloop.distance.map import MapFacts
-from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.graph import LoopGraph
 from finloop.loops.positions import LETTERS
 from finloop.plots import parts
 from finloop.reel import Reel
 
 _LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
 _QUADRANTS = ("#F0E442", "#56B4E9", "#CC79A7", "#009E73")
-_ARCS = 250  # loops that can be told apart in one picture
 _ARROWS = 60
 _HALO = [withStroke(linewidth=3, foreground="white")]
 
@@ -34,67 +31,20 @@ def sample(loops: pd.DataFrame, most: int) -> pd.DataFrame:
     return loops.iloc[np.linspace(0, len(loops) - 1, count).round().astype(int)]
 
 
-def over_time(loops: pd.DataFrame, graph: LoopGraph, track_id: Rows, rate_hz: float) -> Figure:
-    """Figs. 10a, 12: loops as arcs over the film, tracks one after another.
-
-    Below: loop ends per second; and a bar that shows from where the film can be played for ever.
-    """
-    figure = Figure(figsize=(12, 6), layout="constrained")
-    arcs, density, bar = figure.subplots(3, 1, sharex=True, height_ratios=(5, 2, 0.6))
-    seconds = len(track_id) / rate_hz
-    small = loops[loops["group"] > 0]
-    sampled = pd.concat([sample(loops[loops["group"] == 0], _ARCS), sample(small, _ARCS // 2)])
-    for group, colour in ((0, _LARGEST), (1, _OTHER)):
-        some = sampled[sampled["group"].clip(upper=1) == group]
-        arcs.add_collection(
-            LineCollection(
-                list(_arcs(some["a"].to_numpy() / rate_hz, some["b"].to_numpy() / rate_hz)),
-                colors=colour, lw=0.7, alpha=0.35 if group == 0 else 0.9,
-            )
-        )  # fmt: skip
-    groups = int(loops["group"].max()) + 1
-    arcs.set(xlim=(0, seconds), ylim=(0, 1.05), yticks=[], ylabel="loops")
-    arcs.set_title(
-        f"{_some(len(sampled), len(loops))} loops: blue the largest group, orange the other "
-        f"{groups - 1} of {groups} (Fig. 12)"
-        if groups > 1
-        else f"{_some(len(sampled), len(loops))} loops, all of one group (Fig. 12)"
-    )
-    bins = np.arange(0, seconds + 1)
-    count, _ = np.histogram(graph.ends / rate_hz, bins)
-    density.stairs(count, bins, fill=True, color="0.45")
-    density.set(ylabel="ends per s")
-    endless, largest = goes_on(graph, track_id), in_component(graph, len(track_id))
-    state = np.where(largest, 0, np.where(endless, 1, 2))
-    bar.imshow(
-        state[None], aspect="auto", extent=(0, seconds, 0, 1), interpolation="nearest",
-        cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
-    )  # fmt: skip
-    bar.set(yticks=[], xlabel="film, its tracks one after another (s)")
-    for edge in np.flatnonzero(np.diff(track_id)) + 1:
-        bar.axvline(edge / rate_hz, color="white", lw=0.6)
-    words = ("in the largest component", "leads to a loop without end", "dead end")
-    figure.legend(
-        handles=[
-            Patch(color=colour, label=f"{word}: {100 * (state == number).mean():.1f} % of the film")
-            for number, (word, colour) in enumerate(
-                zip(words, (_LARGEST, _OTHER, _DEAD), strict=True)
-            )
-        ],
-        loc="outside lower center", ncols=3, frameon=False,
-    )  # fmt: skip
-    return figure
-
-
 def _some(count: int, all_of_them: int) -> str:
     return f"{count} of {all_of_them}" if count < all_of_them else f"all {all_of_them}"
 
 
-def _arcs(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.float64]:
-    """Half ellipses (n, points, 2) from a to b; as high as the square root of their width."""
+def arc_points(
+    a: NDArray[np.floating], b: NDArray[np.floating], longest: float | None = None
+) -> NDArray[np.float64]:
+    """Half ellipses (n, points, 2) from a to b; as high as the square root of their width.
+
+    One as wide as `longest`, the widest of them by default, is 1 high.
+    """
     angle = np.linspace(0, np.pi, 40)
     middle, half = (a + b)[:, None] / 2, (b - a)[:, None] / 2
-    high = np.sqrt(half / half.max(initial=1e-9))
+    high = np.sqrt(half / (half.max(initial=1e-9) if longest is None else longest / 2))
     return np.stack([middle - half * np.cos(angle), high * np.sin(angle)], axis=-1)
 
 
@@ -220,7 +170,7 @@ def apart(loops: pd.DataFrame, rows: int, count: int) -> list[int]:
 def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
     """Fig. 8 for some loops: the frame shown last, the film's next, the loop's; what differs."""
     lines = max(len(best), len(worst))
-    band = _fish_rows([*best, *worst])
+    band = fish_rows(np.stack([shown for one in (*best, *worst) for shown in one[:3]]))
     high = (band.stop - band.start) / len(best[0].before)
     figure = Figure(figsize=(14, (1.7 * high + 0.3) * lines + 0.6), layout="constrained")
     figure.suptitle(
@@ -239,26 +189,19 @@ def best_and_worst(best: Sequence[Example], worst: Sequence[Example]) -> Figure:
     return figure
 
 
-def _tiles(example: Example) -> list[NDArray[np.float32]]:
+def _tiles(example: Example) -> list[NDArray[np.floating]]:
     """Three pictures over light grey, and three times what differs between the last two."""
-    ground = 0.8
-    over = [
-        picture[..., :-1] + (1 - picture[..., -1:]) * ground
-        for picture in (example.before, example.natural, example.instead)
-    ]
-    tiles = [*over, 0.5 + 1.5 * (over[2] - over[1])]
-    return [np.clip(tile if tile.shape[-1] == 3 else tile.repeat(3, -1), 0, 1) for tile in tiles]
+    over = [on_light(picture) for picture in (example.before, example.natural, example.instead)]
+    return [*over, np.clip(0.5 + 1.5 * (over[2] - over[1]), 0, 1)]
 
 
-def _fish_rows(examples: Sequence[Example]) -> slice:
-    """The rows of pixels in which any of the pictures shows fish."""
-    alpha = [picture[..., -1] for example in examples for picture in example[:3]]
-    rows = np.flatnonzero(np.any(np.stack(alpha) > 0.1, axis=(0, 2)))
+def on_light(picture: NDArray[np.float32]) -> NDArray[np.floating]:
+    """A premultiplied picture (h, w, c), 0 … 1, over light grey, (h, w, 3)."""
+    over = picture[..., :-1] + (1 - picture[..., -1:]) * 0.8
+    return np.clip(np.broadcast_to(over, (*over.shape[:-1], 3)), 0, 1)
+
+
+def fish_rows(pictures: NDArray[np.float32]) -> slice:
+    """The rows of pixels in which any of some pictures (k, h, w, c) shows fish."""
+    rows = np.flatnonzero(np.any(pictures[..., -1] > 0.1, axis=(0, 2)))
     return slice(max(rows[0] - 4, 0), rows[-1] + 5)
-
-
-def message(text: str) -> Figure:
-    """Words in the place of a picture."""
-    figure = Figure(figsize=(8, 2))
-    figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
-    return figure

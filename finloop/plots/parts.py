@@ -72,3 +72,10 @@ def write(
 ) -> None:
     """Write into a picture (h, w, 3), from `place` (left end of the base line) on."""
     cv2.putText(picture, text, place, cv2.FONT_HERSHEY_SIMPLEX, size, colour, line, cv2.LINE_AA)
+
+
+def message(text: str) -> Figure:
+    """Words in the place of a picture."""
+    figure = Figure(figsize=(8, 2))
+    figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
+    return figure

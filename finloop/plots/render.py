@@ -1,7 +1,7 @@
 """Pictures of an edit list: the trajectory (Fig. 16) and a sheet of consecutive ticks."""
 
 from collections.abc import Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from matplotlib.patheffects import withStroke
 
-from finloop.edit.schema import FRAME, Goal, by_fish
+from finloop.edit.schema import FRAME, SPOT, Goal, by_fish
 from finloop.plots.parts import Picture, arrows, coloured, in_rows, over_tank
 from finloop.render.marks import aims, parts, rgb, sought, write
 from finloop.render.painter import Painter, Placed
@@ -22,10 +22,11 @@ _HALO = [withStroke(linewidth=2.5, foreground="white")]
 
 
 def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -> Figure:
-    """Fig. 16: the way over the empty tank, coloured by state (or mode), and the goals.
+    """Figs. 16, 17: the way over the empty tank, coloured by what is shown, and the goals.
 
-    Once the goals are done fish wander; that part is a thin grey line. Beside each goal stands
-    when it was reached.
+    Where all ticks show the same, the state has the colour. Once the goals are done fish wander;
+    that part is a thin grey line. Beside each goal stands when it was reached. Crosses: the fish is
+    on the spot as no way stays in the tank (§4.2). Diamonds: gateways (A, B of Fig. 17).
     """
     figure, axes = over_tank(background, 0.45, below=0.5)
     names, colours = parts(edit)
@@ -60,6 +61,15 @@ def trajectory(edit: pd.DataFrame, goals: Sequence[Goal], background: Picture) -
     key = [Line2D([], [], color=colours[name], lw=2.4, label=name) for name in present]
     if not aimed.all():
         key.append(Line2D([], [], color=_WANDERING, lw=0.7, label="wandering"))
+    for rows, marker, label in (
+        (edit["reason"].ffill() == SPOT, "x", "on the spot: no way stays in the tank"),
+        (edit["kind"] != edit.groupby("fish")["kind"].shift().fillna(edit["kind"]), "D", "gateway"),
+    ):
+        some = edit[rows.to_numpy(bool)]
+        if len(some):
+            style: dict[str, Any] = {"color": "black", "ls": "", "ms": 4, "marker": marker}
+            axes.plot(some["x_px"], some["y_px"], zorder=4, **style)
+            key.append(Line2D([], [], label=label, **style))
     key.append(Line2D([], [], marker="o", mfc="white", mec="black", ls="", label="start"))
     figure.legend(handles=key, loc="outside lower center", ncols=len(key), frameon=False)
     return figure

@@ -14,6 +14,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from finloop.edit.measures import shown
 from finloop.edit.schema import Goal
 from finloop.render.painter import Box, Painter, Placed
 
@@ -23,10 +24,13 @@ COLOURS = {
     "slide": "#009E73",
     "accelerate": "#E69F00",
     "decelerate": "#CC79A7",
-    "nn": "#0072B2",
-    "loops": "#D55E00",
+    "film": "#D55E00",
+    "other pose": "#E69F00",
+    "mirror image": "#CC79A7",
+    "sprite": "#0072B2",
+    "prediction": "#009E73",
 }
-"""Of the states, or where an edit list has several modes, of the modes."""
+"""Of what is shown (`finloop.edit.measures.SHOWN`), or where that is one thing, of the states."""
 _OTHERS = ("#56B4E9", "#F0E442", "#000000")
 _WAITING, _CURRENT = (255, 255, 255), (255, 190, 40)  # goals; a reached one has a dot
 _EDGE = (25, 25, 25)  # around what is bright, so that it is seen on a bright tank too
@@ -35,8 +39,12 @@ _SHIFT = 4  # cv2 takes sixteenths of a pixel
 
 
 def parts(edit: pd.DataFrame) -> tuple[pd.Series, dict[str, str]]:
-    """What tells the ticks of an edit list apart, and its colours: the modes, else the states."""
-    names = edit["mode"] if edit["mode"].nunique() > 1 else edit["state"]
+    """Return what tells the ticks of an edit list apart, and its colours.
+
+    That is what they show; where all show the same, the states.
+    """
+    names = shown(edit)
+    names = names if names.nunique() > 1 else edit["state"]
     unknown = [name for name in names.unique() if name not in COLOURS]
     colours = COLOURS | dict(zip(unknown, cycle(_OTHERS), strict=False))
     return names, {name: colours[name] for name in colours if (names == name).any()}

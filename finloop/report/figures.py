@@ -35,25 +35,40 @@ class Chapter(NamedTuple):
 
 SWIM = Chapter(
     "swimming", "Where it swims, and how", FISH,
-    "The fish is sent from goal to goal. Blue is the learned fish (sprites), orange the filmed.", (
-        Figure("render/trajectory.png", "Figs. 16, 17", "The way through the goals",
-               "Goals in the order asked, with the time at which each was reached; the colour "
-               "changes where the fish goes over from sprites to film or back.",
+    "The fish is sent from goal to goal in four modes: the paper's network, loops and hybrid, and "
+    "finloop's own, matching. Colours say what is shown: orange film as filmed, yellow film bent "
+    "into another pose, pink the mirror image of film, blue a sprite, green a predicted pose.", (
+        Figure("render/network.png", "Fig. 16", "Network: the way through the goals",
+               "The trained network moves sprites (Fig. 18); the colour is the state. Goals in the "
+               "order asked, with the time at which each was reached.",
                "The tank from above with the path of the fish from its start through each goal."),
-        Figure("render/switches.png", "Fig. 17", "Switch by switch",
-               "One switch a row: three ticks before it and five from it. The bar above a picture "
-               "tells sprites (blue) from film (orange); per cent is the weight of a cross-fade.",
+        Figure("render/loops.png", "§4.2", "Loops alone",
+               "Video loops chosen by the position table. Loops alone do not lead to every goal: "
+               "crosses are where no loop stays in the tank, and the fish swims on the spot.",
+               "The tank from above with the path of a fish that plays video loops alone."),
+        Figure("render/hybrid.png", "Fig. 17", "Hybrid: loops, and the network between",
+               "Orange: video loops. Blue: the network's sprites. Diamonds: gateways between them "
+               "(A and B in the paper's figure).",
+               "The tank from above with the path of the fish in two colours."),
+        Figure("render/matching.png", "", "Matching",
+               "finloop's own mode: one search over all frames, their mirror images and predicted "
+               "poses. Not in the paper.",
+               "The tank from above with the path of the fish in the colours of what is shown."),
+        Figure("render/switches.png", "Fig. 19", "Switch by switch",
+               "Of the mode that is rendered, one switch a row: three ticks before it and five "
+               "from it. The bar above a picture is the colour of what it shows; per cent is the "
+               "weight of the picture that fades out.",
                "Rows of eight successive pictures of the fish around each switch."),
         Figure("animate/kinematics.png", "", "Speed and turning, against the film",
-               "How fast and how sharply the fish moves in the three modes, and in the film: the "
+               "How fast and how sharply the fish moves in the four modes, and in the film: the "
                "nearer the outlines to the grey, the better.",
                "Histograms of speed and turn rate of film and animations; bars of the time spent "
                "in each state."),
         Figure("animate/path/path.png", "", "The path, asked for and swum",
                "Rings, and stripes on the right, are where the fish has left the path; what each "
                "cause is stands in reports/animate/left.csv.",
-               "The tank from above with the path asked for and the ways of the modes; curves of "
-               "the error along them."),
+               "The tank from above with the path asked for and the way of mode matching; curves "
+               "of the error along them."),
         Figure("retarget/pictures/backbones.png", "", "Motion of another animal",
                "A recorded track, swum by the film's fish: blue the asked line, red the "
                "backbone that is drawn, at some moments; last the one that is farthest off.",
@@ -63,7 +78,7 @@ SWIM = Chapter(
                "second of swimming is film. An area of 0.5: it cannot tell. Beside each mode: one "
                "half of the film against the other, and the film drawn again. Right: what the "
                "classifier goes by, one channel at a time; whiskers are 95 % intervals.",
-               "ROC curves of the three modes and of the film's halves; bars of the areas for all "
+               "ROC curves of the four modes and of the film's halves; bars of the areas for all "
                "channels and for each alone."),
         Figure("realism/contact_sheet.png", "", "The most obviously false seconds",
                "Of each mode those that the classifier is surest of, and below each the second of "
@@ -81,6 +96,22 @@ SWIM = Chapter(
 FILM = Chapter(
     "filmed", "What the film holds", FISH,
     "Fish are cut out, followed and measured; a network learns how they move.", (
+        Figure("extract/fig3_4.png", "Figs. 3, 4", "Side branches, and what is kept",
+               "Every pixel above the noise, thinned: the fish with the most side branches, and "
+               "the one for which two rules differ most, if any. The paper numbers the pixels from "
+               "A and keeps the branch with the greatest number, D (orange). finloop multiplies "
+               "each step by the width of the fish (blue). And it thins the silhouette alone "
+               "(green), without what is pale; the words above say how many branches that leaves.",
+               "One or two fish in four pictures each: film, thinned line with its branches, "
+               "numbers at their joints and ends, and the kept lines over the film."),
+        Figure("features/fig5.png", "Fig. 5", "A turn in successive frames",
+               "The film's strongest clear turn at t0, t0 + k and t0 + 2k; k is Δ, or a multiple "
+               "of it for a fish that turns slowly. Above, the fish as cut out, over the empty "
+               "tank. Below, backbone, control points, the closed B-spline with the motion area "
+               "(relative to the most seen), and the heading, beside that of k before. The curves "
+               "show all frames.",
+               "Three pictures of a fish that bends and turns, the same with lines drawn over "
+               "them, and curves of motion area and heading."),
         Figure("features/fig7.png", "Fig. 7", "Motion area and swimming type",
                "Along the longest track: how strongly the body is bent, relative to the most "
                "seen, and what the fish was doing.",
@@ -129,14 +160,29 @@ FILM = Chapter(
         Figure("gateways/contact_sheet.png", "Fig. 14", "Gateways",
                "From sprites into the film and back: best and worst of those that were kept.",
                "Rows of four pictures: the last one shown, what would have come, and what comes."),
+        Figure("loops/fig10.png", "Fig. 10", "Three ways from G to F",
+               "Four loops of one track that lie much as in the paper. Case 1 plays on to H and "
+               "jumps, case 2 jumps at once, case 3 takes one loop more on the way; the letters "
+               "between are this film's. A jump's distance is in natural steps, the usual change "
+               "from frame to frame.",
+               "Four arcs over a time line with ends A to H, the fish at these ends, and three "
+               "ways as solid lines joined by dotted ones."),
         Figure("loops/fig11.png", "Fig. 11", "Position table",
                "In which quadrant a later loop end lies, seen from an earlier one: 1 upper right, "
                "2 upper left, 3 lower left, 4 lower right.",
                "Loop ends along one track, and a triangular table of quadrants."),
-        Figure("loops/over_time.png", "Figs. 10, 12", "Loops in time, and their groups",
-               "An arc joins two moments of the film that may follow each other. The bar shows "
-               "the film that can be played on for ever, and dead ends.",
-               "Arcs over a time line, a histogram of loop ends, and a coloured bar."),
+        Figure("loops/over_time.png", "Fig. 12", "Groups of loops",
+               "Loops of different groups never overlap in time. Above, loops within one track, as "
+               "the paper has them: a bar a group, with its number of loops, and some loops as "
+               "arcs. Then a row for each group of all loops, those from track to track too. Last, "
+               "the film that can be played on for ever, and the longest dead ends by name.",
+               "Arcs and bars over a time line, rows of bars, and a coloured bar with names."),
+        Figure("loops/fig13.png", "Fig. 13", "An improper loop",
+               "Two frames that are alike, but the fish travels from one to the other against its "
+               "mean heading, or against its heading at one of them: played again and again, it "
+               "would drift backwards. Such a pair is left out.",
+               "The way of a fish over the tank with arrows of its heading and of where the loop "
+               "travels; below, the fish at both ends."),
         Figure("loops/over_tank.png", "", "Loops in the tank",
                "Loop ends where they were filmed.",
                "Dots and arrows over the background of the tank."),

@@ -5,7 +5,9 @@ from typing import Any, NamedTuple
 
 import pandas as pd
 
-MODES = {"nn": "learned", "loops": "filmed", "hybrid": "hybrid", "film": "film"}
+from finloop.edit.modes import MODES as ALL_MODES
+
+MODES = {**{name: facts.title for name, facts in ALL_MODES.items()}, "film": "Film"}
 
 
 class Measure(NamedTuple):
@@ -30,7 +32,14 @@ MEASURES = (
     Measure("path_way_corrected_pct", "corrections, of the way", "%"),
     Measure("straightness", "straightness of the way", "", "1 = straight"),
     Measure("frames_outside", "frames with any part outside the tank", "", "0"),
-    Measure("film_pct", "share of film frames", "%"),
+    Measure("shown_film_pct", "shown: film as filmed", "%"),
+    Measure("shown_other_pose_pct", "shown: film bent into another pose", "%"),
+    Measure("shown_mirror_image_pct", "shown: mirror image of film, bent or not", "%"),
+    Measure("shown_sprite_pct", "shown: sprites", "%"),
+    Measure("shown_prediction_pct", "shown: film in a predicted pose", "%"),
+    Measure("stuck_pct", "on the spot: no way stays in the tank", "%"),
+    Measure("switches", "switches between sprites and film", ""),
+    Measure("switches_without_gateway", "of them by no gateway", "", "0"),
     Measure("step_ratio_median", "step between drawn pictures, median", "× film", "≤ 1.5"),
     Measure("seam_ratio_median", "seam ratio, median: 1 = as smooth as the film", "", "≤ 1.5"),
     Measure("seam_ratio_p95", "seam ratio, 95th percentile", ""),
@@ -41,6 +50,11 @@ MEASURES = (
     Measure("longest_still_s", "longest time that one picture stays", "s"),
     Measure("trials_goals_reached_pct", "random goals: reached", "%", "≥ 95"),
     Measure("trials_time_to_goal_median_s", "random goals: time from goal to goal", "s"),
+    Measure("trials_film_pct", "random goals: share of time that film is played", "%"),
+    Measure("trials_arrival_heading_error_deg", "random goals: heading off the straight way", "°"),
+    Measure(
+        "trials_turn_area_missed_median", "random goals: turns miss the network's ideal area", ""
+    ),
     Measure("trials_frames_outside", "random goals: frames outside the tank", "", "0"),
 )
 
@@ -105,8 +119,8 @@ def headline(numbers: Mapping[str, float], mode: str) -> list[tuple[str, str]]:
     """The few numbers to see first: value and words, of the metrics of `animate`, `realism`."""
     choice = (
         ("goals_reached_pct", " %", "of its goals reached"),
-        ("seam_ratio_median", "", "seam ratio: 1 is as smooth as the film"),
-        ("film_pct", " %", "of its frames filmed, the rest learned"),
+        ("seam_ratio_median", "", "natural steps: how far apart the pictures of a join are"),
+        ("film_pct", " %", "of its time film is played"),
         ("frames_outside", "", "frames outside the tank"),
         ("auc", "", "told from film by a classifier (AUC): 0.5 is not at all"),
     )

@@ -8,7 +8,8 @@ import pandas as pd
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.bodies import Bodies
 from finloop.edit.joins import Joins, Shown, cross_fades, inertialized
-from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, LOOPS, PLAY, STATES
+from finloop.edit.modes import RETARGET
+from finloop.edit.schema import EDIT, FILM, FRAME, INERTIAL, JUMP, PLAY, STATES
 from finloop.features.table import wrap_deg
 from finloop.puppet import Pose
 
@@ -85,7 +86,7 @@ def edit_list(
         "pose": pd.Series(list(codes.astype(np.float32)), dtype=object),
         "heading_deg": heading,
         "speed": np.append(speed[:1], speed),
-        "mode": LOOPS,
+        "mode": RETARGET,
         "state": STATES[FILM],
         "goal": "",
         "aim_x_px": pose.x_px,

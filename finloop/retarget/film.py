@@ -5,11 +5,10 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from finloop.animate.settings import Settings as JoinSettings
 from finloop.base.arrays import Floats, Ints, Mask, Points, Reals
 from finloop.base.schema import ANY, Column, Schema, columns
 from finloop.edit.bodies import Bodies
-from finloop.edit.joins import Joins, joins
+from finloop.edit.joins import Joins, JoinTimes, joins
 from finloop.edit.pictures import Pictures
 from finloop.features.table import delta_of
 from finloop.jumps.settings import Settings as Weights
@@ -76,7 +75,8 @@ class Parts(NamedTuple):
     """Parameters of `jumps` and `animate`: what rows are compared in, and how they are joined."""
 
     weights: Weights
-    joins: JoinSettings
+    joins: JoinTimes
+    join: str
 
 
 def own_track(film: Material, rows: Ints, name: str) -> Track:
@@ -102,7 +102,7 @@ def retargeted(track: Track, film: Material, p: Settings, others: Parts) -> Reta
     if track.rows is not None and not p.own_frames:
         rows = rows.without(track.rows)
     pictures = film.pictures
-    how = joins(others.joins, pictures.bodies, delta_of(reel.features), pictures.helps)
+    how = joins(others.joins, others.join, pictures.bodies, delta_of(reel.features), pictures.helps)
     sources, way = _drawn(way, rows, how, film, p)
     drawn_scale = (reel.length_px / reel.lengths_px).astype(float)
     edit = edit_list(sources, way.pose, way.codes, drawn_scale, how, film.rate_hz)

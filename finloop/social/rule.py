@@ -39,7 +39,7 @@ def rule_of(shoaling: Shoaling | None) -> Shoaling:
             else "the film's tracks are too short for the steps of fish in company",
             "zones, and steps of a film in which a fish is seen in three frames on end",
             "make them (dvc repro calibrate; of the library find_zones, for "
-            "steer(…, shoaling=…)), film longer, or take another rule (animate.rule)",
+            "steer(…, shoaling=…)), film longer, or take another rule (matching.rule)",
         )
     return shoaling
 

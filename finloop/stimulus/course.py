@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from finloop.animate.paths import lay
+from finloop.animate.protocols import AnyPlayer, AnyWorld
 from finloop.animate.route import Route
-from finloop.animate.state import Waters
-from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
 from finloop.base.line import TANK
 from finloop.edit.bodies import Bodies
@@ -32,23 +31,24 @@ from finloop.stimulus.rules import Aim, Tank, aim
 States = NDArray[np.float32]
 
 _REHEARSED = 200  # ticks
+MODE = "matching"
 
 
 @dataclass(frozen=True)
 class Scene:
     """What is the same in every trial of a session.
 
-    players: one a mode; mm_per_px: mm of the display per px of the tank's picture, if known.
+    player: of mode `matching`; mm_per_px: mm of the display per px of the tank's picture, if known.
     """
 
-    players: dict[str, Player]
+    player: AnyPlayer
     bodies: Bodies
     mm_per_px: float | None = None
 
     @property
-    def waters(self) -> Waters:
+    def waters(self) -> AnyWorld:
         """What all fish swim in."""
-        return next(iter(self.players.values())).waters
+        return self.player.waters
 
     @property
     def rate_hz(self) -> float:
@@ -85,12 +85,11 @@ class Scene:
 class Cue:
     """How a trial is to be shown. look: number of its look; fade_s: coming and going of the fish.
 
-    condition: what is shown; fish: how many; mode: how they swim.
+    condition: what is shown; fish: how many.
     """
 
     condition: Condition
     fish: int
-    mode: str
     look: int = 0
     fade_s: float = 0.0
 
@@ -102,9 +101,9 @@ class Cue:
 def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
     """The live tank of a trial, at its first tick.
 
-    FinloopError where there is no such mode, or no room for so many fish.
+    FinloopError where there is no room for so many fish.
     """
-    tank = LiveTank(scene.players, cue.mode, cue.fish, seed)
+    tank = LiveTank({MODE: scene.player}, MODE, cue.fish, seed)
     if len(tank.fish) < cue.fish:
         raise FinloopError(
             f"the tank has room for {len(tank.fish)} fish, and the protocol wants {cue.fish}",
@@ -114,9 +113,9 @@ def tank_of(scene: Scene, cue: Cue, seed: int) -> LiveTank:
     return tank
 
 
-def rehearse(scene: Scene, mode: str) -> None:
+def rehearse(scene: Scene) -> None:
     """Send a fish to and fro, so that what is compiled or kept at first use costs no trial time."""
-    tank, rng = LiveTank(scene.players, mode, 1, 0), np.random.default_rng(0)
+    tank, rng = LiveTank({MODE: scene.player}, MODE, 1, 0), np.random.default_rng(0)
     for _ in range(_REHEARSED):
         tank.on()
         x, y = rng.uniform(0, scene.tank.width), rng.uniform(0, scene.tank.height)
@@ -196,7 +195,7 @@ def whole_motion(scene: Scene, plan: Protocol, order: Sequence[Trial]) -> States
 def cue_of(plan: Protocol, trial: Trial) -> Cue:
     """How a trial of a protocol is to be shown."""
     condition = plan.conditions[trial.condition]
-    return Cue(condition, plan.fish, plan.mode, plan.looks.index(condition.look), plan.fade_s)
+    return Cue(condition, plan.fish, plan.looks.index(condition.look), plan.fade_s)
 
 
 def route_of(scene: Scene, path: Path) -> Route:

@@ -7,7 +7,6 @@ from finloop.stimulus.parts import Change, Look, Motion
 from finloop.stimulus.protocol import Protocol
 
 _ORDERS = {"given": "in the order given", "shuffled": "shuffled", "blocks": "in blocks"}
-_MODES = {"nn": "by the network", "loops": "by film alone", "hybrid": "by film and network"}
 _KEYS = {" ": "space bar", "Enter": "enter key"}
 _TEXT = ("condition", "motion", "look", "change")
 """Columns of words, which begin at the left."""
@@ -19,7 +18,7 @@ def listing(protocol: Protocol, order: tuple[Trial, ...]) -> str:
     waits = "" if protocol.start == "auto" else " and the waits for a start"
     return "\n".join([
         f"{protocol.name}: {len(order)} trials, {_ORDERS[protocol.order]}; seed {protocol.seed}",
-        f"{protocol.fish} fish, animated {_MODES[protocol.mode]}",
+        f"{protocol.fish} fish, animated by mode matching",
         f"takes {_clock(seconds)}{waits}",
         "", *(f"demanded: {what}" for what in demands(protocol)),
         "", *_conditions(protocol), *_twins(protocol),

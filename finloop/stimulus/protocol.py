@@ -71,8 +71,6 @@ class Protocol(Part):
     """Of the order and of all motions: 0..2^53 - 1."""
     fish: Annotated[int, Field(ge=1, le=MOST_FISH)] = 1
     """How many fish are shown: 1..64."""
-    mode: Literal["nn", "loops", "hybrid"] = "hybrid"
-    """How they are animated: by the network, by film alone, or by both."""
     display: Display = Display()
     """What is demanded of the display."""
     animals: Animals | None = None
@@ -215,11 +213,17 @@ def _sound(values: Any, places: list[Place]) -> Protocol | None:
         return None
 
 
+_GONE: dict[Place, str] = {("mode",): "leave it out: the stimulus is always of mode matching"}
+"""Keys that protocols had, and what to do about them."""
+
+
 def _problem(detail: dict[str, Any]) -> Problem:
     """A complaint of pydantic in plain words, with its place."""
     place: Place = tuple(step for step in detail["loc"] if step != "[key]")
     if place[:1] == ("start",):
         place = place[:1] + place[2:]  # without the name of the alternative
+    if detail["type"] == "extra_forbidden" and place in _GONE:
+        return place, f"unknown; {_GONE[place]}"
     if detail["type"] == "extra_forbidden":
         names = [field.alias or name for name, field in _model(place).model_fields.items()]
         near = get_close_matches(str(place[-1]), names, 1)

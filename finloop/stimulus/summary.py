@@ -79,8 +79,8 @@ def _head(record: Record, table: pd.DataFrame, recovered: bool) -> Iterator[str]
     header = record.header
     digest = hashlib.sha256(table["digest"][table["kind"] == "tick"].astype("int64").to_numpy())
     yield f"- begun {header['begun']}, finloop {header['finloop']}, file `{record.path.name}`"
-    yield f"- seed {header['protocol']['seed']}; {header['protocol']['fish']} fish, mode "
-    yield f"  {header['protocol']['mode']}, film {header['film']}"
+    yield f"- seed {header['protocol']['seed']}; {header['protocol']['fish']} fish, "
+    yield f"  film {header['film']}"
     yield f"- all planned ticks: SHA-256 {digest.hexdigest()[:16]}"
     if header.get("dry"):
         yield "- **a dry run: nothing was displayed**"

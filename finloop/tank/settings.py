@@ -6,13 +6,14 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from finloop.base.settings import Crf, Positive
+from finloop.edit.modes import Shown
 
 
 @dataclass(frozen=True)
 class Settings:
     """Which edit list is filmed in three dimensions, from where, and how large."""
 
-    mode: Literal["nn", "loops", "hybrid", "retarget"]  # the edit list
+    mode: Shown  # the edit list
     # of tank.mp4; tour: all of them, one after the other
     camera: Literal["top", "side", "corner", "follow", "orbit", "tour"]
     seconds: Positive  # s of the edit list, at most

@@ -17,16 +17,17 @@ from finloop.plots.path import path
 from finloop.project import Project
 
 DATA, REPORT = Path("data/animate"), Path("reports/animate")
+PATH = DATA / "matching/path.parquet"
 
 
 def main() -> None:
     """Draw kinematics.png; of paths path/path.png, of further fish path/path-2.png …"""
-    table = load_table(DATA / "kinematics.parquet", KINEMATICS)
+    table = load_table(DATA / "beside/kinematics.parquet", KINEMATICS)
     numbers = json.loads((REPORT / "metrics.json").read_text(encoding="utf-8"))
     save_figure(REPORT / "kinematics.png", kinematics(table, numbers))
     with whole_folder(REPORT / "path") as folder:
-        if (DATA / "path.parquet").exists():
-            swum, left = load_table(DATA / "path.parquet", SWUM), pd.read_csv(REPORT / "left.csv")
+        if (PATH).exists():
+            swum, left = load_table(PATH, SWUM), pd.read_csv(REPORT / "left.csv")
             background = Project().background
             for fish, way in swum.groupby("fish"):
                 name = "path.png" if fish == swum["fish"].min() else f"path-{fish + 1}.png"

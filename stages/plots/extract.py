@@ -1,41 +1,74 @@
-"""Picture of `extract`: what segmentation makes of some frames."""
+"""Pictures of `extract`: what segmentation makes of some frames, side branches (Figs. 3, 4)."""
 
-from stages.run import run  # isort: skip  (before numpy)
+from stages.run import progress, run  # isort: skip  (before numpy)
 
+from collections.abc import Iterator
 from pathlib import Path
-from typing import cast
+from typing import NamedTuple, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
+from finloop.base.arrays import Picture
 from finloop.extract.background import Polarity, Scene
 from finloop.extract.fins import Fins
 from finloop.extract.samples import Typical
 from finloop.extract.settings import Settings
 from finloop.extract.table import SceneFacts
-from finloop.io.picture import load_picture, save_picture
+from finloop.io.picture import load_picture, save_figure, save_picture
 from finloop.io.record import load_record
 from finloop.io.several import folders
-from finloop.io.video import ARENA_NAME, CLIP_NAME, FACTS_NAME, load_facts, load_mask, read_spread
+from finloop.io.video import (
+    ARENA_NAME,
+    CLIP_NAME,
+    FACTS_NAME,
+    VideoFacts,
+    load_facts,
+    load_mask,
+    read_spread,
+)
+from finloop.plots.branches import choose_fish, figure3_4
 from finloop.plots.extract import detections_picture
 from finloop.plots.parts import one_below_another
+from finloop.plots.thinned_fish import ThinnedFish, thin_fish
 from stages.settings import load
 
-CLIP, EXTRACT = Path("data/clip"), Path("data/extract")
+CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 FRAMES = 4
+THINNED = 200  # frames whose fish are thinned, to choose two for Figs. 3, 4
+
+
+class Film(NamedTuple):
+    """One film as `extract` has seen it."""
+
+    name: str
+    clip: Path
+    facts: VideoFacts
+    scene: Scene
+    typical: Typical
+    arena: Picture
+
+    def read(self, count: int) -> Iterator[tuple[str, Picture]]:
+        """At most `count` frames spread over the film, each with a label."""
+        numbers = np.linspace(0, self.facts.frames - 1, min(count, self.facts.frames))
+        frames = numbers.round().astype(int).tolist()
+        pictures = read_spread(self.clip / CLIP_NAME, frames, colour=self.facts.colour)
+        for number, picture in zip(frames, pictures, strict=True):
+            yield f"{self.name} frame {number}".strip(), picture
 
 
 def main() -> None:
-    """Draw detections.png."""
+    """Draw detections.png and fig3_4.png."""
     settings: Settings = load("extract")
-    films = [(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
+    films = [load_film(name, home) for name, home in folders(CLIP) if (EXTRACT / home).is_dir()]
     count = max(1, FRAMES // len(films))
-    pictures = [detections(name, home, settings, count) for name, home in films]
-    save_picture(Path("reports/extract/detections.png"), one_below_another(pictures))
+    pictures = [draw_detections(film, settings, count) for film in films]
+    save_picture(REPORT / "detections.png", one_below_another(pictures))
+    fish, words = choose_fish(thin_films(films, settings))
+    save_figure(REPORT / "fig3_4.png", figure3_4(fish, words))
 
 
-def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray[np.uint8]:
-    """The picture of one film, of this many frames."""
+def load_film(name: str, home: Path) -> Film:
+    """Load what `clip` and `extract` say of one film."""
     clip, tracks_folder = CLIP / home, EXTRACT / home
     facts = load_facts(clip / FACTS_NAME)
     record = load_record(tracks_folder / "scene.json", SceneFacts, "extract")
@@ -51,16 +84,24 @@ def detections(name: str, home: Path, settings: Settings, count: int) -> NDArray
         record.thin,
     )
     arena = load_mask(clip / ARENA_NAME, facts.width_px, facts.height_px).astype(np.uint8) * 255
-    numbers = np.linspace(0, facts.frames - 1, min(count, facts.frames)).round().astype(int)
-    frames = list(read_spread(clip / CLIP_NAME, numbers.tolist(), colour=facts.colour))
-    return detections_picture(
-        frames,
-        [f"{name} frame {number}".strip() for number in numbers],
-        scene,
-        typical,
-        arena,
-        settings,
-    )
+    return Film(name, clip, facts, scene, typical, arena)
+
+
+def draw_detections(film: Film, settings: Settings, count: int) -> Picture:
+    """Draw the silhouettes in this many frames of a film."""
+    labels, frames = zip(*film.read(count), strict=True)
+    return detections_picture(frames, labels, film.scene, film.typical, film.arena, settings)
+
+
+def thin_films(films: list[Film], settings: Settings) -> Iterator[ThinnedFish]:
+    """Thin the fish of frames spread over the films."""
+    count = max(1, THINNED // len(films))
+    total = sum(min(count, film.facts.frames) for film in films)
+    with progress("plots", total, "frames") as advance:
+        for film in films:
+            for label, frame in film.read(count):
+                yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
+                advance()
 
 
 if __name__ == "__main__":

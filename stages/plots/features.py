@@ -1,4 +1,4 @@
-"""Pictures of `features`: a contact sheet of fish, Fig. 7, the tracks, and the orientations."""
+"""Pictures of `features`: a contact sheet of fish, Figs. 5 and 7, tracks, orientations."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
@@ -6,6 +6,8 @@ from pathlib import Path
 
 from finloop.io.picture import save_figure, save_picture
 from finloop.plots import features as draw
+from finloop.plots.parts import message
+from finloop.plots.turn import figure5, strongest_turn
 from finloop.project import Project
 from stages.run import progress
 
@@ -15,14 +17,21 @@ FISH = 48  # on the contact sheet
 
 
 def main() -> None:
-    """Draw contact_sheet.png, fig7.png, trajectories.png and rose.png."""
-    with Project() as project, progress("plots", 4, "pictures") as advance:
+    """Draw contact_sheet.png, fig5.png, fig7.png, trajectories.png and rose.png."""
+    with Project() as project, progress("plots", 5, "pictures") as advance:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.most_doubtful(table, FISH)
         fish = draw.specimens(table, tracks, rows, project.cutouts, background)
         save_picture(REPORT / "contact_sheet.png", draw.contact_sheet(fish))
+        fig5 = message(
+            "Fig. 5: this film has no clear turn, one that begins with straight swimming."
+        )
+        if (turn := strongest_turn(table)) is not None:
+            turning = draw.specimens(table, tracks, turn, project.cutouts, background)
+            fig5 = figure5(table, turn, list(turning), background)
         advance()
         for name, figure in (
+            ("fig5", fig5),
             ("fig7", draw.figure7(table)),
             ("trajectories", draw.trajectories(table, background)),
             ("rose", draw.rose(table)),

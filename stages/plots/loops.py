@@ -1,49 +1,96 @@
-"""Pictures of `loops`: where they are in time and tank (Figs. 8, 10–13), and how they look."""
+"""Pictures of `loops`: where they are in time and tank, and how they look (Figs. 8, 10–13)."""
 
 from stages.run import run  # isort: skip  (before numpy)
 
+from collections.abc import Iterator
 from pathlib import Path
+
+from matplotlib.figure import Figure
 
 from finloop.features.table import delta_of
 from finloop.io.picture import save_figure
 from finloop.loops.graph import loop_graph
 from finloop.loops.positions import position_table, table_ends
-from finloop.loops.search import least_frames
+from finloop.loops.search import as_map, candidates, least_frames
 from finloop.loops.settings import Settings
 from finloop.plots import loops as draw
+from finloop.plots.improper_loop import figure13, most_improper
+from finloop.plots.loop_groups import over_time
+from finloop.plots.loop_routes import figure10, find_three_ways
+from finloop.plots.parts import message
 from finloop.project import Project
+from stages.run import progress
 from stages.settings import load
 
 REPORT = Path("reports/loops")
+NAMES = ("over_time", "over_tank", "fig10", "fig11", "best_and_worst")
 BEST = 6  # loops drawn, and as many of the worst
 
 
 def main() -> None:
-    """Draw over_time.png, over_tank.png, fig11.png and best_and_worst.png."""
+    """Draw over_time.png, over_tank.png, fig10.png, fig11.png, fig13.png, best_and_worst.png."""
     p: Settings = load("loops")
-    project = Project()
-    loops = project.loops
-    if loops.empty:
-        why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
-        for name in ("over_time", "over_tank", "fig11", "best_and_worst"):
-            save_figure(REPORT / f"{name}.png", draw.message(why))
-        return
-    features, tank = project.features, project.background
+    with Project() as project, progress("plots", len(NAMES) + 1, "pictures") as advance:
+        figures = draw_message(project) if project.loops.empty else draw_loops(project, p)
+        save_figure(REPORT / "fig13.png", draw_improper(project, p))
+        advance()
+        for name, figure in figures:
+            save_figure(REPORT / f"{name}.png", figure)
+            advance()
+
+
+def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:
+    """Say in every figure why the film has no loops."""
+    why = (project.data / "loops/none.txt").read_text(encoding="utf-8")
+    for name in NAMES:
+        yield name, message(why)
+
+
+def draw_loops(project: Project, p: Settings) -> Iterator[tuple[str, Figure]]:
+    """Draw the figures of a film that has loops, each with its name."""
+    loops, features, reel = project.loops, project.features, project.film_reel
+    facts, rate_hz = project.map_facts, project.rate_hz
     track = features["track_id"].to_numpy()
     graph = loop_graph(loops, track)
+    yield "over_time", over_time(loops, graph, features, rate_hz)
+    yield "over_tank", draw.over_tank(loops, graph, features, project.background)
+    three = find_three_ways(loops, track)
+    if three is None:
+        why = "Fig. 10: no track has four loops between whose ends there are three ways as in the "
+        yield "fig10", message(f"{why}paper.")
+    else:
+        yield "fig10", figure10(three, reel, facts.pose, facts.step_median)
     ends = table_ends(graph.ends, track)
-    save_figure(REPORT / "over_time.png", draw.over_time(loops, graph, track, project.rate_hz))
-    save_figure(REPORT / "over_tank.png", draw.over_tank(loops, graph, features, tank))
-    fig11 = draw.table_picture(position_table(ends, features), ends, features)
-    save_figure(REPORT / "fig11.png", fig11)
+    yield "fig11", draw.table_picture(position_table(ends, features), ends, features)
     gap = least_frames(delta_of(features), p)
-    with project:
-        reel, facts = project.film_reel, project.map_facts
-        best, worst = (
-            list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], reel, facts))
-            for some in (loops, loops[::-1])
+    best, worst = (
+        list(draw.examples(some.iloc[draw.apart(some, gap, BEST)], reel, facts))
+        for some in (loops, loops[::-1])
+    )
+    yield "best_and_worst", draw.best_and_worst(best, worst)
+
+
+def draw_improper(project: Project, p: Settings) -> Figure:
+    """Draw Fig. 13, or a message that the film has no improper loop."""
+    features, reel, facts = project.features, project.film_reel, project.map_facts
+    pairs = as_map(project.pairs, len(features))
+    every, counts = candidates(pairs, features, p.threshold * facts.step_median, p)
+    loop = most_improper(every, features, p.improper_deg)
+    if loop is None:
+        return message(
+            f"Fig. 13: of {counts.minima} pairs of similar frames none travels more than "
+            f"{p.improper_deg:g}° (loops.improper_deg) off the fish's heading."
         )
-    save_figure(REPORT / "best_and_worst.png", draw.best_and_worst(best, worst))
+    track, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
+    ends = [f"frame {frame[row]} of track {track[row]}" for row in (loop.a, loop.b)]
+    steps = loop.filtered / facts.step_median
+    words = (
+        f"a pair that is no loop: {' and '.join(ends)}, {steps:.2f} natural steps apart "
+        f"(a loop: {p.threshold:g} at most);\n"
+        f"it travels {loop.off_deg:.0f}° off the heading (a loop: {p.improper_deg:g}° at most). "
+        f"{counts.improper} of {counts.minima} similar pairs are improper"
+    )
+    return figure13(loop, reel, facts.pose, project.background, words)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ from finloop.realism.examples import CURVES, EXAMPLES, SIDES, strip
 from finloop.render.painter import Painter
 
 OUT, REPORT = Path("data/realism"), Path("reports/realism")
-MODE = "nn"  # whose edit list there always is; only the tables beside it are used
 STRIP = 10, 130  # pictures, px
 
 
@@ -26,10 +25,9 @@ def main() -> None:
     table = load_table(OUT / "examples.parquet", EXAMPLES)
     titles, strips = [], []
     with Project() as project:
-        drawn = project.drawn(MODE, "realism", sprites=True, bodies=True)
-        gallery, painter = project.gallery(drawn), Painter(project.background)
+        gallery, painter = project.whole_gallery, Painter(project.background)
+        length = project.scene.typical_length_px
         for number, example in table.groupby("example"):
-            length = drawn.scene.typical_length_px
             strips.append(
                 {
                     side: strip(example[example["side"] == side], gallery, painter, length, STRIP)

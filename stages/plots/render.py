@@ -4,7 +4,9 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
+from finloop.edit.modes import MODES
 from finloop.io.picture import save_figure, save_picture
+from finloop.plots.parts import message
 from finloop.plots.render import contact_sheet, sheet_ticks, tiles, trajectory
 from finloop.project import Project
 from finloop.render.gallery import placed
@@ -16,7 +18,7 @@ REPORT = Path("reports/render")
 
 
 def main() -> None:
-    """Draw trajectory.png, contact_sheet.png and switches.png."""
+    """Draw trajectory.png, contact_sheet.png and switches.png; the way in every mode."""
     p: Settings = load("render")
     with Project() as project:
         background, drawn = project.background, project.drawn(p.mode, "render")
@@ -28,7 +30,14 @@ def main() -> None:
             rows = placed(some, gallery) if ticks else ()
             sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
-    save_figure(REPORT / "trajectory.png", trajectory(drawn.edit, goals, background))
+        save_figure(REPORT / "trajectory.png", trajectory(drawn.edit, goals, background))
+        for mode, facts in MODES.items():
+            figure = message(f"{facts.title}: the film shows too little for this mode.")
+            if (project.data / f"animate/{mode}/goals.json").exists():
+                edit = project.edit(mode, "render")
+                figure = trajectory(edit, project.goals(mode), background)
+                figure.suptitle(f"{facts.title} ({facts.source})")
+            save_figure(REPORT / f"{mode}.png", figure)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,7 @@ from stages.run import run  # isort: skip  (before numpy)
 
 from pathlib import Path
 
-from finloop.edit.schema import RETARGET
+from finloop.edit.modes import RETARGET
 from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_picture
 from finloop.io.table import load_table

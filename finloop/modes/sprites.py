@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pandas as pd
 
-from finloop.animate.settings import Settings
 from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import ACCELERATE, DECELERATE, SLIDE, STRAIGHT
 from finloop.features.swimming_type import LEFT, RIGHT
 from finloop.features.table import orientations_of
+from finloop.modes.network_settings import Settings
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,220 @@
+"""Every parameter of conf/ changed in turn on tiny films: which change nothing that can be seen?
+
+`python -m benchmarks.parameters [group …]` runs the stages that read a parameter with another value
+and compares what they write, byte by byte. A parameter that changes no output on any of the films
+is listed, unless `WHEN` says when it acts. No parameter may be dead: the last lines list those that
+are, and the exit status is 1 if there are any.
+"""
+
+import contextlib
+import hashlib
+import importlib
+import io
+import json
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from types import UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+import pandas as pd
+import yaml
+
+from benchmarks.pipeline import ROOT
+from finloop.base.settings import WORDS, variants
+from stages.compose import composed
+from stages.settings import _literal
+
+FILMS: dict[str, list[str]] = {
+    "one carp": [
+        "clip=carp", "clip.frames=150", "clip.width_px=320", "clip.height_px=240",
+        "clip.body_length_px=70", "clip.seed=4", "bpn.epochs=5", "forecast.epochs=3",
+        "animate.seconds=6", "animate.trials=3", "realism.seconds=8", "realism.window=1",
+        "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=5",
+        "realism.bins=8", "tank.seconds=0.3", "tank.width_px=160", "tank.height_px=120",
+        "morph.frames=8", "morph.points=64", "gait.dog_frames=48", "gait.dog_width_px=240",
+        "render.webp_seconds=1", "render.beside_seconds=1", "export.webp_seconds=1",
+    ],
+}  # fmt: skip
+MORE = {
+    "two fish": ["matching.fish=2", "matching.rule=zones"],
+    "a path": ["matching.path=track:0"],
+    "predictions alone": ["matching.uses=[forecast]"],
+    "inertial": ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"],
+}
+"""Further runs of the first film, of the stages of modes alone."""
+WHEN: dict[str, str] = {}
+"""When a parameter acts that changes nothing on these films."""
+
+
+def stages() -> dict[str, Any]:
+    """Return the stages of dvc.yaml, in their order."""
+    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
+    every: dict[str, Any] = yaml.safe_load(text)["stages"]
+    return every
+
+
+def readers(group: str) -> list[str]:
+    """Return the stages that read a group of parameters, in their order."""
+    return [
+        word
+        for word, stage in stages().items()
+        if any(one.partition(".")[0] == group for one in stage.get("params", []))
+    ]
+
+
+def outputs(word: str) -> list[str]:
+    """Return the files and folders that a stage writes."""
+    stage = stages()[word]
+    every = [*stage.get("outs", []), *stage.get("metrics", [])]
+    return [next(iter(one)) if isinstance(one, dict) else one for one in every]
+
+
+def digest(folder: Path, word: str) -> str:
+    """Return a digest of what a stage has written."""
+    whole = hashlib.sha256()
+    for out in outputs(word):
+        path = folder / out
+        files = sorted(path.rglob("*")) if path.is_dir() else [path]
+        for file in files:
+            if file.is_file():
+                whole.update(file.relative_to(folder).as_posix().encode() + file.read_bytes())
+    return whole.hexdigest()
+
+
+def other_values(hint: Any, value: Any) -> Iterator[Any]:
+    """Yield values that differ from one, of its type, mild ones first."""
+    if get_origin(hint) is Annotated:
+        yield from other_values(get_args(hint)[0], value)
+    elif get_origin(hint) is Literal:
+        yield from (one for one in get_args(hint) if one != value)
+    elif get_origin(hint) in (Union, UnionType):
+        for part in get_args(hint):
+            yield from other_values(part, value)
+    elif hint is bool:
+        yield not value
+    elif hint in (int, float):
+        known = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
+        for times in (2, 0.5, 1.3, 0.8, 4, 0.25, 10, 0.1):
+            yield hint(round(known * times)) if hint is int else known * times
+        yield from (hint(1), hint(0), hint(3), known + 1, known - 1)
+    elif isinstance(value, list) and value:
+        yield value[:-1]
+        yield [one * 1.5 if isinstance(one, float) else one for one in value]
+
+
+@contextlib.contextmanager
+def inside(folder: Path) -> Iterator[None]:
+    """Work in a folder, quietly."""
+    before = Path.cwd()
+    os.chdir(folder)
+    try:
+        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        os.chdir(before)
+
+
+def run_stage(folder: Path, word: str) -> str:
+    """Run a stage in a folder; return the digest of what it writes, or why it fails."""
+    with inside(folder):
+        try:
+            importlib.import_module(f"stages.{word.replace('-', '.')}").main()
+        except Exception as error:
+            return f"{type(error).__name__}: {error}"
+    return digest(folder, word)
+
+
+def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
+    """Write params.yaml with overrides, and return it; FinloopError if they are refused."""
+    text = composed(["~local", *overrides])
+    (folder / "params.yaml").write_text(text, encoding="utf-8")
+    values: dict[str, Any] = yaml.safe_load(text)
+    return values
+
+
+def first_run(folder: Path, overrides: list[str], words: list[str]) -> dict[str, str]:
+    """Run stages in a folder; return the digest of each."""
+    for name in ("conf", "benchmarks", "data/drawings", "data/gaits"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        if not (folder / name).exists():
+            (folder / name).symlink_to(ROOT / name)
+    write_params(folder, overrides)
+    return {word: run_stage(folder, word) for word in words}
+
+
+def acts(
+    group: str, key: str, base: Path, known: dict[str, str], overrides: list[str]
+) -> str | None:
+    """Return the first stage whose output a changed parameter changes; None if there is none."""
+    value = yaml.safe_load((base / "params.yaml").read_text())[group][key]
+    (option, *_) = [one for one in variants(group).values() if key in get_type_hints(one)]
+    hint = get_type_hints(option, include_extras=True)[key]
+    tries = 0
+    for other in other_values(hint, value):
+        if other == value or tries == 4:
+            continue
+        with contextlib.suppress(Exception):
+            write_params(base, [*overrides, f"{group}.{key}={_literal(other)}"])
+            tries += 1
+            for word in readers(group):
+                if word not in known:
+                    continue
+                kept = base / "kept"
+                for out in outputs(word):
+                    if (base / out).exists():
+                        (kept / out).parent.mkdir(parents=True, exist_ok=True)
+                        shutil.move(base / out, kept / out)
+                differs = run_stage(base, word) != known[word]
+                for out in outputs(word):
+                    path = base / out
+                    shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
+                    if (kept / out).exists():
+                        path.parent.mkdir(parents=True, exist_ok=True)
+                        shutil.move(kept / out, path)
+                if differs:
+                    return word
+    return None
+
+
+def main() -> None:
+    """Try every parameter; write benchmarks/parameters.csv."""
+    wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
+    every = [word for word in stages() if not word.startswith("plots-") and word != "params"]
+    rows: list[dict[str, str]] = []
+    with tempfile.TemporaryDirectory() as scratch:
+        bases: list[tuple[Path, dict[str, str], list[str]]] = []
+        for name, overrides in FILMS.items():
+            base = Path(scratch) / name.replace(" ", "-")
+            bases.append((base, first_run(base, overrides, every), overrides))
+            modes = [word for word in every if word.startswith("modes-")] + ["animate"]
+            for extra, more in MORE.items():
+                other = Path(scratch) / extra.replace(" ", "-")
+                shutil.copytree(base, other, symlinks=True)
+                both = [*overrides, *more]
+                bases.append((other, first_run(other, both, modes), both))
+        values = yaml.safe_load((bases[0][0] / "params.yaml").read_text())
+        for group in wanted:
+            for key in values[group]:
+                if key == "source":
+                    continue
+                found = None
+                for base, known, overrides in bases:
+                    if found := acts(group, key, base, known, overrides):
+                        break
+                name = f"{group}.{key}"
+                rows.append({"parameter": name, "acts_on": found or WHEN.get(name, "")})
+                print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
+    table = pd.DataFrame(rows)
+    if len(wanted) > 1:
+        table.to_csv(Path(__file__).with_suffix(".csv"), index=False)
+    dead = table.loc[table["acts_on"] == "", "parameter"].tolist()
+    print(f"{len(table)} parameters, {len(dead)} of them change nothing: {', '.join(dead) or '-'}")
+    sys.exit(bool(dead))
+
+
+if __name__ == "__main__":
+    main()

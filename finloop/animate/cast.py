@@ -1,0 +1,87 @@
+"""What is drawn of a film: sprites, and the outlines of all pictures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.company import Discs, Hulls, discs_of
+from finloop.base.arrays import Floats, Reals
+from finloop.base.kernel import kernel
+
+
+@dataclass(frozen=True)
+class FrameHulls:
+    """Outlines (n, k, 2) of a film's frames, px ahead of and to the left of the mass centre.
+
+    They are turned when they are looked at: of a film of hours the outlines stay in their file.
+    outline_px (n, k, 2): x, y as filmed; centre_px (n, 2), heading_rad (n,), scale (n,): of each
+    frame, the last drawn size / filmed size.
+    """
+
+    outline_px: Reals
+    centre_px: Floats
+    heading_rad: Floats
+    scale: Floats
+
+    def __len__(self) -> int:
+        return len(self.centre_px)
+
+    def __getitem__(self, rows: slice) -> NDArray[np.float32]:
+        """The outlines (m, k, 2) of some frames."""
+        frames = self.centre_px[rows], self.heading_rad[rows], self.scale[rows]
+        return np.asarray(_own_axes(self.outline_px[rows], *frames))
+
+    @property
+    def reach_px(self) -> Floats:
+        """How far (n,) each outline reaches from the mass centre."""
+        return _farthest(self.outline_px, self.centre_px) * self.scale
+
+
+@kernel
+def _own_axes(points, centre, heading_rad, scale):  # type: ignore[no-untyped-def]
+    """Points (n, k, 2) x, y from each centre (n, 2), scaled, along each heading: `ahead_left`."""
+    made = np.empty(points.shape, np.float32)
+    for row in range(len(points)):
+        cos, sin = scale[row] * np.cos(heading_rad[row]), scale[row] * np.sin(heading_rad[row])
+        for k in range(points.shape[1]):
+            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            made[row, k, 0], made[row, k, 1] = dx * cos - dy * sin, -dx * sin - dy * cos
+    return made
+
+
+@kernel
+def _farthest(points, centre):  # type: ignore[no-untyped-def]
+    """The distance (n,) of the farthest of some points (n, k, 2) from each centre (n, 2)."""
+    far = np.zeros(len(points))
+    for row in range(len(points)):
+        for k in range(points.shape[1]):
+            dx, dy = points[row, k, 0] - centre[row, 0], points[row, k, 1] - centre[row, 1]
+            far[row] = max(far[row], dx * dx + dy * dy)
+    return np.sqrt(far)
+
+
+@dataclass(frozen=True)
+class Cast:
+    """What is drawn: the table of sprites (n rows), and the outlines of all pictures.
+
+    sprite_hulls: the outline of every sprite, (k, 2) px ahead of and to the left of the mass
+    centre, at the drawn size; frame_hulls: of every frame.
+    """
+
+    sprites: pd.DataFrame
+    sprite_hulls: Sequence[Floats]
+    frame_hulls: Hulls
+
+    @cached_property
+    def sprite_scale(self) -> Floats:
+        """Drawn size / filmed size (n,) of every sprite."""
+        return self.sprites["scale"].to_numpy(float)
+
+    @cached_property
+    def discs(self) -> Discs:
+        """The discs that hold the body in every picture."""
+        return discs_of(self.frame_hulls, self.sprite_hulls)

@@ -1,0 +1,27 @@
+"""The film itself as an edit list, to be drawn or measured as animations are."""
+
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Ints
+from finloop.edit.schema import EDIT, FILM, FRAME, STATES
+
+
+def as_filmed(source: Ints, places_px: Floats) -> pd.DataFrame:
+    """An edit list (columns of `EDIT`) that shows rows (n,) of the film at their places (n, 2)."""
+    empty = {"string": "", "bool": False}
+    rest = {
+        column.name: None if column.nullable else empty.get(column.dtype, 0)
+        for column in EDIT.columns
+    }
+    own = {
+        "tick": np.arange(len(source)),
+        "kind": FRAME,
+        "source": source,
+        "scale": 1.0,
+        "x_px": places_px[:, 0],
+        "y_px": places_px[:, 1],
+        "mode": "film",
+        "state": STATES[FILM],
+    }
+    return pd.DataFrame(rest | own, index=np.arange(len(source)))

@@ -1,0 +1,177 @@
+"""Measures of an edit list by itself: what it shows, how smoothly, how varied; and the film's.
+
+A *step* is the distance (Eq. 5) between two successive pictures; the film's own steps are the
+measure. A *seam* is that of a join between what would have come and what comes: its *ratio* is its
+distance over the median of the film's steps, 1 = as smooth as the film.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats
+from finloop.edit.schema import (
+    ENTER,
+    FORECAST,
+    FRAME,
+    SPOT,
+    STATES,
+    TURN,
+)
+from finloop.features.table import wrap_deg
+from finloop.puppet import PoseShapes
+
+FILM, POSED, MIRRORED, SPRITE_SHOWN, PREDICTED = SHOWN = (
+    "film", "other pose", "mirror image", "sprite", "prediction",
+)  # fmt: skip
+"""What a tick shows: a frame as filmed, a frame bent into another pose, the mirror image of a frame
+(bent or not), a sprite, a frame in a predicted pose (mirrored or not)."""
+
+
+def shown(edit: pd.DataFrame) -> pd.Series:
+    """Return what each tick (ticks,) shows, one of `SHOWN`."""
+    frame = edit["kind"] == FRAME
+    choices = [~frame, edit["state"] == STATES[FORECAST], edit["mirrored"], edit["pose"].notna()]
+    names = [SPRITE_SHOWN, PREDICTED, MIRRORED, POSED]
+    return pd.Series(np.select([one.to_numpy(bool) for one in choices], names, FILM), edit.index)
+
+
+def shown_shares(edit: pd.DataFrame) -> dict[str, float]:
+    """Return the per cent of ticks that show each of `SHOWN`; of film, and on the spot; switches.
+
+    film_pct: ticks played as filmed, bent or mirrored or not; stuck_pct: ticks on the spot as no
+    way leads on; switches: between sprites and film; switches_without_gateway: those by no gateway.
+    """
+    names, frame = shown(edit), (edit["kind"] == FRAME).to_numpy()
+    switched = np.append(False, frame[1:] != frame[:-1])
+    gateway = edit["reason"].eq(ENTER).to_numpy() | edit["exit"].notna().to_numpy()
+    gateway &= edit["seam"].notna().to_numpy()
+    return {
+        **{
+            f"shown_{name.replace(' ', '_')}_pct": 100 * float((names == name).mean())
+            for name in SHOWN
+        },
+        "film_pct": 100 * float((~names.isin([SPRITE_SHOWN, PREDICTED])).mean()),
+        "stuck_pct": 100 * float((edit["reason"].ffill() == SPOT).mean()),
+        "switches": float(switched.sum()),
+        "switches_without_gateway": float((switched & ~gateway).sum()),
+    }
+
+
+def area_missed(edit: pd.DataFrame) -> dict[str, float]:
+    """Return how far turns miss the motion area that the network gives, in the median (Fig. 18).
+
+    The relative motion area of the most bent sprite shown against that asked for; nothing without
+    turns by the network.
+    """
+    turns = edit[edit["sprite_area"].notna() & edit["motion_area"].notna()]
+    if turns.empty:
+        return {}
+    missed = (turns["sprite_area"] - turns["motion_area"]).abs()
+    return {"turn_area_missed_median": float(missed.median())}
+
+
+def averaged(rows: Sequence[Mapping[str, float]]) -> dict[str, float]:
+    """Measures of several fish on average, each of those that have it."""
+    return dict(rows[0]) if len(rows) == 1 else pd.DataFrame(rows).mean().to_dict()
+
+
+def of_turns(edit: pd.DataFrame) -> dict[str, float]:
+    """Whether the error of the heading against the aim falls at every tick of every turn."""
+    turning = (edit["state"] == STATES[TURN]).to_numpy()
+    begins = edit["reason"].notna().to_numpy()
+    number = np.cumsum(begins)
+    bearing = np.degrees(
+        np.arctan2(edit["y_px"] - edit["aim_y_px"], edit["aim_x_px"] - edit["x_px"])
+    )
+    error = np.abs(wrap_deg((bearing - edit["heading_deg"]).to_numpy(float)))
+    same = (number[1:] == number[:-1]) & turning[1:]
+    rises = same & (np.diff(error) > 1e-3)
+    turns = np.unique(number[turning])
+    bad = np.unique(number[1:][rises])
+    return {
+        "turns": float(len(turns)),
+        "turns_monotone_pct": 100 * (1 - len(bad) / len(turns)) if len(turns) else np.nan,
+        "turns_with_little_room_pct": 100
+        * float((edit.loc[begins & turning, "room"] < 1).mean() if len(turns) else np.nan),
+    }
+
+
+def of_steps(mine: Floats, film: Floats) -> dict[str, float]:
+    """Steps between drawn pictures against the film's own."""
+    above = 100 * float((mine > np.quantile(film, 0.995)).mean())
+    return _against(film, "step", mine, "steps") | {"steps_above_film_p995_pct": above}
+
+
+def of_seams(seams: Floats, film: Floats) -> dict[str, float]:
+    """Seam ratios of joins, as drawn, without any cross-fade."""
+    if seams.size == 0:
+        return {"jumps": 0.0}
+    return {"jumps": float(seams.size)} | _against(film, "seam", seams, "jumps")
+
+
+def _against(film: Floats, name: str, mine: Floats, all_of_them: str) -> dict[str, float]:
+    middle = float(np.median(film))
+    return {
+        f"{name}_ratio_median": float(np.median(mine)) / middle,
+        f"{name}_ratio_p95": float(np.quantile(mine, 0.95)) / middle,
+        f"{all_of_them}_above_film_p95_pct": 100 * float((mine > np.quantile(film, 0.95)).mean()),
+    }
+
+
+def of_poses(edit: pd.DataFrame, shapes: PoseShapes) -> dict[str, float]:
+    """Ticks drawn in another pose than filmed; those whose pose the film hardly shows."""
+    codes = [pose for pose in edit["pose"] if pose is not None]
+    far = int(shapes.far(np.stack(codes).astype(float)).sum()) if codes else 0
+    return {
+        "posed_pct": 100 * len(codes) / len(edit),
+        "poses_at_the_limit_pct": 100 * far / len(edit),
+    }
+
+
+def of_states(edit: pd.DataFrame) -> dict[str, float]:
+    """Share of time in each state."""
+    share = 100 * edit["state"].value_counts(normalize=True)
+    return {f"{state}_pct": float(share.get(state, 0.0)) for state in STATES}
+
+
+def longest_repeat(edit: pd.DataFrame) -> int:
+    """The longest run of pictures that comes twice, the second after the first, in ticks."""
+    pictures, longest = _pictures(edit), 0
+    for lag in range(1, len(pictures)):
+        if len(pictures) - lag <= longest:
+            break
+        equal = np.concatenate([[False], pictures[lag:] == pictures[:-lag], [False]])
+        edges = np.flatnonzero(np.diff(equal.astype(np.int8)))
+        if edges.size:
+            longest = max(longest, min(lag, int((edges[1::2] - edges[::2]).max())))
+    return longest
+
+
+def _pictures(edit: pd.DataFrame) -> NDArray[np.intp]:
+    """A number (ticks,) for each picture that an edit list names, the same for the same."""
+    names = ["kind", "source", "orientation", "mirrored"]
+    return edit.groupby(names, dropna=False, sort=False).ngroup().to_numpy()
+
+
+def of_rhythm(edit: pd.DataFrame, jumps: NDArray[np.intp], rate_hz: float) -> dict[str, float]:
+    """Freezing and flickering: the longest time one picture stays, the shortest between two jumps.
+
+    jumps: ticks at which the picture does not follow; only those from frame to frame count.
+    """
+    changes = np.diff(_pictures(edit)) != 0
+    runs = np.diff(np.flatnonzero(np.r_[True, changes, True]))
+    frame = (edit["kind"] == FRAME).to_numpy()
+    across = jumps[frame[jumps] & frame[jumps - 1]]
+    return {
+        "longest_still_s": float(runs.max()) / rate_hz,
+        "jumps_of_the_film": float(len(across)),
+        "shortest_stay_s": float(np.diff(across).min()) / rate_hz if len(across) > 1 else np.nan,
+    }
+
+
+def table(modes: Mapping[str, Mapping[str, float]], film: Mapping[str, float]) -> pd.DataFrame:
+    """All measures side by side: a row each, a column per mode and one of the film itself."""
+    return pd.DataFrame({**modes, "film": film}).rename_axis("measure").reset_index()

@@ -1,0 +1,49 @@
+"""The playing modes by name: the one list of them, with what tables, pictures and pages say."""
+
+from typing import Literal, NamedTuple, get_args
+
+Mode = Literal["network", "loops", "hybrid", "matching"]
+"""The name of a mode, everywhere: settings, edit lists, metrics, live messages."""
+
+RETARGET = "retarget"
+"""What names the edit list of the stage `retarget` in place of a mode: a recorded track."""
+
+Shown = Literal[Mode, "retarget"]
+"""What can be drawn: the edit list of a mode, or the retargeted one."""
+
+
+class ModeFacts(NamedTuple):
+    """What people read of a mode: title, source, one sentence; colour: of its curves, as hex."""
+
+    title: str
+    source: str
+    sentence: str
+    colour: str
+
+
+MODES: dict[str, ModeFacts] = {
+    "network": ModeFacts(
+        "Network", "fish paper, §3, Fig. 18",
+        "The trained network moves sprites in their orientations.", "#0072B2",
+    ),
+    "loops": ModeFacts(
+        "Loops", "fish paper, §4.1-4.2, Figs. 8-13",
+        "Video loops of the film, chosen by the position table; nothing else.", "#D55E00",
+    ),
+    "hybrid": ModeFacts(
+        "Hybrid", "fish paper, §4.3, Fig. 19",
+        "Video loops where they lead to the goal, the network between, joined by gateways.",
+        "#009E73",
+    ),
+    "matching": ModeFacts(
+        "Matching", "finloop",
+        "One search over all frames, their mirror images and predictions; poses go on over joins.",
+        "#CC79A7",
+    ),
+}  # fmt: skip
+"""Every mode; the first three are the fish paper's."""
+
+PAPER = ("network", "loops", "hybrid")
+"""The fish paper's modes: one fish, to goals or wandering."""
+
+assert tuple(MODES) == get_args(Mode)

@@ -1,0 +1,91 @@
+"""A film and its tracks, as the verbs hand them on, and the folders and stores that they lie in."""
+
+import atexit
+import tempfile
+from collections.abc import Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Mask
+from finloop.base.settings import settings
+from finloop.io.atomic import whole_folder
+from finloop.io.cutouts import CutoutStore, open_cutouts
+from finloop.io.video import CLIP_NAME, VideoFacts, read_frames
+from finloop.mended import make_clip
+from finloop.normalise import open_source
+
+_OPEN = ExitStack()  # stores and temporary folders, till the program ends
+atexit.register(_OPEN.close)
+
+
+@dataclass(frozen=True)
+class Film:
+    """A normalised clip. folder: of clip.mp4; arena (h, w): True where animals can be."""
+
+    folder: Path
+    facts: VideoFacts
+    arena: Mask
+
+    @property
+    def rate_hz(self) -> float:
+        """Frames per second."""
+        return self.facts.frame_rate_hz
+
+    def __iter__(self) -> Iterator[NDArray[np.uint8]]:
+        """The frames, (h, w) grey or (h, w, 3) RGB uint8, one after the other."""
+        return read_frames(self.folder / CLIP_NAME, colour=self.facts.colour)
+
+
+@dataclass(frozen=True)
+class Tracks:
+    """Where every fish of a film is.
+
+    table (n rows): columns of `tracks_schema`, a row per fish per frame, in the order track_id,
+    frame; cutouts: n pictures of the same fish; background (h, w) or (h, w, 3) uint8: the tank;
+    given (n rows): columns of `GIVEN`, what another program's tracks say of the same rows.
+    """
+
+    film: Film
+    table: pd.DataFrame
+    cutouts: CutoutStore
+    background: NDArray[np.uint8]
+    given: pd.DataFrame | None = None
+
+
+def open_film(path: str | Path, folder: str | Path | None = None, **changes: Any) -> Film:
+    """A film, a folder of pictures or a TIFF stack, as the normalised clip in `folder`/clip.
+
+    `changes`: of `finloop.clip.settings.File`, for example frame_rate_hz=25.0 or end_s=60.0.
+    """
+    return _film(folder, source="file", path=str(path), **changes)
+
+
+def draw_carp(folder: str | Path | None = None, **changes: Any) -> Film:
+    """A film of drawn carp, in `folder`/clip; `changes`: of `finloop.clip.settings.Carp`."""
+    return _film(folder, source="carp", **changes)
+
+
+def _film(folder: str | Path | None, **values: Any) -> Film:
+    p, home = settings("clip", **values), make_folder(folder) / "clip"
+    source = open_source(p)
+    with whole_folder(home) as part:
+        clip = make_clip(p, source, part)
+    return Film(home, clip.facts, clip.arena)
+
+
+def make_folder(folder: str | Path | None) -> Path:
+    """Return the folder that is given, or a new temporary one."""
+    if folder is not None:
+        return Path(folder)
+    return Path(_OPEN.enter_context(tempfile.TemporaryDirectory(prefix="finloop-")))
+
+
+def open_store(path: Path) -> CutoutStore:
+    """Open a store of cut-outs till the program ends."""
+    return _OPEN.enter_context(open_cutouts(path))

@@ -1,0 +1,29 @@
+"""The modes of a live tank: their players, and what is drawn in each."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import NamedTuple
+
+from finloop.animate.protocols import AnyPlayer
+from finloop.edit.build import Sources
+
+
+class Modes(NamedTuple):
+    """The modes of a tank by name: what plays each, and what is drawn in each."""
+
+    players: Mapping[str, AnyPlayer]
+    sources: Mapping[str, Sources]
+
+    @classmethod
+    def of(cls, players: Mapping[str, AnyPlayer]) -> "Modes":
+        """Return the modes of these players; each can draw the sprites that another one leaves."""
+        every = {mode: one.sources for mode, one in players.items()}
+        widest = max(every.values(), key=lambda one: len(one.sprite_scale))
+        return cls(players, {
+            mode: replace(
+                one, sprite_scale=widest.sprite_scale, sprite_after=widest.sprite_after,
+                orientations=widest.orientations,
+                joins=replace(one.joins, bodies=widest.joins.bodies),
+            )
+            for mode, one in every.items()
+        })  # fmt: skip

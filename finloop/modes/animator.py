@@ -1,0 +1,174 @@
+"""What plans the animations of a mode, and what the paper's modes share of a film."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.arena import place_goals, tank
+from finloop.animate.cast import Cast
+from finloop.animate.film import Film, Jumps, film, loop_jumps
+from finloop.animate.motion import learn
+from finloop.animate.planner import Sized, head_ahead_px, sized
+from finloop.animate.protocols import AnyPlayer
+from finloop.animate.settings import Settings
+from finloop.animate.shoal import swim
+from finloop.animate.swim import random_goals
+from finloop.base.arrays import Mask, Picture, Reals
+from finloop.distance.map import MapFacts
+from finloop.edit.bodies import Bodies
+from finloop.edit.build import edit_list
+from finloop.edit.joins import joins
+from finloop.edit.pictures import Pictures, without_ghosts
+from finloop.edit.schema import FADE, Goal
+from finloop.edit.stretch import Swim
+from finloop.features.table import delta_of
+from finloop.loops.graph import loop_graph
+from finloop.modes.player import PaperMode, PaperPlayer
+from finloop.modes.sprites import Sprites
+from finloop.modes.world import World
+from finloop.pose.film import FilmPoses
+from finloop.reel import Reel
+from finloop.sprites.pictures import outlines
+
+
+class FilmData(NamedTuple):
+    """What every mode takes of a film.
+
+    arena (h, w): where the fish can be; floor: the empty tank as filmed, None: not known; reel: its
+    pictures, with sprites for a mode that shows them; outline_px (n, k, 2): x, y as filmed of its n
+    rows; poses: of these; map_facts, steps: of the distance map, columns of `STEPS`.
+    """
+
+    rate_hz: float
+    arena: Mask
+    floor: Picture | None
+    reel: Reel
+    outline_px: Reals
+    poses: FilmPoses
+    map_facts: MapFacts
+    steps: pd.DataFrame
+
+
+class Animator(Protocol):
+    """A mode of one film, which plans animations of it."""
+
+    @property
+    def pictures(self) -> Pictures: ...
+    @property
+    def step(self) -> float: ...
+    @property
+    def player(self) -> AnyPlayer: ...
+    @property
+    def fish(self) -> int: ...
+    def sample(self, seed: int, seconds: float) -> pd.DataFrame: ...
+    def goals(self) -> list[Goal]: ...
+    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]: ...
+    def check_room(self, goals: Sequence[Goal]) -> None: ...
+    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]: ...
+    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]: ...
+
+
+@dataclass(frozen=True)
+class PaperAnimator:
+    """A mode of the paper. step: the film's natural step, both frames headed right."""
+
+    player: PaperPlayer
+    pictures: Pictures
+    step: float
+    p: Settings
+
+    fish = 1
+
+    def sample(self, seed: int, seconds: float) -> pd.DataFrame:
+        """Return the edit list of an animation with another seed, to random goals."""
+        other = replace(self, p=replace(self.p, seed=seed, seconds=seconds))
+        goals = random_goals(self.player.world, self.p.trial_goals, np.random.default_rng(seed))
+        return other.plan(goals)[1]
+
+    def goals(self) -> list[Goal]:
+        """Return the goals of the parameters. FinloopError if one is out of reach."""
+        world = self.player.world
+        touch_px = world.touch_px + world.head_px
+        placed = place_goals(self.p.goals, self.p.goals_in, world.tank, touch_px)
+        return [goal._replace(radius_px=world.touch_px) for goal in placed]
+
+    def goals_of(self, goals: Sequence[Goal]) -> list[Sequence[Goal]]:
+        """Return the goals of each fish: there is one."""
+        return [goals]
+
+    def check_room(self, goals: Sequence[Goal]) -> None:
+        """There is room for one fish in every tank."""
+
+    def plan(self, goals: Sequence[Goal]) -> tuple[list[Swim], pd.DataFrame]:
+        """Return an animation to the goals, and its edit list (columns of `EDIT`)."""
+        swum, edit = self._animate(goals, np.random.default_rng(self.p.seed))
+        if self.player.joins.kind == FADE:
+            edit = without_ghosts(edit, self.pictures, self.p.fade_steps * self.step)
+        return [swum], edit
+
+    def trial(self, number: int) -> tuple[pd.DataFrame, list[Sequence[Goal]]]:
+        """Return a further animation, to random goals: its edit list, and the goals."""
+        rng = np.random.default_rng([self.p.seed, number])
+        goals = random_goals(self.player.world, self.p.trial_goals, rng)
+        return self._animate(goals, rng)[1], [goals]
+
+    def _animate(
+        self, goals: Sequence[Goal], rng: np.random.Generator
+    ) -> tuple[Swim, pd.DataFrame]:
+        ticks = round(self.p.seconds * self.player.world.motion.rate_hz)
+        swum = swim(self.player, goals, ticks, rng)
+        return swum, edit_list(swum, ticks, self.player.sources)
+
+
+class Basis(NamedTuple):
+    """What the paper's modes share."""
+
+    sized: Sized
+    world: World
+    pictures: Pictures
+    cast: Cast
+
+
+def basis_of(made: FilmData, p: Settings) -> Basis:
+    """Return the tank, the film at its drawn size and what it teaches, for a mode of the paper."""
+    at_size = sized(made.reel, made.outline_px, made.arena, p, made.floor)
+    reel = at_size.reel
+    motion = learn(reel.features, made.rate_hz, delta_of(reel.features)).sized(reel.size)
+    world = World(
+        tank(at_size.area, at_size.reach_px), motion, p.goal_radius * motion.body_length_px,
+        head_ahead_px(reel.features, reel.size),
+    )  # fmt: skip
+    pictures = Pictures(reel, made.map_facts.size, Bodies(made.poses, reel.goes_on, reel.sprites))
+    hulls = outlines(reel) if len(reel.sprites) else []
+    return Basis(at_size, world, pictures, Cast(reel.sprites, hulls, at_size.hulls))
+
+
+NO_LOOPS = pd.DataFrame({"a": [], "b": [], "distance": []}).astype({"a": int, "b": int})
+
+
+def loop_film(made: FilmData, basis: Basis, loops: pd.DataFrame) -> Film:
+    """Return the film with the jumps of its loops alone."""
+    features = basis.sized.reel.features
+    n, track = len(features), features["track_id"].to_numpy()
+    none = np.zeros(0, np.int32)
+    jumps = Jumps(np.full(n, -1, np.int32), np.zeros(1, np.int32), none, np.zeros(0))
+    if len(loops):
+        jumps = loop_jumps(loop_graph(loops, track), n, made.map_facts.step_median)
+    nothing = np.zeros(n)
+    return film(
+        features, jumps, basis.world.motion, made.map_facts.pose, basis.sized.barred, nothing,
+        nothing.astype(bool),
+    )  # fmt: skip
+
+
+def make_animator(
+    made: FilmData, basis: Basis, mode: PaperMode, way: Film, sprites: Sprites | None,
+    p: Settings, join: str,
+) -> PaperAnimator:  # fmt: skip
+    """Return what plans the animations of a mode. way: the film; join: how pictures are joined."""
+    how = joins(p, join, basis.pictures.bodies, basis.world.motion.delta, basis.pictures.helps)
+    player = PaperPlayer(mode, basis.world, way, sprites, basis.cast, how)
+    return PaperAnimator(player, basis.pictures, float(made.steps["headed"].median()), p)

@@ -1,0 +1,192 @@
+"""Mode `hybrid`: loops where they lead to the goal, the network between (fish paper §4.3, Fig. 19).
+
+In network mode every sprite that is shown may have gateways into the film: the first of them from
+which a legal way leads on is taken. In loop mode the next loop is looked for at every gateway out
+of the film: where none is legal the fish leaves the film by it. Every switch goes through a gateway
+(Fig. 14).
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.arena import inside
+from finloop.animate.kinematics import Spot, touches, wrap
+from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.state import Fish
+from finloop.base.arrays import Floats, Ints
+from finloop.bpn.model import MotionModel
+from finloop.edit.schema import ENTER, NO_WAY, PHASE, SLIDE, STRAIGHT
+from finloop.edit.stretch import Decision, Stretch
+from finloop.features.table import orientation, wrap_deg
+from finloop.loops.settings import Settings as LoopsSettings
+from finloop.modes.animator import FilmData, PaperAnimator, basis_of, make_animator
+from finloop.modes.hybrid_settings import Settings
+from finloop.modes.loops import Loops, Starts, Ways, explained, first_end, make_loops
+from finloop.modes.network import Network, make_network
+from finloop.modes.network_settings import Settings as NetworkSettings
+from finloop.modes.player import PaperMode
+
+_LEFT = 1  # tick after the film: the gateway's sprite is shown
+_SHOWN = 0.4  # of a frame; from there one tick leads to the next sprite, whatever its pace
+
+
+class Gateways:
+    """The gateways of a film. table: columns of `GATEWAYS`; step: the film's natural step.
+
+    into: by sprite and orientation (0: any) the rows of the film that it leads to; out_of: by row
+    the sprites that it leads to, the nearest first.
+    """
+
+    def __init__(self, table: pd.DataFrame, step: float, loops: Loops) -> None:
+        film = loops.film
+        table = table.assign(seam=table["distance"].astype(float) / step)
+        enters = table[table["direction"] == "in"]
+        enters = enters[film.plays(enters["row"].to_numpy())]
+        self.into: dict[tuple[int, int], tuple[Ints, Floats, Floats]] = {
+            (int(sprite), int(number)): (
+                part["row"].to_numpy(np.int64, copy=True),
+                part["turn_deg"].to_numpy(float, copy=True),
+                part["seam"].to_numpy(float, copy=True),
+            )
+            for (sprite, number), part in enters.groupby(["sprite", "orientation"])
+        }
+        leaves = table[table["direction"] == "out"].sort_values(["row", "rank"])
+        self.out_of: dict[int, list[tuple[int, float, float]]] = {}
+        columns = (leaves[name].tolist() for name in ("row", "sprite", "turn_deg", "seam"))
+        for row, sprite, turn, seam in zip(*columns, strict=True):
+            self.out_of.setdefault(row, []).append((sprite, turn, seam))
+
+
+class Hybrid:
+    """Fig. 19."""
+
+    def __init__(self, network: Network, loops: Loops, gateways: Gateways) -> None:
+        self.network, self.loops, self.gateways = network, loops, gateways
+        cycles = network.sprites.cycles
+        self._cycle = {
+            int(sprite): (state, place)
+            for state in (STRAIGHT, SLIDE)
+            for place, sprite in enumerate(cycles[state])
+        }
+        leaves = np.zeros(len(loops.film.rows), bool)
+        for row, ways in gateways.out_of.items():
+            leaves[row] = any(sprite in self._cycle for sprite, _, _ in ways)
+        self._leaves = leaves
+        self._ends = loops.ends & leaves
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """Return a fish somewhere in the tank, in network mode."""
+        return self.network.begin(rng)
+
+    def take_over(self, fish: Fish) -> Fish:
+        """Return a fish of another mode as one of this mode; its own unchanged.
+
+        Film that it cannot go on with it leaves.
+        """
+        filmed = self.loops.film.filmed
+        if fish.row < 0 or self.loops.shows(fish) or (fish.row < filmed and self._leaves[fish.row]):
+            return fish
+        return self.network.take_over(fish)
+
+    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Return the next stretch towards a goal: Fig. 19."""
+        if fish.row < 0:
+            return self.play_network(fish, goal, rng)
+        return self.play_loops(fish, goal, rng)
+
+    def play_network(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Network mode, until a gateway fits; after the film the network plays a tick at least."""
+        if fish.since != _LEFT and (entered := self.enter(fish, goal)) is not None:
+            return entered
+        stretch = self.network.play(fish, goal, rng)
+        for tick in range(1, len(stretch.way)):
+            there = self.network.after(fish, stretch.cut(tick))
+            if self.enter(there, goal) is not None:
+                return stretch.cut(tick)
+        return stretch
+
+    def enter(self, fish: Fish, goal: Spot) -> Stretch | None:
+        """Return the film, entered from the sprite that is shown; None where no way is legal."""
+        starts = self.gates(fish)
+        if starts is None:
+            return None
+        place = self.loops.arrival(fish)
+        ways = self.loops.look_up_from(place, starts, goal, self._ends)
+        legal = np.flatnonzero(ways.ticks)
+        if not legal.size:
+            return None
+        taken = int(legal[np.argmin(ways.far[legal])])
+        return self.loops.stretch(fish, starts, ways, taken, goal, ENTER)
+
+    def gates(self, fish: Fish) -> Starts | None:
+        """Return the rows that gateways lead to from the sprite that is shown; None: no gateway."""
+        number = int(orientation(np.array(fish.heading), self.network.sprites.orientations))
+        gates = self.gateways.into.get((fish.sprite, 0 if self.loops.film.body else number))
+        if gates is None:
+            return None
+        rows, turns, seams = gates
+        return Starts(rows, np.asarray(wrap_deg(fish.heading + turns), float), seams)
+
+    def play_loops(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Loop mode: the next legal loop, else out of the film by a gateway."""
+        starts = self.loops.starts(fish)
+        ways = self.loops.look_up(fish, starts, goal, self._ends)
+        taken = self.loops.choose(starts, ways, rng)
+        if taken is not None:
+            return self.loops.stretch(fish, starts, ways, taken, goal)
+        if self._leaves[fish.row]:
+            return self.leave(fish, ways, goal)
+        return self.wait_for_gateway(fish, starts, ways, goal, rng)
+
+    def leave(self, fish: Fish, ways: Ways, goal: Spot) -> Stretch:
+        """Return the sprite of the nearest gateway from the row that is shown, for a tick."""
+        sprite, turn, seam = next(
+            way for way in self.gateways.out_of[fish.row] if way[0] in self._cycle
+        )
+        state, place = self._cycle[sprite]
+        heading = float(wrap(fish.rot - turn))
+        x, y = self.loops.arrival(replace(fish, heading=heading, row=-1))
+        if not inside(self.network.world.tank.legal, x, y):
+            x, y = fish.x, fish.y
+        decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
+        return Stretch(
+            state, np.array([[x, y, heading]]), np.array([sprite]), True, goal,
+            touches(x, y, heading, goal), explained(ways, decision),
+            phase=np.array([place + _SHOWN]),
+        )  # fmt: skip
+
+    def wait_for_gateway(
+        self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
+    ) -> Stretch:
+        """Return the shortest film to a gateway; on the spot where the tank holds none."""
+        place, legal = self.loops.arrival(fish), self.loops.world.tank.legal
+        ticks = first_end(self.loops.film, legal, self._leaves, starts, place)
+        some = np.flatnonzero(ticks)
+        if not some.size:
+            return self.loops.swim_on_spot(fish, starts, ways, goal, rng)
+        waits = ways._replace(ticks=0 * ticks, inside=ticks)
+        taken = int(some[np.argmin(ticks[some])])
+        return replace(self.loops.stretch(fish, starts, waits, taken, goal), waits=True)
+
+    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish at the end of a stretch."""
+        if stretch.rot is not None:
+            return self.loops.after(fish, stretch)
+        return self.network.after(fish, stretch)
+
+
+def hybrid_animator(
+    made: FilmData, model: MotionModel, loops: pd.DataFrame, gateways: pd.DataFrame,
+    p: CommonSettings, q: tuple[NetworkSettings, LoopsSettings, Settings],
+) -> PaperAnimator:  # fmt: skip
+    """Bring together mode `hybrid` (Fig. 19); without loops or gateways it is network mode."""
+    basis = basis_of(made, p)
+    network, sprites = make_network(made, basis, model, q[0])
+    play = make_loops(made, basis, loops, q[1])
+    gates = Gateways(gateways, made.map_facts.step_median, play)
+    mode: PaperMode = Hybrid(network, play, gates)
+    if not (play.can_play and gates.into and gates.out_of):
+        mode = network
+    return make_animator(made, basis, mode, play.film, sprites, p, q[2].join)

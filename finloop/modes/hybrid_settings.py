@@ -1,0 +1,12 @@
+"""Parameters of mode `hybrid`: how network and film are joined (fish paper Fig. 19)."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class Settings:
+    """How the hybrid mode changes over."""
+
+    # how one picture follows another: see `network.join`; of every switch and loop
+    join: Literal["fade", "inertial", "cut"]

@@ -1,0 +1,344 @@
+"""Mode `loops`: video loops chosen by the position table (fish paper §4.1-4.2, Figs. 10-13).
+
+At a loop end the film can play on, or go on at the other end of a loop. From either, the position
+table says in which quadrant the fish will be at every later loop end of that track (Fig. 11). A way
+to one of them is *legal* if it stays in the tank, leads to the quadrant of the goal, and begins
+with the fish headed the way it leads (Fig. 13); of a fish that wanders the quadrant does not count.
+Where several are legal the policy decides, the cases of Fig. 10b. Where none is, the mode can do no
+more than go on inside the tank (§4.2); where not even that is possible it is stuck, and the fish
+swims on the spot.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.arena import inside
+from finloop.animate.film import Film
+from finloop.animate.kinematics import Spot, bearing, touches, wrap
+from finloop.animate.planner import NothingToUse
+from finloop.animate.search import moved
+from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.state import Fish
+from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.kernel import kernel
+from finloop.edit.schema import FILM, FRAME, JUMP, PLAY, SPOT, VERDICTS
+from finloop.edit.stretch import Decision, Stretch
+from finloop.features.table import wrap_deg
+from finloop.loops.positions import quadrant_of
+from finloop.loops.settings import Settings
+from finloop.modes.animator import (
+    Basis,
+    FilmData,
+    PaperAnimator,
+    basis_of,
+    loop_film,
+    make_animator,
+)
+from finloop.modes.world import World
+
+_TURNED_DEG = 30.0  # off a fish's heading weigh as much as 1 body length/s off its speed
+_TANK, _QUADRANT, _HEADING = map(VERDICTS.index, ("tank", "quadrant", "heading"))
+
+
+class Starts(NamedTuple):
+    """Rows (k,) that can be shown next, by how much each is turned, and how unlike the film's own
+    next frame it is, in natural steps; 0 of that frame itself.
+    """
+
+    rows: Ints
+    rots: Floats
+    seams: Floats
+
+
+class Ways(NamedTuple):
+    """Where playing on from starts (k,) leads, each to the loop end nearest to the goal.
+
+    ticks: rows to be shown, 0 where no loop end passes the tests; far: px from there to the goal;
+    touched: whether the goal is touched on the way, which then ends at the next loop end; quadrant:
+    that the way leads to; verdict: number in `VERDICTS` of the test that the start fails; inside:
+    rows to be shown where only the first test counts, 0 where that fails, too.
+    """
+
+    ticks: Ints
+    far: Floats
+    touched: Mask
+    quadrant: NDArray[np.int8]
+    verdict: NDArray[np.int8]
+    inside: Ints
+
+
+class Loops:
+    """Plays the film's loops. film: with the jumps of its loops alone."""
+
+    def __init__(self, world: World, film: Film, p: Settings) -> None:
+        self.world, self.film, self.p = world, film, p
+        self.stay = max(1, round(p.stay * world.motion.delta))
+        self.ends = loop_ends(film)
+        self.can_play = bool((film.endless & film.more).any())
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """Return a fish somewhere in the tank, at a row from which the film goes on for ever."""
+        film = self.film
+        x, y = self.world.tank.random_point(rng)
+        row = int(rng.choice(np.flatnonzero(film.more[:-1] & film.endless[1:])))
+        rot = float(rng.uniform(-180, 180)) if film.body else 0.0
+        heading = float(wrap(film.heading[row] + rot))
+        return Fish(x, y, heading, 0.0, FILM, -1, row=row, rot=rot, since=self.stay)
+
+    def take_over(self, fish: Fish) -> Fish:
+        """Return a fish of another mode as one of this mode; its own unchanged.
+
+        It is shown by the film's frame that is headed and swims most nearly as it does; a frame
+        from which the film goes on stays.
+        """
+        film = self.film
+        if self.shows(fish):
+            if film.body or not fish.rot:
+                return fish
+            row = fish.row
+        else:
+            row = self._nearest(fish)
+        rot = float(wrap(fish.heading - film.heading[row])) if film.body else 0.0
+        heading = float(wrap(film.heading[row] + rot))
+        speed, area = float(film.speed[row]), float(film.area[row])
+        return Fish(
+            fish.x, fish.y, heading, speed, FILM, -1, area=area, tick=fish.tick, row=row, rot=rot,
+            since=self.stay,
+        )  # fmt: skip
+
+    def shows(self, fish: Fish) -> bool:
+        """Return whether a frame of the film shows the fish, and the film goes on from there."""
+        return 0 <= fish.row < self.film.filmed and bool(self.film.plays(np.array([fish.row]))[0])
+
+    def _nearest(self, fish: Fish) -> int:
+        """Return the row that is headed and swims most nearly as a fish, of those that play on."""
+        film = self.film
+        rows = np.flatnonzero(film.more[:-1] & film.endless[1:])
+        unlike = np.abs(film.speed[rows] - fish.speed)
+        if not film.body:
+            unlike += np.abs(wrap_deg(film.heading[rows] - fish.heading)) / _TURNED_DEG
+        return int(rows[np.argmin(unlike)])
+
+    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Return the film up to the next loop end, on a legal way where there is one."""
+        starts = self.starts(fish)
+        ways = self.look_up(fish, starts, goal)
+        taken = self.choose(starts, ways, rng)
+        if taken is not None:
+            return self.stretch(fish, starts, ways, taken, goal)
+        some = np.flatnonzero(ways.inside)
+        if some.size:
+            return self.stretch(fish, starts, ways, int(rng.choice(some)), goal)
+        return self.swim_on_spot(fish, starts, ways, goal, rng)
+
+    def starts(self, fish: Fish) -> Starts:
+        """Return what can be shown next: the film's next row, and those it can jump to.
+
+        After a jump it cannot do so for a while, unless the film ends.
+        """
+        film, row = self.film, fish.row + 1
+        own = film.more[row] and film.endless[row + 1]
+        end = film.end[row] if not own or fish.since + 1 >= self.stay else -1
+        jumps = slice(film.start[end], film.start[end + 1]) if end >= 0 else slice(0)
+        rows = np.append(np.full(int(own), row), film.to[jumps]).astype(np.int64)
+        seams = np.append(np.zeros(int(own)), film.seam[jumps])
+        rots = np.full(len(rows), fish.rot)
+        if film.body:
+            rots = wrap_deg(film.heading[row] + fish.rot - film.heading[rows])
+        return Starts(rows, np.asarray(rots, float), seams)
+
+    def look_up(self, fish: Fish, starts: Starts, goal: Spot, ends: Mask | None = None) -> Ways:
+        """Return where the starts lead; ends (n,): rows where a way may end, else loop ends."""
+        return self.look_up_from(self.arrival(fish), starts, goal, ends)
+
+    def look_up_from(
+        self, place: tuple[float, float], starts: Starts, goal: Spot, ends: Mask | None = None
+    ) -> Ways:
+        """Return where the starts lead that are shown at a place (x, y), px."""
+        ends = self.ends if ends is None else ends
+        legal = self.world.tank.legal
+        most = self.stay, self.p.improper_deg
+        return Ways(*_look_up(self.film, legal, ends, (starts, place), goal, most))
+
+    def choose(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
+        """Return the legal start that the policy prefers (Fig. 10b); None where none is legal."""
+        legal = np.flatnonzero(ways.ticks)
+        if not legal.size:
+            return None
+        if self.p.policy == "any":
+            return int(rng.choice(legal))
+        jumps = starts.seams[legal] > 0
+        preferred = legal[jumps if self.p.policy == "jump" else ~jumps]
+        some = preferred if preferred.size else legal
+        return int(some[np.argmin(ways.far[some])])
+
+    def stretch(
+        self, fish: Fish, starts: Starts, ways: Ways, taken: int, goal: Spot, reason: str = ""
+    ) -> Stretch:
+        """Return the film from a start on, as far as its way leads."""
+        film, row, rot = self.film, int(starts.rows[taken]), float(starts.rots[taken])
+        legal = ways.ticks[taken] > 0
+        n = int(ways.ticks[taken] if legal else ways.inside[taken])
+        rows = np.arange(row, row + n)
+        cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
+        before = self.arrival(fish)
+        dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
+        dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
+        way = np.column_stack([
+            before[0] + dx * cos + dy * sin, before[1] + dy * cos - dx * sin,
+            film.heading[rows] + rot,
+        ])  # fmt: skip
+        plays = row == fish.row + 1 and fish.row >= 0
+        decision = explained(ways, Decision(
+            reason or (PLAY if plays else JUMP),
+            seam=np.nan if plays else float(starts.seams[taken]),
+            quadrant=int(ways.quadrant[taken]) if legal else 0,
+        ))  # fmt: skip
+        touched = bool(legal and ways.touched[taken])
+        return Stretch(FILM, way, rows, not plays, goal, touched, decision, FRAME, np.full(n, rot))
+
+    def arrival(self, fish: Fish) -> tuple[float, float]:
+        """Return where the fish is at the next tick: by the film, or at its speed by sprites."""
+        if fish.row < 0:
+            far = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
+            angle = np.radians(fish.heading)
+            return fish.x + far * float(np.cos(angle)), fish.y - far * float(np.sin(angle))
+        dx, dy = moved(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
+        return fish.x + float(dx), fish.y + float(dy)
+
+    def swim_on_spot(
+        self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
+    ) -> Stretch:
+        """Play the film in place up to the next loop end: no way stays in the tank (§4.2)."""
+        film, taken = self.film, int(rng.integers(len(starts.rows)))
+        row, rot = int(starts.rows[taken]), float(starts.rots[taken])
+        ahead = slice(row, row + 4 * self.stay)
+        later = np.flatnonzero(self.ends[ahead] & np.logical_and.accumulate(film.more[ahead]))
+        n = int(later[later + 1 >= min(self.stay, later[-1] + 1)][0]) + 1 if later.size else 1
+        rows = np.arange(row, row + n)
+        way = np.column_stack([np.full(n, fish.x), np.full(n, fish.y), film.heading[rows] + rot])
+        decision = explained(ways, Decision(SPOT))
+        new = row != fish.row + 1
+        return Stretch(FILM, way, rows, new, goal, False, decision, FRAME, np.full(n, rot))
+
+    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish at the end of a stretch of film."""
+        ticks, number = len(stretch.way), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.way[-1])
+        assert stretch.rot is not None
+        return Fish(
+            x, y, float(wrap(heading)), float(self.film.speed[number]), FILM, -1,
+            area=float(self.film.area[number]), tick=fish.tick + ticks, row=number,
+            rot=float(stretch.rot[-1]),
+            since=ticks - 1 if stretch.new or fish.row < 0 else fish.since + ticks,
+        )  # fmt: skip
+
+
+def explained(ways: Ways, decision: Decision) -> Decision:
+    """Return a decision with how many ways were weighed, and how many fail which test."""
+    counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
+    return decision._replace(
+        ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
+        ways_heading=counts[_HEADING],
+    )  # fmt: skip
+
+
+def loop_ends(film: Film) -> Mask:
+    """Return the rows (n,) after which the film can jump, or play on for ever."""
+    rows = np.arange(len(film.rows) - 1)
+    end = film.end[rows + 1]
+    jumps = (end >= 0) & (film.start[end + 1] > film.start[end])
+    made = np.zeros(len(film.rows), bool)
+    made[:-1] = film.more[rows] & jumps
+    return made
+
+
+@kernel
+def _look_up(film, legal, ends, begin, goal, most):  # type: ignore[no-untyped-def]
+    """See `Loops.look_up_from`; begin: (starts, their place).
+
+    most: (fewest rows after a jump, degrees off the direction).
+    """
+    starts, place = begin
+    k = starts.rows.size
+    ticks, within = np.zeros(k, np.int64), np.zeros(k, np.int64)
+    far, touched = np.full(k, np.inf), np.zeros(k, np.bool_)
+    leads, verdict = np.zeros(k, np.int8), np.full(k, _TANK, np.int8)
+    stay, most_off = most
+    wanted = quadrant_of(goal.x - place[0], place[1] - goal.y)
+    for way in range(k):
+        row, rot = starts.rows[way], starts.rots[way]
+        x, y, n = place[0], place[1], 0
+        begins = film.rows[row].heading + rot
+        least = stay if starts.seams[way] > 0 else 1
+        nearest, touch = np.inf, False
+        while inside(legal, x, y):
+            at = film.rows[row]
+            n += 1
+            touch = touch or touches(x, y, at.heading + rot, goal)
+            if ends[row] and (touch or n >= least):
+                dx, dy = x - place[0], place[1] - y
+                left = 0.0 if touch else np.hypot(goal.x - x, goal.y - y)
+                if left < nearest:
+                    nearest, within[way] = left, n
+                off = abs(wrap(bearing(place[0], place[1], x, y) - begins))
+                leads_there = goal.free or quadrant_of(dx, dy) == wanted
+                if touch or (leads_there and off <= most_off):
+                    if left < far[way]:
+                        far[way], ticks[way], touched[way] = left, n, touch
+                        leads[way], verdict[way] = quadrant_of(dx, dy), 0
+                elif verdict[way] != 0:
+                    verdict[way] = _HEADING if leads_there else max(verdict[way], _QUADRANT)
+            if (touch and ends[row]) or not at.more:
+                break
+            dx, dy = moved(at.dx, at.dy, rot)
+            x, y, row = x + dx, y + dy, row + 1
+    return ticks, far, touched, leads, verdict, within
+
+
+@kernel
+def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
+    """Rows (k,) to be shown from each start to the first end (n,) inside the tank; 0: none."""
+    ticks = np.zeros(starts.rows.size, np.int64)
+    for way in range(ticks.size):
+        row, rot = starts.rows[way], starts.rots[way]
+        x, y, n = place[0], place[1], 0
+        while inside(legal, x, y):
+            n += 1
+            if ends[row]:
+                ticks[way] = n
+                break
+            if not film.rows[row].more:
+                break
+            dx, dy = moved(film.rows[row].dx, film.rows[row].dy, rot)
+            x, y, row = x + dx, y + dy, row + 1
+    return ticks
+
+
+def loops_animator(
+    made: FilmData, loops: pd.DataFrame, p: CommonSettings, q: Settings
+) -> PaperAnimator:
+    """Bring together mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
+    basis = basis_of(made, p)
+    mode = make_loops(made, basis, loops, q)
+    if not mode.can_play:
+        raise no_loops("loops")
+    return make_animator(made, basis, mode, mode.film, None, p, q.join)
+
+
+def no_loops(mode: str) -> NothingToUse:
+    """Return the error that a film has no loops for a mode."""
+    return NothingToUse(
+        f"mode {mode}: the film has no loops by which it could go on for ever",
+        "a film in which frames come back, with a loop at least every few seconds",
+        "take a longer film, let more frames join (loops.threshold, distance.keep), or another "
+        "mode: network needs no loops",
+    )
+
+
+def make_loops(made: FilmData, basis: Basis, loops: pd.DataFrame, q: Settings) -> Loops:
+    """Return what plays the loops of a film."""
+    return Loops(basis.world, loop_film(made, basis, loops), q)

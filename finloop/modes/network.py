@@ -1,0 +1,299 @@
+"""Mode `network`: playing in neural network mode (fish paper §3, Fig. 18, Eqs. 2-4).
+
+The flow chart: will the fish turn or swim straight? A turn asks the trained network for the ideal
+motion area of the turn that is wanted, plays the turning sprites up to the bend nearest to it and
+back, and moves by what the film's turns of that angle moved. Otherwise the fish slides,
+accelerates, decelerates or swims straight, each as long, as fast and drifting as much as a phase of
+the film that began at the same speed. Before a wall it brakes.
+"""
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from finloop.animate import kinematics as step
+from finloop.animate.kinematics import Ahead, Spot, Turning, wrap
+from finloop.animate.settings import Settings as CommonSettings
+from finloop.animate.state import Fish
+from finloop.base.arrays import Floats, Ints
+from finloop.bpn.model import MotionModel
+from finloop.distance.picture import distance
+from finloop.edit.schema import DECELERATE, PHASE, SLIDE, STATES, TURN, TURNING, WALL
+from finloop.edit.stretch import Decision, Stretch
+from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.modes.animator import (
+    NO_LOOPS,
+    Basis,
+    FilmData,
+    PaperAnimator,
+    basis_of,
+    loop_film,
+    make_animator,
+)
+from finloop.modes.network_settings import Settings
+from finloop.modes.phases import Phases, learn_phases
+from finloop.modes.sprites import Sprites, TurnPlan, arrange, from_bend, plan_turn
+from finloop.modes.world import World
+
+
+class Course(NamedTuple):
+    """A fish, its goal, and the point that it heads for now.
+
+    start: x, y, heading; error: of the heading against the aim, degrees, + = the aim is to the
+    left; distance: px; far: whether the aim is so far away that the course need not lead into it
+    yet.
+    """
+
+    fish: Fish
+    goal: Spot
+    aim: Spot
+    start: Floats
+    error: float
+    distance: float
+    far: bool
+
+
+class Network:
+    """Moves sprites as Fig. 18 says. sprites: in their sequences; phases: of the film."""
+
+    def __init__(
+        self, world: World, sprites: Sprites, phases: Phases, model: MotionModel, p: Settings
+    ) -> None:
+        self.world, self.sprites, self.phases, self.model, self.p = world, sprites, phases, model, p
+        motion = world.motion
+        self._px = motion.body_length_px
+        self._stop = motion.delta / 2  # ticks in which a fish has stopped
+        turns = motion.turns
+        least = np.quantile(turns.angle_deg, p.turn_quantile)
+        self._least_turn = min(least, p.turn_least_deg)
+        order = np.argsort(phases.first_speed, kind="stable")
+        after = {before: order[phases.before[order] == before] for before in range(len(STATES))}
+        self._after = {before: rows if len(rows) else order for before, rows in after.items()}
+        self._first_speeds = {b: phases.first_speed[rows] for b, rows in self._after.items()}
+        self._by_angle = np.argsort(turns.angle_deg, kind="stable")
+        self._angles = turns.angle_deg[self._by_angle]
+        self.nearest_turn = lru_cache(10_000)(self._nearest_turn)
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """Return a fish somewhere in the tank, gliding."""
+        x, y = self.world.tank.random_point(rng)
+        speed = float(np.median(self.phases.first_speed))
+        sprite = int(self.sprites.cycles[SLIDE][0])
+        return Fish(x, y, float(rng.uniform(-180, 180)), speed, SLIDE, sprite)
+
+    def take_over(self, fish: Fish) -> Fish:
+        """Return a fish of another mode as one of this mode, which glides on; its own unchanged."""
+        if fish.row < 0:
+            return fish
+        sprite = int(self.sprites.cycles[SLIDE][0])
+        speed = min(max(fish.speed, self.phases.low), self.phases.high)
+        return Fish(fish.x, fish.y, fish.heading, speed, SLIDE, sprite, tick=fish.tick)
+
+    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Return the next stretch towards a goal: Fig. 18."""
+        course = self._course(fish, goal)
+        if self.will_turn(course):
+            return self.turn(course, rng)
+        return (
+            self.swim_straight(course, rng)
+            or (self.turn(course, rng) if abs(course.error) > 1 else None)
+            or self.brake(course)
+        )
+
+    def _course(self, fish: Fish, goal: Spot) -> Course:
+        aim = self.world.aim(fish, goal, self.p.arrived * self.world.touch_px)
+        error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
+        distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
+        far = distance > self.p.near * self._px
+        return Course(
+            fish, goal, aim, np.array([fish.x, fish.y, fish.heading]), error, distance, far
+        )
+
+    def will_turn(self, course: Course) -> bool:
+        """Fig. 18, first box: whether the fish turns, or swims straight.
+
+        It turns where its heading is off, where it would pass a near goal, and where it was
+        stopped in a turn.
+        """
+        error, p = course.error, self.p
+        beside = course.distance * abs(np.sin(np.radians(error)))
+        misses = abs(error) > 90 or beside > p.miss * self.world.touch_px
+        near = course.distance < p.near * self._px
+        bent = course.fish.bent and abs(error) > p.unbend_deg
+        return bent or abs(error) > self._least_turn or (misses and near)
+
+    def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
+        """Eq. 4: the relative motion area that the trained network gives for a turn.
+
+        displacement: body lengths in Δ; included_deg: angle by which the head turns in Δ, + = left.
+        """
+        inputs = np.array([[fish.area, 0.0, displacement, included_deg]])
+        return min(max(float(self.model.predict(inputs)[0, 0]), 0.0), 1.0)
+
+    def _nearest_turn(self, side: int, angle_deg: int, area_pct: int) -> TurnPlan:
+        most = self.p.hold * self.world.motion.delta
+        return plan_turn(self.sprites.turns[side], angle_deg, area_pct / 100, most, self.p)
+
+    def swim_straight(self, course: Course, rng: np.random.Generator) -> Stretch | None:
+        """Slide, accelerate, decelerate or swim straight like a phase of the film.
+
+        None where a wall is ahead.
+
+        It drifts towards the aim; far from it beyond, too, as a fish does.
+        """
+        motion, phases, fish = self.world.motion, self.phases, course.fish
+        place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
+        rows = self._after[fish.state]
+        chosen = rows[self._alike(place, len(rows), rng)]
+        ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
+        first = phases.first_speed[chosen]
+        ease = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
+        speed = first + phases.speed_change[ticks] + (fish.speed - first) * ease
+        speed = np.minimum(np.maximum(speed, phases.low), phases.high)
+        forward = speed * (self._px / motion.rate_hz)
+        drift = phases.drift_deg[ticks]
+        most = 1.0
+        if not course.far:
+            most = min(1.0, abs(course.error) / max(np.abs(drift).max(), 1e-9))
+        drift = drift * np.copysign(most, course.error * drift[-1])
+        way, good, touched = step.straight(
+            self.world.tank.legal, course.start, Ahead(forward, drift, forward * self._stop),
+            course.goal,
+        )  # fmt: skip
+        if good < min(2, len(way)) and touched >= good:
+            return None
+        n = min(touched + 1, good)
+        state = int(phases.state[chosen])
+        sprite, phase, new = self._cycle(fish, state, speed[:n])
+        decision = Decision(PHASE, film_speed=float(first))
+        return Stretch(state, way[:n], sprite, new, course.aim, touched < n, decision, phase=phase)
+
+    def _cycle(self, fish: Fish, state: int, speed: Floats) -> tuple[Ints, Floats, bool]:
+        """Frames of a state's cycle for ticks at such speeds, places in it, whether it is new."""
+        sprites, p = self.sprites, self.p
+        cycle, begins = sprites.cycles[state], fish.phase
+        new = fish.state == TURN or sprites.cycles[fish.state] is not cycle
+        if new:
+            begins = float(sprites.entry[state][fish.sprite]) - 1.0
+        pace = np.ones(len(speed))
+        if state != SLIDE:
+            faster = np.sqrt(speed / sprites.cycle_speed)
+            pace = np.minimum(np.maximum(faster, p.pace_low), p.pace_high)
+        phase = begins + np.cumsum(pace)
+        if new:
+            phase += 1.0 - (phase[0] - begins)  # the first frame is the one chosen
+        return cycle[(phase + 1e-9).astype(np.int64) % len(cycle)], phase, new
+
+    def turn(self, course: Course, rng: np.random.Generator) -> Stretch:
+        """Turn by sprites: in, hold, out; less far where there is no room, else on the spot."""
+        fish, sprites, turns = course.fish, self.sprites, self.world.motion.turns
+        side, angle = (LEFT if course.error > 0 else RIGHT), abs(course.error)
+        place = int(np.searchsorted(self._angles, angle))
+        chosen = int(self._by_angle[self._alike(place, len(self._angles), rng)])
+        included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
+        area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
+        plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
+        if fish.bent:
+            plan = from_bend(plan, sprites.turns, side, fish.sprite)
+            new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
+        way, touched, room = self._room(course, plan, chosen)
+        n = min(touched + 1, len(plan.frames))
+        decision = Decision(TURNING, turn_deg=course.error, sprite_area=plan.area, room=room)
+        return Stretch(
+            TURN, way[:n], plan.frames[:n], new, course.aim, touched < n, decision, area=area
+        )
+
+    def _room(self, course: Course, plan: TurnPlan, chosen: int) -> tuple[Floats, int, float]:
+        """The way of a turn with as much of a film's turn's displacement as there is room for.
+
+        The way, the tick at which the goal is touched, and the share of the displacement. A turn
+        that begins fast is tried to stop sooner and sooner.
+        """
+        motion, turns, phases = self.world.motion, self.world.motion.turns, self.phases
+        ease, n = self.p.ease, len(plan.frames)
+        film = slice(turns.start[chosen], turns.start[chosen] + turns.ticks[chosen])
+        at_tick = np.linspace(0, turns.ticks[chosen] - 1, n)
+        ticks = np.arange(turns.ticks[chosen])
+        forward = np.interp(at_tick, ticks, turns.forward[film])
+        sideways = np.interp(at_tick, ticks, turns.sideways[film])
+        most = float(np.ediff1d(plan.share, to_begin=plan.share[:1]).max())
+        fastest = 1.5 * abs(course.error) * most
+        since, speed = np.arange(1, n + 1), course.fish.speed / motion.rate_hz
+        tries = [(motion.delta, share) for share in ease] + [(2, ease[-1]), (0, ease[-1])]
+        for stop, share in tries:
+            fade = np.maximum(0.0, 1 - since / stop) if stop else np.zeros(n)
+            ahead = share * forward + (speed - share * forward[0]) * fade
+            swim = Turning(
+                plan.share,
+                np.minimum(np.maximum(ahead, 0.0), phases.high / motion.rate_hz) * self._px,
+                share * sideways * (1 - fade) * self._px,
+            )
+            way, good, touched = step.turn(
+                self.world.tank.legal, course.start, swim, course.goal, course.aim, fastest
+            )
+            if good:
+                break
+        return way, touched, share
+
+    def brake(self, course: Course) -> Stretch:
+        """Slow down before a wall; stay where there is no room at all."""
+        motion, phases, fish = self.world.motion, self.phases, course.fish
+        ticks = motion.delta
+        slower = self.p.brake ** (np.arange(1, ticks + 1) / ticks)
+        speed, none = np.maximum(fish.speed * slower, phases.low), np.zeros(ticks)
+        way, good, touched = step.straight(
+            self.world.tank.legal, course.start,
+            Ahead(speed * (self._px / motion.rate_hz), none, none), course.goal,
+        )  # fmt: skip
+        n = min(touched + 1, good)
+        if n == 0:
+            way, n, touched = np.tile(course.start, (ticks, 1)), ticks, ticks
+        sprite, phase, new = self._cycle(fish, DECELERATE, speed[:n])
+        return Stretch(
+            DECELERATE, way[:n], sprite, new, course.aim, touched < n, Decision(WALL), phase=phase
+        )
+
+    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish at the end of a stretch of sprites."""
+        ticks, number = len(stretch.way), int(stretch.number[-1])
+        x, y, heading = map(float, stretch.way[-1])
+        before_x, before_y = stretch.way[-2, :2] if ticks > 1 else (fish.x, fish.y)
+        forward = np.hypot(x - before_x, y - before_y) / self._px
+        speed = max(float(forward * self.world.motion.rate_hz), self.phases.low)
+        phase = fish.phase
+        if stretch.phase is not None:
+            phase = float(stretch.phase[-1]) % len(self.sprites.cycles[stretch.state])
+        bent = stretch.state == TURN and not stretch.whole
+        area = float(self.sprites.area[number]) if bent else 0.0
+        since = ticks if fish.row >= 0 else fish.since + ticks
+        return Fish(
+            x, y, float(wrap(heading)), speed, stretch.state, number, phase, area,
+            fish.tick + ticks, since=since,
+        )  # fmt: skip
+
+    def _alike(self, place: int, count: int, rng: np.random.Generator) -> int:
+        """One of the `alike` numbers below `count` nearest to a place, all equally likely."""
+        alike = self.p.alike
+        first = max(0, min(place - alike // 2, count - alike))
+        return first + int(rng.integers(min(alike, count)))
+
+
+def network_animator(
+    made: FilmData, model: MotionModel, p: CommonSettings, q: Settings
+) -> PaperAnimator:
+    """Bring together mode `network` (Fig. 18)."""
+    basis = basis_of(made, p)
+    mode, sprites = make_network(made, basis, model, q)
+    return make_animator(made, basis, mode, loop_film(made, basis, NO_LOOPS), sprites, p, q.join)
+
+
+def make_network(
+    made: FilmData, basis: Basis, model: MotionModel, q: Settings
+) -> tuple[Network, Sprites]:
+    """Return what moves sprites, and the sprites."""
+    pictures, motion = basis.pictures, basis.world.motion
+    near = distance(pictures.after, pictures.headed)
+    sprites = arrange(basis.cast.sprites, near, motion.rate_hz)
+    phases = learn_phases(basis.sized.reel.features, made.rate_hz, motion.delta, q)
+    return Network(basis.world, sprites, phases, model, q), sprites

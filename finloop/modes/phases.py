@@ -1,0 +1,113 @@
+"""Straight swimming as the film shows it, in phases (fish paper Fig. 18).
+
+A *phase* is a stretch of straight swimming with one character: sliding with a still tail,
+accelerating, decelerating, or plain straight. Its speeds and the drift of its heading are kept as
+they were, so that sprites that swim by them swim as the film does. Speeds are body lengths per
+second, angles degrees, + = left.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from finloop.animate.motion import TYPE_STRAIGHT, Course, Run, courses, runs_of, too_little
+from finloop.base.arrays import Floats
+from finloop.edit.schema import ACCELERATE, DECELERATE, FILM, SLIDE, STATES, STRAIGHT, TURN
+from finloop.modes.network_settings import Settings
+
+
+@dataclass(frozen=True)
+class Phases:
+    """Phases (n,), their ticks one after the other in the flat arrays, phase i from `start[i]`.
+
+    before: state of the phase before, −1 where the film does not show it. `speed_change` and
+    `drift_deg` since the tick before the phase: of speed and of heading. low, high: the range of
+    the film's speeds.
+    """
+
+    state: NDArray[np.int8]
+    before: NDArray[np.int8]
+    ticks: NDArray[np.int32]
+    start: NDArray[np.int32]
+    first_speed: Floats
+    speed_change: Floats
+    drift_deg: Floats
+    low: float
+    high: float
+
+
+def learn_phases(features: pd.DataFrame, rate_hz: float, delta: int, p: Settings) -> Phases:
+    """Return the phases of a feature table; delta: Δ in frames. FinloopError if it shows none."""
+    every = courses(features, rate_hz, delta)
+    beating = np.concatenate([c.sway[c.kind == TYPE_STRAIGHT] for c in every])
+    still = p.still * float(np.quantile(beating, 0.9))
+    speeds = np.concatenate([c.speed for c in every])
+    low, high = np.quantile(speeds, (p.speed_low, p.speed_high))
+    straight = [run for one in every for run in runs_of(one) if run[1] == TYPE_STRAIGHT]
+    return _phases(straight, still, delta, p, (float(low), float(high)))
+
+
+def _phases(
+    runs: Sequence[Run], still: float, delta: int, p: Settings, speeds: tuple[float, float]
+) -> Phases:
+    """still: sway below which a tail is still; speeds: the range of the film's."""
+    limits = still, p.steady, max(1, round(p.phase_least * delta))
+    rows = []
+    for c, _, first, last in runs:
+        came = TURN if first > 0 else -1
+        for label, a, b in _labels(c, first, last, limits):
+            prior = max(a - 1, 0)
+            drifted = c.heading_deg[a:b] - c.heading_deg[prior]
+            if np.abs(drifted).max() <= p.phase_drift_deg:
+                begins = c.speed[prior]
+                rows.append((label, came, b - a, begins, c.speed[a:b] - begins, drifted))
+            came = label
+    if not rows:
+        raise too_little("straight swimming")
+    state, before, ticks, first_speed, change, drift = zip(*rows, strict=True)
+    return Phases(
+        np.array(state, np.int8), np.array(before, np.int8), np.array(ticks, np.int32),
+        np.concatenate([[0], np.cumsum(ticks)[:-1]]).astype(np.int32), np.array(first_speed),
+        np.concatenate(change), np.concatenate(drift), *speeds,
+    )  # fmt: skip
+
+
+def _labels(
+    c: Course, first: int, last: int, limits: tuple[float, float, int]
+) -> list[tuple[int, int, int]]:
+    """(state, first, one past the last) of the phases of a straight run.
+
+    limits: of the sway of a still tail, of the growth of a steady speed, and of ticks, at least.
+    """
+    here, (still, steady, least) = slice(first, last), limits
+    growth = c.growth[here]
+    label = np.select(
+        [c.sway[here] < still, growth > steady, growth < -steady],
+        [SLIDE, ACCELERATE, DECELERATE],
+        STRAIGHT,
+    ).astype(np.int8)
+    edges = np.concatenate([[0], np.flatnonzero(np.diff(label)) + 1, [len(label)]])
+    labels: list[tuple[int, int, int]] = []
+    for a, b in pairwise(edges.tolist()):
+        kind = int(label[a])
+        if labels and (b - a < least or labels[-1][0] == kind):
+            labels[-1] = (labels[-1][0], labels[-1][1], first + b)
+        elif labels and labels[-1][2] - labels[-1][1] < least:  # only the first can be short
+            labels[-1] = (kind, labels[-1][1], first + b)
+        else:
+            labels.append((kind, first + a, first + b))
+    return labels
+
+
+def state_shares(features: pd.DataFrame, phases: Phases) -> dict[str, float]:
+    """Per cent of time that the film's fish spend in each state, `<state>_pct`."""
+    straight = np.bincount(phases.state, weights=phases.ticks, minlength=TURN)[:TURN]
+    turning = float((features["swimming_type"] != 0).mean())
+    share = np.append(straight / straight.sum() * (1 - turning), turning)
+    return {
+        f"{state}_pct": 100 * float(part) for state, part in zip(STATES[:FILM], share, strict=True)
+    }

@@ -1,0 +1,136 @@
+"""A fish of the paper's modes: to a goal, or wandering; alone in its tank."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Protocol
+
+import numpy as np
+
+from finloop.animate.cast import Cast
+from finloop.animate.company import ALONE, Company
+from finloop.animate.film import Film
+from finloop.animate.kinematics import Spot
+from finloop.animate.route import Route
+from finloop.animate.rule import Rule
+from finloop.animate.state import Fish, State
+from finloop.base.arrays import Floats
+from finloop.base.errors import FinloopError
+from finloop.edit.build import Sources
+from finloop.edit.joins import Joins
+from finloop.edit.schema import FRAME, TURN, Goal
+from finloop.edit.stretch import Stretch
+from finloop.modes.sprites import Sprites
+from finloop.modes.world import World
+
+
+class PaperMode(Protocol):
+    """How a mode of the paper plays."""
+
+    def begin(self, rng: np.random.Generator) -> Fish:
+        """Return a fish somewhere in the tank."""
+
+    def take_over(self, fish: Fish) -> Fish:
+        """Return a fish of another mode as one of this mode; its own unchanged."""
+
+    def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
+        """Return the next stretch towards a goal."""
+
+    def after(self, fish: Fish, stretch: Stretch) -> Fish:
+        """Return the fish at the end of a stretch."""
+
+
+@dataclass(frozen=True)
+class PaperPlayer:
+    """Plays a mode of the paper with one fish, which has goals or wanders.
+
+    film: its rows; sprites: in their sequences, None of a mode that shows none; cast: outlines.
+    """
+
+    mode: PaperMode
+    world: World
+    film: Film
+    sprites: Sprites | None
+    cast: Cast
+    joins: Joins
+
+    shoaling = None
+    most_fish = 1
+
+    @property
+    def waters(self) -> World:
+        """The world, as other players call it."""
+        return self.world
+
+    @cached_property
+    def sources(self) -> Sources:
+        """What its edit lists can show."""
+        film, motion, sprites = self.film, self.world.motion, self.sprites
+        own = slice(0, film.filmed)
+        scale, after, count = np.ones(1), np.zeros(1, np.int64), 1
+        if sprites is not None:
+            scale, after = self.cast.sprite_scale, sprites.following
+            count = sprites.orientations
+        return Sources(
+            motion.rate_hz, motion.body_length_px, film.heading[own], film.scale[own],
+            film.more[own], scale, after, count, self.joins, ("loops", "network"),
+        )  # fmt: skip
+
+    def begin(
+        self, rng: np.random.Generator, route: Route | None = None, company: Company = ALONE
+    ) -> State:
+        """Return a fish somewhere in the tank. FinloopError where it is to swim a path."""
+        if route is not None:
+            raise FinloopError(
+                "a path, in a mode of the paper",
+                "goals: the paper's modes swim to goals, or wander",
+                "swim the path in mode matching",
+            )
+        return State(self.mode.begin(rng), np.zeros(2))
+
+    def company(self, others: Floats, start: int) -> Company:
+        """Return that it is alone."""
+        return ALONE
+
+    def among(self, state: State, others: Floats) -> State:
+        """Return the state itself: other fish are not looked at."""
+        return state
+
+    def is_clear(self, state: State, stretch: Stretch) -> bool:
+        """Return True: there is nobody to meet."""
+        return True
+
+    def step(
+        self, state: State, goal: Goal | Route | Rule | None, rng: np.random.Generator
+    ) -> tuple[Stretch, State]:
+        """Return the next stretch to a goal, or anywhere, and the state then.
+
+        A fish that another mode has moved so far is taken over.
+        """
+        world, place, left = self.world, state.place, state.left
+        fish = self.mode.take_over(state.fish)
+        if isinstance(goal, Goal):
+            x, y, left = goal.x_px, goal.y_px, 0
+        else:
+            if left <= 0:
+                place, left = world.somewhere(fish, rng)
+            x, y = place
+        free = not isinstance(goal, Goal)
+        spot = Spot(float(x), float(y), world.touch_px, world.head_px, free)
+        stretch = self.mode.play(fish, spot, rng)
+        if fish is not state.fish:
+            stretch = replace(stretch, new=True)
+        if not isinstance(goal, Goal):
+            swum = len(stretch.way) * (stretch.state != TURN)
+            left = 0 if stretch.touched else max(0, left - swum)
+        return stretch, State(self.mode.after(fish, stretch), place, left)
+
+    def cut(self, state: State, stretch: Stretch, ticks: int) -> tuple[Stretch, State]:
+        """Return a stretch that began in a state, stopped after some ticks, and the state then."""
+        short = stretch.cut(ticks)
+        return short, state._replace(fish=self.mode.after(state.fish, short))
+
+    def hull(self, kind: str, source: int) -> Floats:
+        """Return the outline of a frame or sprite, px ahead of and to the left of its centre."""
+        if kind == FRAME:
+            return self.cast.frame_hulls[source : source + 1][0].astype(float)
+        return self.cast.sprite_hulls[source]

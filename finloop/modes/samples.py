@@ -1,0 +1,39 @@
+"""Further animations of a mode, with all that is drawn, to be compared with the film."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from itertools import count
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate.settings import Settings
+from finloop.animate.swim import NoRoom
+from finloop.edit.schema import by_fish
+from finloop.modes.animator import Animator
+
+_SEEDS = 100  # that are tried for one animation: in a nearly full tank few have room for all fish
+
+
+def sample_animations(animator: Animator, seconds: float, p: Settings) -> pd.DataFrame:
+    """Return animations of so many seconds in all, as one edit list whose fish are numbered on.
+
+    Each is `animate.seconds` long at most: to random goals first, then the fish wanders. A seed
+    whose places leave no room for all fish is passed over; NoRoom after `_SEEDS` of them in a row.
+    """
+    seeds, parts, fish = count(p.seed + 1), list[pd.DataFrame](), 0
+    together = animator.fish
+    for number in range(int(np.ceil(seconds / p.seconds / together))):
+        rest = seconds / together - number * p.seconds
+        for one in by_fish(_with_room(animator, min(p.seconds, rest), seeds)):
+            parts.append(one.assign(fish=fish))
+            fish += 1
+    return pd.concat(parts, ignore_index=True)
+
+
+def _with_room(animator: Animator, seconds: float, seeds: Iterator[int]) -> pd.DataFrame:
+    """Return the animation with the first of the seeds that has room for all fish."""
+    for _ in range(_SEEDS - 1):
+        with suppress(NoRoom):
+            return animator.sample(next(seeds), seconds)
+    return animator.sample(next(seeds), seconds)

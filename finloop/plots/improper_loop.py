@@ -1,0 +1,188 @@
+"""Fig. 13 of the fish paper: a loop that is none, for it travels against the fish's heading."""
+
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Picture
+from finloop.features.current import through_water
+from finloop.features.table import delta_of, wrap_deg
+from finloop.loops.travel import travel_of
+from finloop.plots.loops import SIZE_PX, fish_rows, on_light
+from finloop.reel import Reel
+
+_HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
+_HIGH = 0.45  # height of the upper picture, as a share of its width
+_DASHED = (0, (2, 1.5))
+_PLACES = ("from a to b", "at a", "at b")
+
+Rows = NDArray[np.integer]
+
+
+class ImproperLoop(NamedTuple):
+    """A pair of rows a < b that is alike, and how the fish travels where it is improper.
+
+    place : 0 between the ends, 1 at a, 2 at b. travel_deg, heading_deg : there, anticlockwise.
+    filtered : mean distance along the diagonal.
+    """
+
+    a: int
+    b: int
+    place: int
+    travel_deg: float
+    heading_deg: float
+    off_deg: float
+    filtered: float
+
+
+def most_improper(
+    candidates: pd.DataFrame, features: pd.DataFrame, most_deg: float
+) -> ImproperLoop | None:
+    """The improper pair that shows best what is wrong; None: no pair is improper.
+
+    One that travels against its heading between its ends, if there is one, else at an end. Of these
+    the one that travels farthest from its heading; a way of less than a body length counts less.
+
+    candidates : as `loops.search.candidates` gives them, made with the angle `most_deg`.
+    """
+    pairs = candidates[candidates["improper"]]
+    if pairs.empty:
+        return None
+    a, b = pairs["a"].to_numpy(), pairs["b"].to_numpy()
+    travel = travel_of(a, b, features)
+    off = np.where(travel.off_deg > most_deg, travel.off_deg, 0.0)
+    way = np.diff(through_water(features)[np.stack([a, b])], axis=0)[0]
+    length = features["body_length_px"].to_numpy(float)[a]
+    off[:, 0] *= np.minimum(np.hypot(*way.T) / length, 1.0)
+    places = off[:, :1] if off[:, 0].any() else off
+    pair, place = np.unravel_index(int(places.argmax()), places.shape)
+    return ImproperLoop(
+        int(a[pair]),
+        int(b[pair]),
+        int(place),
+        float(travel.travel_deg[pair, place]),
+        float(travel.heading_deg[pair, place]),
+        float(travel.off_deg[pair, place]),
+        float(pairs["filtered"].iloc[pair]),
+    )
+
+
+def rows_on_way(loop: ImproperLoop, features: pd.DataFrame) -> Rows:
+    """The rows over which the loop travels: from a to b, or from Δ/2 before an end to Δ/2 after."""
+    if loop.place == 0:
+        return np.arange(loop.a, loop.b + 1)
+    end, delta = (loop.a, loop.b)[loop.place - 1], delta_of(features)
+    rows = end - delta // 2 + np.arange(delta + 1)
+    track = features["track_id"].to_numpy()
+    rows = rows[(rows >= 0) & (rows < len(track))]
+    return rows[track[rows] == track[end]]
+
+
+def figure13(loop: ImproperLoop, reel: Reel, pose: str, background: Picture, words: str) -> Figure:
+    """Fig. 13: the fish where the loop begins and ends, its heading, and where the loop travels.
+
+    Below, the two pictures that are alike; `words` stand above.
+    """
+    features = reel.features
+    figure = Figure(figsize=(12.5, 8.0), layout="constrained")
+    figure.suptitle(words, fontsize=11)
+    heights = _HIGH * 12.5, 2
+    parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=heights))
+    upper, lower = parts
+    way = upper.subplots()
+    film = background.copy()
+    for row in _shown_rows(loop).values():
+        cutout = reel.film[row]
+        h, w = cutout.pixels.shape[:2]
+        film[cutout.y0_px : cutout.y0_px + h, cutout.x0_px : cutout.x0_px + w] = cutout.over(film)
+    way.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
+    _draw_way(way, loop, features, film)
+    pictures = reel.frames(np.array([loop.a, loop.b]), SIZE_PX, pose)
+    band = fish_rows(pictures)
+    lower.suptitle("the fish at a and b: alike enough for a jump", fontsize=11)
+    panels = lower.subplots(1, 2)
+    for axes, picture, letter, row in zip(panels, pictures, "ab", (loop.a, loop.b), strict=True):
+        axes.imshow(on_light(picture[band]))
+        axes.axis("off")
+        axes.set_title(f"{letter}: frame {features['frame'].iloc[row]}", fontsize=10)
+    return figure
+
+
+def _shown_rows(loop: ImproperLoop) -> dict[str, int]:
+    """The rows at which the fish is shown: both ends of the loop, or the one that is improper."""
+    ends = {"a": loop.a, "b": loop.b}
+    return ends if loop.place == 0 else dict([list(ends.items())[loop.place - 1]])
+
+
+def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Picture) -> None:
+    """The fish's way, its heading at the ends shown, and where the loop travels."""
+    rows = rows_on_way(loop, features)
+    part = features.iloc[rows]
+    place = part[["x_px", "y_px"]].to_numpy(float)
+    head = part[["head_x_px", "head_y_px"]].to_numpy(float)
+    length = float(part["body_length_px"].median())
+    axes.plot(*place.T, "-", color="white", lw=1.2)
+    axes.plot(*place[[0, -1]].T, "o", color="white", ms=4)
+    for letter, row in _shown_rows(loop).items():
+        end = int(np.searchsorted(rows, row))
+        ahead = _direction(part["heading_deg"].iloc[end])
+        _draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, _HEADING)
+        right, down = head[end] + 0.62 * length * ahead
+        axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
+    reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
+    middle = place[[0, -1]].mean(0)
+    along, ahead = _direction(loop.travel_deg), _direction(loop.heading_deg)
+    _draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, _TRAVEL)
+    if loop.place == 0:
+        _draw_arrow(axes, middle, middle + 0.75 * length * ahead, _HEADING, ls=_DASHED)
+        turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
+        angles = loop.travel_deg + np.linspace(0, turned, 40)
+        arc = middle + 0.35 * length * np.array([_direction(one) for one in angles])
+        axes.plot(*arc.T, color="black", lw=1)
+        right, down = middle + 0.58 * length * _direction(loop.travel_deg + turned / 2)
+        words = f"{loop.off_deg:.0f}°"
+        axes.text(right, down, words, ha="center", va="center", fontweight="bold")
+    every = np.vstack([place, head, head + length / 2, head - length / 2])
+    half = np.ptp(every, axis=0) / 2 + 0.3 * length
+    half = np.maximum(half, half[::-1] * (1 / _HIGH, _HIGH))
+    left, top = (every.min(0) + every.max(0)) / 2 - half
+    height, width = film.shape[:2]
+    left = np.clip(left, -0.5, max(width - 0.5 - 2 * half[0], -0.5))
+    top = np.clip(top, -0.5, max(height - 0.5 - 2 * half[1], -0.5))
+    axes.set(
+        xlim=(left, left + 2 * half[0]), ylim=(top + 2 * half[1], top), xticks=[], yticks=[],
+        facecolor="0.75",
+    )  # fmt: skip
+    keys = [
+        Line2D([], [], color="white", lw=1.2, label="way of the fish, as filmed"),
+        Line2D(
+            [], [], color=_HEADING, lw=2.5, label=f"heading at {' and '.join(_shown_rows(loop))}"
+        ),
+        Line2D([], [], color=_TRAVEL, lw=2.5, label=f"the loop travels, {_PLACES[loop.place]}"),
+    ]
+    if loop.place == 0:
+        keys.append(Line2D([], [], color=_HEADING, lw=2.5, ls=_DASHED, label="mean heading"))
+    axes.legend(handles=keys, loc="best", facecolor="0.75", framealpha=0.9)
+
+
+def _direction(angle_deg: float) -> Floats:
+    """The unit vector x, y of an angle, anticlockwise; y is down."""
+    angle = np.radians(angle_deg)
+    return np.array([np.cos(angle), -np.sin(angle)])
+
+
+def _draw_arrow(axes: Axes, start: Floats, end: Floats, colour: str, ls: object = "-") -> None:
+    style = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "lw": 2.5, "color": colour, "ls": ls}
+    axes.annotate(
+        "",
+        tuple(end),
+        tuple(start),
+        zorder=3,
+        annotation_clip=False,
+        arrowprops=style,
+    )

@@ -1,0 +1,184 @@
+"""Fig. 12 of the fish paper: groups of loops that never overlap in time, and dead ends."""
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Mask
+from finloop.loops.graph import LoopGraph, goes_on, in_component
+from finloop.loops.search import groups
+from finloop.plots.loops import arc_points, sample
+
+_LARGEST, _OTHER, _DEAD = "#0072B2", "#E69F00", "#D55E00"  # Okabe-Ito
+_IN_TURN = ("#0072B2", "#E69F00", "#009E73", "#CC79A7")
+_ARCS, _PER_GROUP = 160, 8  # loops that can be told apart in one picture, and of one group
+_ROWS = 9  # groups with a row of their own
+_NAMED = 8  # dead ends
+_NARROW = 0.02  # of the film; a group that lies over less of it has no number at its bar
+
+Rows = NDArray[np.integer]
+
+
+class Stretch(NamedTuple):
+    """Rows start … stop − 1 of the film, of one track."""
+
+    start: int
+    stop: int
+
+
+def stretches(inside: Mask, track_id: Rows) -> list[Stretch]:
+    """The stretches of rows that are `inside` (n,); each lies in one track."""
+    number = np.where(inside, track_id, -1)
+    edges = np.flatnonzero(np.diff(number, prepend=-1, append=-1))
+    edges = np.unique(np.r_[edges, len(number)])
+    return [Stretch(int(a), int(b)) for a, b in pairwise(edges) if inside[a]]
+
+
+def film_below(loops: pd.DataFrame, track_id: Rows) -> Mask:
+    """The rows (n,) of the film over which some loops lie: between their ends, or at both ends."""
+    change = np.zeros(len(track_id) + 1, np.int64)
+    a, b = loops["a"].to_numpy(), loops["b"].to_numpy()
+    within = track_id[a] == track_id[b]
+    for low, high in ((a, np.where(within, b, a)), (b, b)):
+        np.add.at(change, low, 1)
+        np.add.at(change, high + 1, -1)
+    return np.cumsum(change)[:-1] > 0
+
+
+def over_time(
+    loops: pd.DataFrame, graph: LoopGraph, features: pd.DataFrame, rate_hz: float
+) -> Figure:
+    """Fig. 12: groups of loops along the film, tracks one after another, and its dead ends.
+
+    Above, loops within a track alone, as in the paper; then a row for each group of all loops; then
+    from where the film can be played for ever.
+    """
+    track_id = features["track_id"].to_numpy()
+    size = loops["group"].value_counts().sort_index()
+    rows = min(len(size), _ROWS) + (len(size) > _ROWS)
+    heights = (3.2, 0.45 + 0.28 * rows, 1.5)
+    figure = Figure(figsize=(12.5, sum(heights) + 1.6), layout="constrained")
+    within, every, bar = figure.subplots(3, 1, sharex=True, height_ratios=heights)
+    _draw_within(within, loops, track_id, rate_hz)
+    _draw_groups(every, loops, track_id, rate_hz)
+    _draw_dead_ends(bar, graph, features, rate_hz)
+    bar.set(xlim=(0, len(track_id) / rate_hz))
+    figure.legend(
+        handles=bar.get_legend().legend_handles, loc="outside lower center", ncols=3, frameon=False
+    )
+    bar.get_legend().remove()
+    return figure
+
+
+def _draw_within(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
+    """Some loops within tracks as arcs, each group in another colour than its neighbours."""
+    some = loops[loops["length_s"].notna()]
+    axes.set(yticks=[], ylim=(-0.28, 1.05))
+    if some.empty:
+        axes.set_title("no loop lies within one track", loc="left", fontsize=10)
+        return
+    number = groups(some["a"].to_numpy(), some["b"].to_numpy(), track_id)
+    some = some.assign(own=number).sort_values(["own", "length_s"])
+    count, drawn = int(number.max()) + 1, 0
+    share = max(1, min(_PER_GROUP, _ARCS // count))
+    in_time = some.groupby("own")["a"].min().argsort().argsort()  # of each group among all
+    bars: list[list[tuple[float, float]]] = [[] for _ in _IN_TURN]
+    arcs: list[list[NDArray[np.float64]]] = [[] for _ in _IN_TURN]
+    for own, mine in some.groupby("own"):
+        turn = int(in_time[own]) % len(_IN_TURN)
+        low, high = mine["a"].min() / rate_hz, (mine["b"].max() + 1) / rate_hz
+        bars[turn].append((low, high - low))
+        if high - low > _NARROW * len(track_id) / rate_hz:
+            text = str(len(mine))
+            axes.text((low + high) / 2, -0.2, text, ha="center", va="center", fontsize=8)
+        if drawn < _ARCS:
+            shown = sample(mine, share)
+            drawn += len(shown)
+            a, b = shown["a"].to_numpy() / rate_hz, shown["b"].to_numpy() / rate_hz
+            arcs[turn] += list(arc_points(a, b, float(some["length_s"].max())))
+    for colour, of_colour, lines in zip(_IN_TURN, bars, arcs, strict=True):
+        axes.broken_barh(of_colour, (-0.12, 0.1), color=colour)
+        axes.add_collection(LineCollection(lines, colors=colour, lw=0.9, alpha=0.8))
+    axes.set_title(
+        f"{_count(len(some), 'loop')} within a track, {_count(count, 'group')}: a bar a group, "
+        f"with its number of loops; arcs: {drawn} of the loops",
+        loc="left", fontsize=10,
+    )  # fmt: skip
+
+
+def _draw_groups(axes: Axes, loops: pd.DataFrame, track_id: Rows, rate_hz: float) -> None:
+    """A row for each group of loops: the film below it, and lines between tracks."""
+    size = loops["group"].value_counts().sort_index()
+    across = loops["length_s"].isna()
+    names = []
+    for row in range(min(len(size), _ROWS) + (len(size) > _ROWS)):
+        mine = loops[loops["group"] == row] if row < _ROWS else loops[loops["group"] >= row]
+        covered, colour = film_below(mine, track_id), _OTHER if row else _LARGEST
+        parts = [(a / rate_hz, (b - a) / rate_hz) for a, b in stretches(covered, track_id)]
+        axes.broken_barh(parts, (row - 0.3, 0.6), color=colour, lw=0 if row == 0 else 1.5)
+        if row:
+            joins = mine[across[mine.index]][["a", "b"]].to_numpy() / rate_hz
+            axes.hlines(np.full(len(joins), row), *joins.T, color=colour, lw=0.8)
+        what = f"{_count(len(mine), 'loop')} over {covered.sum() / rate_hz:.1f} s of film"
+        names.append(what if row < _ROWS else f"{len(size) - _ROWS} more groups: {what}")
+    axes.set(ylim=(len(names) - 0.4, -0.6), yticks=range(len(names)))
+    axes.set_yticklabels([str(row + 1) if row < _ROWS else "…" for row in range(len(names))])
+    axes.set_ylabel("group")
+    side = axes.secondary_yaxis("right")
+    side.set_yticks(range(len(names)), names, fontsize=8)
+    side.tick_params(length=0)
+    axes.set_title(
+        f"all {_count(len(loops), 'loop')}: {_count(len(size), 'group')}; {int(across.sum())} of "
+        "the loops join two tracks (lines) and lie over their two ends alone",
+        loc="left", fontsize=10,
+    )  # fmt: skip
+
+
+def _count(number: int, noun: str) -> str:
+    """A number of things in words: 1 loop, 2 loops."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def _draw_dead_ends(axes: Axes, graph: LoopGraph, features: pd.DataFrame, rate_hz: float) -> None:
+    """From where the film can be played for ever; the longest stretches from where it ends."""
+    track_id, frame = (features[name].to_numpy() for name in ("track_id", "frame"))
+    rows = len(track_id)
+    endless, largest = goes_on(graph, track_id), in_component(graph, rows)
+    state = np.where(largest, 0, np.where(endless, 1, 2))
+    axes.imshow(
+        state[None], aspect="auto", extent=(0, rows / rate_hz, 0, 1), interpolation="nearest",
+        cmap=ListedColormap([_LARGEST, _OTHER, _DEAD]), vmin=0, vmax=2,
+    )  # fmt: skip
+    for edge in np.flatnonzero(np.diff(track_id)) + 1:
+        axes.axvline(edge / rate_hz, ymin=0.6, color="white", lw=0.6)
+    words = ("in the largest component", "leads to a loop without end", "dead end")
+    handles = [
+        Patch(color=colour, label=f"{word}: {100 * (state == number).mean():.1f} % of the film")
+        for number, (word, colour) in enumerate(zip(words, (_LARGEST, _OTHER, _DEAD), strict=True))
+    ]
+    axes.legend(handles=handles)
+    dead = stretches(~endless, track_id)
+    named = sorted(sorted(dead, key=lambda one: one.start - one.stop)[:_NAMED])
+    for number, (start, stop) in enumerate(named):
+        text = f"track {track_id[start]}\nframes {frame[start]}–{frame[stop - 1]}"
+        axes.annotate(
+            f"{text}\n{(stop - start) / rate_hz:.1f} s", ((start + stop) / 2 / rate_hz, 0),
+            ((number + 0.5) / len(named), -0.55), textcoords="axes fraction", fontsize=8,
+            ha="center", va="top", arrowprops={"arrowstyle": "-", "color": _DEAD, "lw": 0.8},
+        )  # fmt: skip
+    axes.set(yticks=[], xlabel="film, its tracks one after another (s)")
+    axes.xaxis.tick_top()
+    axes.xaxis.set_label_position("top")
+    axes.set_title(
+        "where the film can be played for ever; below, the longest of "
+        f"{_count(len(dead), 'dead end')}",
+        loc="left", fontsize=10,
+    )  # fmt: skip

@@ -1,0 +1,207 @@
+"""Fig. 5 of the fish paper: a turn in frames t0, t0 + k, t0 + 2k, and what is measured in them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure, SubFigure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
+
+from finloop.base.arrays import Floats, Picture
+from finloop.features.area import closed_spline, control_points
+from finloop.features.swimming_type import STRAIGHT, WORDS
+from finloop.features.table import delta_of
+from finloop.plots.features import Specimen
+
+_BACKBONE, _AREA, _HEADING = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
+_MOST = 6  # Δ between two frames of the figure
+_SURE = 0.9  # least confidence in head and tail
+_WINDOW = 1.6  # body lengths, the side of a picture
+
+
+def strongest_turn(features: pd.DataFrame) -> NDArray[np.intp] | None:
+    """Rows (3,) of the feature table at t0, t0 + k, t0 + 2k of the film's strongest clear turn.
+
+    k is Δ, or the least multiple of it, up to `_MOST`, for which there is a clear turn: it begins
+    with straight swimming, goes one way over both k, and bends the fish most in the middle. The
+    strongest one changes the heading most. None: the film has no clear turn.
+    """
+    delta = delta_of(features)
+    for k in delta * np.arange(1, _MOST + 1 if delta else 1):
+        total = _clear_turns(features, int(k), delta)
+        if total.any():
+            return total.argmax() + k * np.arange(3)
+    return None
+
+
+def _clear_turns(features: pd.DataFrame, k: int, delta: int) -> Floats:
+    """The change of heading (rows − 2k,) in degrees over 2k from each row on; 0: no clear turn."""
+    first = np.arange(max(len(features) - 2 * k, 0))
+    middle, last = first + k, first + 2 * k
+    track, kind, area = (
+        features[name].to_numpy() for name in ("track_id", "swimming_type", "motion_area")
+    )
+    sure = features["head_confidence"].rolling(2 * k + 1).min().to_numpy()[last] >= _SURE
+    one, other = (turned_deg(features, rows, k, delta) for rows in (first, middle))
+    side = np.sign(one)
+    clear = (
+        (track[first] == track[last])
+        & sure
+        & (kind[first] == STRAIGHT)
+        & (kind[middle] == side)
+        & (side != STRAIGHT)
+        & (np.sign(other) == side)
+        & (area[middle] >= np.maximum(area[first], area[last]))
+    )
+    return np.where(clear, np.abs(one + other), 0.0)
+
+
+def turned_deg(features: pd.DataFrame, rows: NDArray[np.integer], k: int, delta: int) -> Floats:
+    """The sum (n,) of the included angles over Δ from some rows (n,) to k, a multiple, later."""
+    angle = features["included_angle_deg"].to_numpy(float)
+    return np.asarray(angle[rows[:, None] + np.arange(0, k, delta)].sum(axis=1))
+
+
+def figure5(
+    features: pd.DataFrame, rows: NDArray[np.intp], fish: Sequence[Specimen], background: Picture
+) -> Figure:
+    """Fig. 5: the fish at `rows` (3,), what is measured in it, and the turn over time."""
+    figure = Figure(figsize=(12.5, 11.5), layout="constrained")
+    parts: NDArray[np.object_] = np.asarray(figure.subfigures(2, 1, height_ratios=(8.4, 2.8)))
+    upper, lower = parts
+    panels = upper.subplots(2, len(rows))
+    side = round(_WINDOW * max(float(one.row["body_length_px"]) for one in fish))
+    delta, k = delta_of(features), int(rows[1] - rows[0])
+    angles = turned_deg(features, rows[:-1], k, delta)
+    times = [f"t0{f' + {n}k' if n > 1 else ' + k' if n else ''}" for n in range(len(rows))]
+    for number, (one, letter) in enumerate(zip(fish, "abc", strict=True)):
+        film, corner = picture_around(one, background, side)
+        for axes in panels[:, number]:
+            axes.imshow(film, cmap="gray", vmin=0, vmax=255, interpolation="bicubic")
+            axes.axis("off")
+        panels[0, number].set_title(f"({letter})  {times[number]}: frame {one.row['frame']:.0f}")
+        turned = float(angles[number - 1]) if number else None
+        _draw_measures(panels[1, number], one, corner, turned)
+        panels[1, number].set_title(
+            _describe(one.row, letter, "abc"[number - 1], turned), fontsize=11
+        )
+    times_delta = "Δ" if k == delta else f"{k // delta}Δ"
+    frames = f"k = {times_delta} = {k} frame{'s' if k > 1 else ''}"
+    track, seconds = fish[0].row["track_id"], fish[-1].row["time_s"] / fish[-1].row["frame"]
+    upper.legend(
+        handles=[*panels[1, 0].get_legend_handles_labels()[0], *_arrow_keys()],
+        loc="outside lower center", ncols=6, frameon=False,
+    )  # fmt: skip
+    upper.suptitle(f"track {track:.0f}; {frames} = {k * seconds:.2f} s", fontsize=11)
+    _draw_course(lower, features, rows, k)
+    return figure
+
+
+def _describe(row: pd.Series, letter: str, last: str, turned: float | None) -> str:
+    """The words above the lower picture of a frame."""
+    words = f"({letter}′)  motion area {row['motion_area_rel']:.2f}, "
+    words += f"swimming type: {WORDS[int(row['swimming_type'])]}\n"
+    if turned is None:
+        return words
+    return f"{words}included angle {f'{turned:+.0f}'.replace('-', '−')}° since ({last})"
+
+
+def picture_around(
+    specimen: Specimen, background: Picture, side: int
+) -> tuple[Picture, NDArray[np.intp]]:
+    """The fish as cut out, in its place over the empty tank; a square about it.
+
+    Returns
+    -------
+    picture : (side, side) or (side, side, 3); beyond the film the tank's edge goes on. corner :
+    (2,) x, y of its first pixel, px of the film.
+    """
+    film, (h, w) = background.copy(), specimen.film.shape[:2]
+    x0, y0 = specimen.x0_px, specimen.y0_px
+    film[y0 : y0 + h, x0 : x0 + w] = specimen.film
+    low, high = specimen.backbone.min(0), specimen.backbone.max(0)
+    corner = np.round((low + high - side) / 2).astype(np.intp)
+    x, y = (
+        np.clip(np.arange(start, start + side), 0, size - 1)
+        for start, size in zip(corner.tolist(), background.shape[1::-1], strict=True)
+    )
+    return film[np.ix_(y, x)], corner
+
+
+def _draw_measures(
+    axes: Axes, specimen: Specimen, corner: NDArray[np.intp], turned: float | None
+) -> None:
+    """Backbone, control points, motion area and heading over a pale picture of the fish."""
+    axes.images[0].set_alpha(0.55)
+    limits = axes.get_xlim(), axes.get_ylim()
+    backbone = specimen.backbone - corner
+    control = control_points(backbone[None])[0]
+    curve = closed_spline(control)
+    axes.fill(*curve.T, color=_AREA, alpha=0.35, lw=0, label="motion area")
+    axes.plot(*np.vstack([curve, curve[:1]]).T, color=_AREA, lw=1.6, label="closed B-spline")
+    axes.plot(*backbone.T, color=_BACKBONE, lw=2, label="backbone")
+    axes.plot(
+        *control.T, "o", ms=6, mfc="white", mec=_BACKBONE, mew=1.5, zorder=4,
+        label="control points: head, 1/6, 1/3, 1/2, 5/6, tail",
+    )  # fmt: skip
+    reach = 0.25 * float(specimen.row["body_length_px"])
+    if turned is not None:
+        before = specimen.row["heading_deg"] - turned
+        _draw_arrow(axes, control[0], before, reach, color="0.35", ls=(0, (3, 2)), lw=1.5)
+        angle = np.radians(before + np.linspace(0, turned, 40))
+        arc = control[0] + 0.6 * reach * np.column_stack([np.cos(angle), -np.sin(angle)])
+        axes.plot(*arc.T, color="0.35", lw=1)
+    _draw_arrow(axes, control[0], specimen.row["heading_deg"], reach, color=_HEADING, lw=2.5)
+    axes.set(xlim=limits[0], ylim=limits[1])
+
+
+def _draw_arrow(
+    axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
+) -> None:
+    """An arrow from a place (x, y) in a direction in degrees, anticlockwise; y is down."""
+    angle = np.radians(heading_deg)
+    end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
+    axes.annotate(
+        "",
+        tuple(end),
+        tuple(start),
+        zorder=3,
+        annotation_clip=False,
+        arrowprops={"arrowstyle": "-|>", "shrinkA": 0, **style},
+    )
+
+
+def _arrow_keys() -> list[Line2D]:
+    """Keys of the two arrows."""
+    return [
+        Line2D([], [], color=_HEADING, lw=2.5, label="heading"),
+        Line2D([], [], color="0.35", lw=1.5, ls=(0, (3, 2)), label="heading k before"),
+    ]
+
+
+def _draw_course(part: SubFigure, features: pd.DataFrame, rows: NDArray[np.intp], k: int) -> None:
+    """Motion area and heading of the track, from k before the turn to k after it."""
+    track = features["track_id"].to_numpy()
+    near = np.arange(max(rows[0] - k, 0), min(rows[-1] + k + 1, len(features)))
+    near = near[track[near] == track[rows[0]]]
+    frame = features["frame"].to_numpy()
+    area, heading = (features[name].to_numpy(float) for name in ("motion_area_rel", "heading_deg"))
+    turned = np.unwrap(heading[near], period=360)
+    turned -= turned[np.searchsorted(near, rows[0])]
+    axes = part.subplots()
+    axes.plot(frame[near], area[near], ".-", color=_AREA, label="motion area (left)")
+    axes.set(xlabel="frame", ylabel="motion area (relative)", ylim=(0, None))
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    other = axes.twinx()
+    other.plot(frame[near], turned, ".-", color=_HEADING, label="heading since t0 (right)")
+    other.set(ylabel="heading since t0 (°, + = left)")
+    for row, letter in zip(rows, "abc", strict=True):
+        axes.axvline(frame[row], color="0.5", lw=0.8, ls=":")
+        axes.annotate(
+            letter, (frame[row], 1), (0, 4), xycoords=("data", "axes fraction"),
+            textcoords="offset points", ha="center", fontweight="bold",
+        )  # fmt: skip
+    part.legend(loc="outside lower center", ncols=2, frameon=False)

@@ -1,0 +1,78 @@
+"""Film and modes side by side: a panel each, the camera on the fish, its colour what is shown."""
+
+from collections.abc import Iterator, Mapping
+
+import cv2
+import numpy as np
+import pandas as pd
+
+from finloop.base.arrays import Floats, Ints, Picture
+from finloop.edit.filmed import as_filmed
+from finloop.edit.measures import shown
+from finloop.render.gallery import Gallery, placed
+from finloop.render.marks import COLOURS, rgb, write
+from finloop.render.painter import Painter
+
+WORDS_PX = 40
+"""Height of the words below a panel."""
+_AROUND = 1.25  # body lengths that a panel shows to every side of the fish
+
+
+def longest_tracks(track: Ints, places: Floats, ticks: int) -> pd.DataFrame:
+    """Return the film's longest tracks, one after the other, as an edit list of so many ticks.
+
+    track (n,): of each row; places (n, 2): x, y px.
+    """
+    _, first, count = np.unique(track, return_index=True, return_counts=True)
+    rows: list[Ints] = []
+    for one in np.argsort(-count, kind="stable"):
+        rows.append(np.arange(first[one], first[one] + count[one]))
+        if sum(map(len, rows)) >= ticks:
+            break
+    every = np.concatenate(rows)[:ticks]
+    return as_filmed(every, places[every])
+
+
+def draw_beside(
+    edits: Mapping[str, pd.DataFrame], gallery: Gallery, tank: Picture, length_px: float, size: int
+) -> Iterator[Picture]:
+    """Draw edit lists of one fish side by side, tick by tick, each with its title below.
+
+    edits: by title, as many ticks each; tank (h, w) or (h, w, 3): the floor; length_px: of the
+    fish; size: px of a panel.
+    """
+    half_px = _AROUND * length_px
+    films = [_panels(edit, gallery, tank, half_px, size) for edit in edits.values()]
+    for panels in zip(*films, strict=True):
+        frame = np.full((size + WORDS_PX, len(edits) * size, 3), 255, np.uint8)
+        for number, (title, (picture, name)) in enumerate(zip(edits, panels, strict=True)):
+            left = number * size
+            frame[:size, left : left + size] = picture
+            frame[size : size + 6, left : left + size] = rgb(COLOURS[name])
+            write(frame, title, (left + 8, size + 22), (0, 0, 0), 15, 700)
+            write(frame, name, (left + 8, size + 36), (90, 90, 90), 12)
+        yield frame
+
+
+def _panels(
+    edit: pd.DataFrame, gallery: Gallery, tank: Picture, half_px: float, size: int
+) -> Iterator[tuple[Picture, str]]:
+    """Yield the square around the fish, px across, and what is shown, at every tick."""
+    painter, names = Painter(tank, colour=True), shown(edit)
+    for fish, name in zip(placed(edit, gallery), names, strict=True):
+        painter.show(fish)
+        zoom = (size - 1) / (2 * half_px)
+        middle = (size - 1) / 2
+        turn = np.array([
+            [zoom, 0, middle - zoom * fish.x_px], [0, zoom, middle - zoom * fish.y_px],
+        ])  # fmt: skip
+        yield (
+            cv2.warpAffine(
+                painter.frame,
+                turn,
+                (size, size),
+                flags=cv2.INTER_AREA,
+                borderMode=cv2.BORDER_REPLICATE,
+            ),
+            str(name),
+        )

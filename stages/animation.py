@@ -1,0 +1,173 @@
+"""What the stages of all modes do: plan the animation of a mode, draw samples of it, measure it."""
+
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from finloop.animate import encounters, measures
+from finloop.animate.planner import NothingToUse
+from finloop.base.parallel import Workers, ordered_map
+from finloop.edit.measures import (
+    averaged,
+    longest_repeat,
+    of_poses,
+    of_rhythm,
+    of_seams,
+    of_states,
+    of_steps,
+)
+from finloop.edit.pictures import drawn_steps, seams
+from finloop.edit.schema import CUT, EDIT, by_fish
+from finloop.edit.stretch import Swim
+from finloop.io.atomic import whole_folder
+from finloop.io.record import save_json, save_records
+from finloop.io.table import save_table
+from finloop.modes.animator import Animator
+from finloop.modes.samples import sample_animations
+from finloop.project import Project
+from stages.cluster import workers
+from stages.run import progress
+
+OUT = Path("data/animate")
+Open = Callable[[Project], Any]  # an Animator
+More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
+
+
+def save_no_more(
+    folder: Path, animator: Animator, swims: list[Swim], edit: pd.DataFrame
+) -> dict[str, float]:
+    """Write nothing beside what every mode has."""
+    return {}
+
+
+def animate(mode: str, open_mode: Open, save_more: More = save_no_more) -> None:
+    """Make the edit list of a mode, and its folder with samples, goals, measures and motion.
+
+    Where the film shows too little for the mode, the list is empty, and reason.json says why.
+    save_more: writes what the mode has beside that into the folder, and returns further numbers.
+    """
+    need = [name for name in sys.modules if name.startswith("finloop.")]
+    with workers(need) as crew, Project() as project:
+        p = project.settings("animate")
+        try:
+            animator = open_mode(project)
+        except NothingToUse as none:
+            print(f"modes-{mode}: {none}", file=sys.stderr)
+            with whole_folder(OUT / mode) as folder:
+                save_json(folder / "reason.json", {"reason": str(none)})
+            save_table(OUT / f"{mode}.parquet", EDIT.empty(), EDIT)
+            return
+        with whole_folder(OUT / mode) as folder:
+            say_where(mode, animator, p)
+            edit = save_animation(folder, mode, animator, project, save_more)
+            seconds = project.settings("realism").seconds
+            samples = sample_animations(animator, seconds, p)
+            save_table(folder / "samples.parquet", samples, EDIT)
+            numbers = measure_trials(open_mode, mode, p.trials, crew)
+            save_json(folder / "trials.json", known(numbers))
+        save_table(OUT / f"{mode}.parquet", edit, EDIT)
+
+
+def say_where(mode: str, animator: Animator, p: Any) -> None:
+    """Tell on stderr where the fish is drawn smaller, and where the film does not show the tank."""
+    size, tank = animator.pictures.reel.size, animator.player.waters.tank
+    if size < 1 and p.size == "auto":
+        print(
+            f"modes-{mode}: where the fish may be it could hardly turn at its own size, so it is "
+            f"drawn at {size:.2g} of it; film from farther away, or set animate.size",
+            file=sys.stderr,
+        )
+    if p.tank == "auto" and tank.arena.all():
+        print(
+            f"modes-{mode}: the film is too short, or its animals keep too much to one place, to "
+            "show where the tank ends, so that the fish may be anywhere in the picture; where "
+            "that shows more than the tank, give it (clip.arena), or take animate.tank=filmed",
+            file=sys.stderr,
+        )
+
+
+def save_animation(
+    folder: Path, mode: str, animator: Animator, project: Project, save_more: More
+) -> pd.DataFrame:
+    """Write goals, size, motion and measures of the animation; return its edit list."""
+    goals = animator.goals()
+    animator.check_room(goals)
+    swims, edit = animator.plan(goals)
+    save_records(folder / "goals.json", goals)
+    save_json(folder / "drawn.json", {"size": animator.pictures.reel.size})
+    steps = project.steps[["headed", "as_filmed"]].dropna()
+    player = animator.player
+    film_motion = measures.motion_of_film(project.features, player.waters.motion)
+    each = zip(by_fish(edit), animator.goals_of(goals), strict=True)
+    rows = [
+        measures.of_plan(one, own, player, film_motion)
+        | measure_pictures(one, animator, steps, project.rate_hz)
+        for one, own in each
+    ]
+    numbers = averaged(rows) | save_more(folder, animator, swims, edit)
+    save_json(folder / "measures.json", known(numbers))
+    moved = [measures.motion_of_edit(one, player) for one in by_fish(edit)]
+    speed, turn_rate = np.concatenate(moved, axis=1)
+    moves = measures.kinematics({mode: (speed, turn_rate)})
+    save_table(folder / "motion.parquet", moves, measures.KINEMATICS)
+    return edit
+
+
+def known(numbers: dict[str, float]) -> dict[str, float]:
+    """Return the numbers that exist: not those of turns where there were none."""
+    return {name: float(value) for name, value in numbers.items() if np.isfinite(value)}
+
+
+def measure_pictures(
+    edit: pd.DataFrame, animator: Animator, steps: pd.DataFrame, rate_hz: float
+) -> dict[str, float]:
+    """Return the measures of one fish that need pictures. steps: columns of `STEPS`."""
+    pictures = animator.pictures
+    joins, jumps = seams(edit, pictures)
+    return {
+        **of_steps(drawn_steps(edit, pictures), steps["as_filmed"].to_numpy(float)),
+        **of_seams(joins, steps["headed"].to_numpy(float)),
+        **of_poses(edit, pictures.bodies.poses.shapes),
+        **of_states(edit),
+        **of_rhythm(edit, jumps, rate_hz),
+        "longest_exact_repeat_s": longest_repeat(edit) / rate_hz,
+    }
+
+
+def measure_lot(open_mode: Open, seeds: Sequence[int]) -> list[dict[str, float]]:
+    """Return the measures of animations to random goals, each of its seed; no picture is looked at.
+
+    For its own process, which brings the mode together once: of a film of hours that takes long.
+    """
+    with Project() as project:
+        animator = open_mode(project)
+        plain = replace(animator.player.joins, kind=CUT, fade=0)
+        animator = replace(animator, player=replace(animator.player, joins=plain))
+        player, rows = animator.player, []
+        film_motion = measures.motion_of_film(project.features, player.waters.motion)
+        for seed in seeds:
+            edit, goals = animator.trial(seed)
+            each = zip(by_fish(edit), goals, strict=True)
+            own = [measures.of_plan(*one, player, film_motion) for one in each]
+            rows.append(averaged(own) | encounters.of_shoal(edit, player))
+    return rows
+
+
+def measure_trials(open_mode: Open, mode: str, trials: int, crew: Workers) -> dict[str, float]:
+    """Return the measures of further animations of a mode, `trials_…`, on average."""
+    most = max(1, -(-trials // crew.count))
+    lots = [range(trials)[first : first + most] for first in range(0, trials, most)]
+    rows: list[dict[str, float]] = []
+    with progress(f"modes-{mode}", trials, "trials") as advance:
+        for lot, own in zip(
+            lots, ordered_map(partial(measure_lot, open_mode), lots, crew), strict=True
+        ):
+            rows += own
+            advance(len(lot))
+    return pd.DataFrame(rows).mean().add_prefix("trials_").to_dict() if rows else {}

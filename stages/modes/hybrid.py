@@ -1,0 +1,31 @@
+"""Stage `modes-hybrid`: goals become an animation of mode `hybrid` (fish paper Fig. 19)."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from finloop.project import Project
+
+from finloop.modes.animator import FilmData, PaperAnimator
+from finloop.modes.hybrid import hybrid_animator
+from stages.animation import animate
+
+
+def open_mode(project: Project) -> PaperAnimator:
+    """Bring the mode together; without loops or gateways it shows the network alone."""
+    made = FilmData(
+        project.rate_hz, project.arena, project.background, project.reel, project.outlines,
+        project.poses, project.map_facts, project.steps,
+    )  # fmt: skip
+    settings = project.settings
+    return hybrid_animator(
+        made, project.model, project.loops, project.gateways, settings("animate"),
+        (settings("network"), settings("loops"), settings("hybrid")),
+    )  # fmt: skip
+
+
+def main() -> None:
+    """Make data/animate/hybrid.parquet and data/animate/hybrid/."""
+    animate("hybrid", open_mode)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,87 @@
+"""Stage `modes-matching`: goals, paths or rules become an animation of mode `matching`."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from pathlib import Path
+from typing import NamedTuple
+
+import pandas as pd
+from finloop.project import Project
+
+from finloop.animate import encounters, path_measures
+from finloop.animate.plan_settings import merge_settings
+from finloop.animate.planner import NO_SPRITES, Material, Planner, planner
+from finloop.animate.swim import considered
+from finloop.base.arrays import Ints
+from finloop.edit.measures import averaged
+from finloop.edit.schema import CONSIDERED
+from finloop.edit.stretch import Swim
+from finloop.given_path import given_lines
+from finloop.io.table import save_table
+from stages.animation import animate
+
+
+def open_mode(project: Project, sprite_rows: Ints = NO_SPRITES) -> Planner:
+    """Bring the mode together from what the stages before have made.
+
+    sprite_rows (s,): the rows behind sprites, from which a fish of another mode goes on.
+    """
+    common, own = project.settings("animate"), project.settings("matching")
+    made = Material(
+        project.rate_hz, project.arena, project.film_reel, project.outlines, project.map_facts,
+        project.steps, project.jumps, project.poses, project.forecast,
+        given_lines(own, project.features), project.facts.mm_per_px, project.rule,
+        project.background, sprite_rows,
+    )  # fmt: skip
+    return planner(made, merge_settings(common, own))
+
+
+class Followed(NamedTuple):
+    """How a path was followed: tables of `path_measures`, and numbers."""
+
+    swum: pd.DataFrame
+    left: pd.DataFrame
+    numbers: dict[str, float]
+
+
+def follow_paths(swims: list[Swim], plans: Planner) -> list[Followed]:
+    """Return how the path of each fish that has one was followed."""
+    waters, every = plans.waters, list[Followed]()
+    if not any(plans.paths):
+        return every
+    most = path_measures.limits(waters.film, waters)
+    spread = plans.player.follower.spread
+    for fish, (path, swim) in enumerate(zip(plans.paths, swims, strict=False)):
+        if path is not None:
+            table = path_measures.swum_path("matching", swim, path, waters.duration, waters)
+            left = path_measures.where_left(table, path, waters, most)
+            numbers = path_measures.of_path(table, left, path, spread, waters)
+            every.append(Followed(table.assign(fish=fish), left.assign(fish=fish), numbers))
+    return every
+
+
+def save_more(
+    folder: Path, plans: Planner, swims: list[Swim], edit: pd.DataFrame
+) -> dict[str, float]:
+    """Write what was weighed, and how paths were followed; return the numbers of paths and fish."""
+    waters = plans.waters
+    ticks, filmed = waters.duration, waters.film.filmed
+    weighed = [considered(one, ticks, filmed, fish) for fish, one in enumerate(swims)]
+    save_table(folder / "considered.parquet", pd.concat(weighed), CONSIDERED)
+    paths = follow_paths(swims, plans)
+    if paths:
+        swum = pd.concat([one.swum for one in paths], ignore_index=True)
+        save_table(folder / "path.parquet", swum, path_measures.SWUM)
+        left = pd.concat([one.left for one in paths], ignore_index=True)
+        save_table(folder / "left.parquet", left, path_measures.LEFT)
+    numbers = averaged([one.numbers for one in paths]) if paths else {}
+    return numbers | encounters.of_shoal(edit, plans.player)
+
+
+def main() -> None:
+    """Make data/animate/matching.parquet and data/animate/matching/."""
+    animate("matching", open_mode, save_more)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,29 @@
+"""Stage `modes-network`: goals become an animation of mode `network` (fish paper Fig. 18)."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from finloop.project import Project
+
+from finloop.modes.animator import FilmData, PaperAnimator
+from finloop.modes.network import network_animator
+from stages.animation import animate
+
+
+def open_mode(project: Project) -> PaperAnimator:
+    """Bring the mode together from what the stages before have made."""
+    made = FilmData(
+        project.rate_hz, project.arena, project.background, project.reel, project.outlines,
+        project.poses, project.map_facts, project.steps,
+    )  # fmt: skip
+    return network_animator(
+        made, project.model, project.settings("animate"), project.settings("network")
+    )
+
+
+def main() -> None:
+    """Make data/animate/network.parquet and data/animate/network/."""
+    animate("network", open_mode)
+
+
+if __name__ == "__main__":
+    run(main)

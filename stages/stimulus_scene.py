@@ -1,0 +1,157 @@
+"""The film behind a stimulus, opened with its pictures, and the display that shows it."""
+
+import hashlib
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from platform import platform, python_version
+from typing import Any
+
+import finloop
+from finloop.base.errors import FinloopError
+from finloop.edit.schema import FRAME
+from finloop.live.tank import rehearse as rehearse_paths
+from finloop.project import Project
+from finloop.render.gallery import PLACE, Gallery, shelves
+from finloop.stimulus.course import Scene, rehearse
+from finloop.stimulus.display import Display, load_display
+from finloop.stimulus.feed import Feed, Tank
+from finloop.stimulus.log import FORMAT
+from finloop.stimulus.order import Trial
+from finloop.stimulus.pictures import PagePictures
+from finloop.stimulus.protocol import Protocol
+from stages.modes.matching import open_mode
+from stages.settings import load
+
+DISPLAYS = Path("conf/local/displays")
+_SOFTWARE = ("numpy", "numba", "scipy", "scikit-image", "opencv-contrib-python-headless", "torch")
+_MADE_FROM = (
+    "extract/tracks.parquet", "extract/background.png", "features/features.parquet",
+    "pose/poses.parquet", "pose/shapes.json", "jumps/jumps.parquet",
+)  # fmt: skip
+_PLANNED_BY = ("animate", "matching")
+
+
+@dataclass(frozen=True)
+class FilmedScene:
+    """A scene and its pictures, made from a film; film: a digest of that."""
+
+    scene: Scene
+    pictures: PagePictures
+    tank: Tank
+    film: str
+
+    def feed(self, looks: list[dict[str, Any]], fish: int, **facts: Any) -> Feed:
+        """What display pages are sent."""
+        scene = self.scene
+        more = {
+            "rate": scene.rate_hz, "posture": scene.posture, "looks": looks, "fish": fish,
+            "mm_per_px": scene.mm_per_px, "typical": self.pictures.typical(),
+        }  # fmt: skip
+        return Feed(self.tank, more | facts, self.pictures)
+
+    def header(self, plan: Protocol, trials: tuple[Trial, ...], **facts: Any) -> dict[str, Any]:
+        """What a session's file says of what it was made from."""
+        software = {"python": python_version(), "system": platform()}
+        return {
+            "format": FORMAT, "finloop": finloop.__version__,
+            "begun": datetime.now().astimezone().isoformat(timespec="seconds"),
+            "software": software | {name: version(name) for name in _SOFTWARE},
+            "protocol": plan.model_dump(mode="json", by_alias=True),
+            "trials": [one._asdict() for one in trials],
+            "film": self.film, "rate_hz": self.scene.rate_hz, "posture": self.scene.posture,
+            "mm_per_px": self.scene.mm_per_px, "looks": looks_of(plan),
+            "animate": _parameters(*_PLANNED_BY), **facts,
+        }  # fmt: skip
+
+    def others(self, header: dict[str, Any]) -> list[str]:
+        """What is not as it was in a session with this header: its film, or parameters."""
+        film = ["film"] if self.film != header["film"] else []
+        then = header["animate"]
+        return film + [
+            f"{word}.{name}"
+            for word in _PLANNED_BY
+            for name, value in _parameters(word).items()
+            if value != then.get(name)
+        ]
+
+
+def _parameters(*words: str) -> dict[str, Any]:
+    """Return the parameters of some groups as JSON has them."""
+    values: dict[str, Any] = {}
+    for word in words:
+        values |= json.loads(json.dumps(asdict(load(word))))
+    return values
+
+
+def looks_of(plan: Protocol) -> list[dict[str, Any]]:
+    """The looks of a protocol as the page has them."""
+    return [look.message for look in plan.looks]
+
+
+@contextmanager
+def open_scene(plan: Protocol | None = None) -> Iterator[FilmedScene]:
+    """Yield everything that a session needs; plan: None where no fish is to swim.
+
+    FinloopError if the stages have not run, or a file is missing or damaged; if the film has no
+    such mode, or the protocol wants company and nothing was learnt of it.
+    """
+    fish_mm = None if plan is None else plan.display.fish_mm
+    with Project() as project:
+        brought = open_mode(project)
+        reel, bodies = brought.pictures.reel, brought.pictures.bodies
+        gallery = Gallery(shelves({FRAME: reel.film}, project.tracks(PLACE), None), bodies)
+        film_mm, length_px = project.facts.mm_per_px, brought.waters.motion.body_length_px
+        mm_per_px = fish_mm / length_px if fish_mm else film_mm and film_mm / reel.size
+        pictures = PagePictures(gallery, reel.size)
+        height, width = pictures.largest
+        made = Scene(brought.player, bodies, mm_per_px)
+        if plan is not None:
+            rehearse_paths(brought.player)
+            rehearse(made)
+        tank = Tank(project.background, width, height)
+        yield FilmedScene(made, pictures, tank, _digest(project.data))
+
+
+def _digest(data: Path) -> str:
+    """Return a digest of what the stages have made of the film."""
+    digest = hashlib.sha256()
+    for name in _MADE_FROM:
+        path = data / name
+        if path.is_file():
+            with path.open("rb") as file:
+                digest.update(hashlib.file_digest(file, "sha256").digest())
+    return digest.hexdigest()[:16]
+
+
+def display_file(name: str) -> Path:
+    """The file of a display's calibration. FinloopError if the name is none for a file."""
+    if not name.replace("-", "").replace("_", "").isalnum():
+        raise FinloopError(
+            f"a display is named {name!r}",
+            "letters, digits, - and _",
+            "take another name (--display)",
+        )
+    return DISPLAYS / f"{name}.json"
+
+
+def known_display(name: str, demanded: bool) -> Display | None:
+    """A display's calibration; None where it has none and none is demanded.
+
+    FinloopError where one is demanded, or it is broken.
+    """
+    path = display_file(name)
+    if path.exists():
+        return load_display(path)
+    if demanded:
+        raise FinloopError(
+            f"the display {name} is not calibrated ({path} is not there)",
+            "a display whose size and levels are known: the protocol demands one",
+            f"calibrate it: python -m stages.stimulus calibrate --display {name}; or say "
+            "display: {calibrated: false} in the protocol",
+        )
+    return None

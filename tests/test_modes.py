@@ -1,0 +1,845 @@
+"""The fish paper's modes network, loops and hybrid: laws of every swim, a slow look-up, ground truth."""
+
+from dataclasses import replace
+from functools import cache
+from itertools import pairwise, product
+
+import numpy as np
+import pandas as pd
+import pytest
+from toy_film import (
+    ARENA,
+    DELTA,
+    HEAD,
+    LENGTH,
+    ORIENTATIONS,
+    RATE,
+    STEP,
+    TOUCH,
+    Model,
+    film_of,
+    gateways,
+    hybrid_of,
+    lesson,
+    lessons,
+    loops,
+    loops_of,
+    network_of,
+    open_tank,
+    order,
+    paper_player,
+    phases,
+    players_of,
+    rich,
+    rich_film,
+    rich_table,
+    sprites,
+    swum,
+    table_of,
+    world_of,
+)
+
+from finloop.animate import measures
+from finloop.animate.arena import inside, tank
+from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.route import Route
+from finloop.animate.search import moved
+from finloop.animate.shoal import swim
+from finloop.animate.state import Fish
+from finloop.animate.swim import random_goals
+from finloop.base.errors import FinloopError
+from finloop.base.settings import settings
+from finloop.distance.picture import BODY, FILM
+from finloop.edit.build import edit_list
+from finloop.edit.measures import area_missed, longest_repeat, of_turns, shown, shown_shares
+from finloop.edit.modes import MODES, PAPER
+from finloop.edit.schema import (
+    ACCELERATE,
+    FRAME,
+    SPRITE,
+    STATES,
+    STRAIGHT,
+    VERDICTS,
+    Goal,
+)
+from finloop.edit.schema import FILM as IN_FILM
+from finloop.features.swimming_type import LEFT, RIGHT
+from finloop.features.table import direction_deg, orientation, wrap_deg
+from finloop.loops.positions import quadrant, quadrant_of
+from finloop.modes.hybrid import Hybrid
+from finloop.modes.loops import loop_ends
+from finloop.modes.network import Network
+from finloop.modes.sprites import plan_turn
+
+STAY = round(settings("loops").stay * DELTA)
+A = [Goal("A", 200.0, 200.0)]
+
+
+@cache
+def posed_film(pose):
+    """The rich film, its features and its loops in a pose."""
+    if pose == BODY:
+        return rich_film(), *rich()
+    table, pairs = rich(heading=False)
+    return film_of(table, pairs, FILM), table, pairs
+
+
+@cache
+def posed_gateways(pose):
+    """Gateways of the rich film; in pose FILM each is of one orientation."""
+    if pose == BODY:
+        return gateways()
+    _, table, _ = posed_film(FILM)
+    made = gateways(table, every=5)
+    row = made["row"].to_numpy()
+    leads = row + (made["direction"] == "out")  # to what follows on the row
+    number = orientation(table["heading_deg"].to_numpy()[leads], ORIENTATIONS)
+    turn = wrap_deg(-direction_deg(number, ORIENTATIONS))
+    made = made.assign(orientation=number, turn_deg=turn)
+    made["rank"] = made.groupby(["direction", "sprite", "orientation"]).cumcount() + 1
+    return made
+
+
+def player_in(mode, pose=BODY, **changes):
+    """A player of a mode of the paper, by the rich film."""
+    film = posed_film(pose)[0]
+    if mode == "loops":
+        return paper_player(loops_of(film, **changes))
+    if mode == "network":
+        return paper_player(network_of(**changes))
+    return paper_player(hybrid_of(film, gates=posed_gateways(pose)))
+
+
+def edit_of(player, goals, ticks, seed):
+    """A swim, and its edit list."""
+    found = swim(player, goals, ticks, np.random.default_rng(seed))
+    return found, edit_list(found, ticks, player.sources)
+
+
+def spot(x, y, touch=TOUCH, head=HEAD):
+    return Spot(float(x), float(y), touch, head)
+
+
+def in_film(film, rng, room=None):
+    """A fish somewhere in the tank, at a row from which the film goes on."""
+    row = int(
+        rng.choice(np.flatnonzero(film.more[:-2] & film.plays(np.arange(1, len(film.more) - 1))))
+    )
+    rot = float(rng.uniform(-180, 180)) if film.body else 0.0
+    x, y = (room or open_tank()).random_point(rng)
+    heading = float(wrap_deg(film.heading[row] + rot))
+    return Fish(x, y, heading, 2.0, IN_FILM, -1, row=row, rot=rot, since=100)
+
+
+def partners(pairs):
+    """The ends of loops, both ways."""
+    ends = {(int(a), int(b)) for a, b in pairs[["a", "b"]].to_numpy()}
+    return ends | {(b, a) for a, b in ends}
+
+
+# --- every mode
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_step_changes_nothing_and_a_kept_state_has_one_future(mode):
+    """The same state, goal and draws give the same stretch, whatever was swum since."""
+    player, rng = player_in(mode), np.random.default_rng(3)
+    state, kept = player.begin(rng), []
+    for number in range(60):
+        to = A[0] if number % 20 > 10 else None
+        before, draws = repr(state), rng.bit_generator.state
+        stretch, then = player.step(state, to, rng)
+        assert repr(state) == before
+        kept.append((state, to, draws, stretch, then))
+        state = then
+    for begin in (0, 27, 45):
+        state, again = kept[begin][0], np.random.default_rng(0)
+        again.bit_generator.state = kept[begin][2]
+        for _, to, _, stretch, then in kept[begin:]:
+            mine, state = player.step(state, to, again)
+            assert repr(mine) == repr(stretch) and repr(state) == repr(then)
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_stretch_that_is_cut_leaves_the_fish_at_the_cut_from_where_it_goes_on(mode):
+    player, rng, shorter = player_in(mode), np.random.default_rng(1), 0
+    state = player.begin(rng)
+    for _ in range(60):
+        stretch, then = player.step(state, None, rng)
+        whole, end = player.cut(state, stretch, len(stretch.way))
+        assert whole is stretch and repr(end.fish) == repr(then.fish)
+        for ticks in {1, len(stretch.way) - 1} - {0, len(stretch.way)}:
+            short, at = player.cut(state, stretch, ticks)
+            assert len(short.way) == ticks and not short.touched
+            assert at.fish.tick == state.fish.tick + ticks
+            assert (at.fish.x, at.fish.y) == tuple(stretch.way[ticks - 1, :2])
+            on, _ = player.step(at, A[0], np.random.default_rng(0))
+            assert np.hypot(*(on.way[0, :2] - short.way[-1, :2])) < LENGTH / 2
+            shorter += 1
+        state = then
+    assert shorter > 20
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_seed_gives_one_animation_and_another_seed_another(mode):
+    one, same, other = (edit_of(player_in(mode), A, 400, seed)[1] for seed in (7, 7, 8))
+    pd.testing.assert_frame_equal(one, same)
+    assert not np.allclose(one["x_px"], other["x_px"])
+
+
+@pytest.mark.parametrize(("mode", "pose"), [*product(PAPER[1:], (BODY, FILM)), ("network", BODY)])
+def test_never_outside_the_tank(mode, pose):
+    player = player_in(mode, pose)
+    for seed in range(2):
+        goals = random_goals(player.world, 3, np.random.default_rng(seed))
+        _, table = edit_of(player, goals, 1000, seed)
+        assert all(inside(open_tank().legal, x, y) for x, y in table[["x_px", "y_px"]].to_numpy())
+        assert measures.outside(table, player) == 0
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_film_said_to_be_of_a_quicker_camera_is_swum_frame_by_frame_alike(mode):
+    """What has a time is measured in Δ, and so in frames; eight times as fast: no bit is lost."""
+    swims = []
+    for rate in (RATE, 8 * RATE):
+        taught = replace(lesson(), rate_hz=rate)
+        world = world_of(taught=taught)
+        network = Network(world, order(rate), phases(rate), Model(), settings("network"))
+        made = hybrid_of(film_of(*rich(), taught=taught), world)
+        made = Hybrid(network, made.loops, made.gateways)
+        one = made if mode == "hybrid" else getattr(made, mode)
+        found = swim(paper_player(one), A, 600, np.random.default_rng(3))
+        swims.append((
+            np.concatenate([part.way for part in found.stretches]),
+            np.concatenate([part.number for part in found.stretches]),
+            [part.decision.reason for part in found.stretches],
+        ))  # fmt: skip
+    for one, quicker in zip(*swims, strict=True):
+        np.testing.assert_array_equal(one, quicker)
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_every_mode_goes_on_from_the_state_of_any_other(mode):
+    made, rng = players_of(), np.random.default_rng(0)
+    for other in MODES:
+        state = made[other].begin(rng)
+        for player in (made[other], made[mode]):
+            for _ in range(30):
+                before = state.fish
+                stretch, state = player.step(state, None, rng)
+                assert np.hypot(*(stretch.way[0, :2] - (before.x, before.y))) < LENGTH / 2
+                assert abs(wrap_deg(stretch.way[0, 2] - before.heading)) < 40
+        kinds = {"network": SPRITE, "loops": FRAME, "matching": FRAME}
+        assert stretch.kind == kinds.get(mode, stretch.kind)
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_path_is_refused(mode):
+    with pytest.raises(FinloopError, match="a path, in a mode of the paper"):
+        player_in(mode).begin(np.random.default_rng(0), Route(*[None] * len(Route._fields)))
+
+
+# --- loops: the position table
+
+
+def test_the_compiled_quadrant_is_that_of_the_position_table():
+    for dx, dy in product(range(-3, 4), repeat=2):
+        assert quadrant_of(float(dx), float(dy)) == quadrant(dx, dy)
+
+
+def slow_way(film, tank_, start, place, goal, least):
+    """(px to the goal, rows, touched) of the best loop end, and of the best that is only inside.
+
+    None where there is none; a way that has touched its goal ends at the next loop end.
+    """
+    (row, rot), (x, y), n, legal, within, touch = start, place, 0, [], [], False
+    begins = film.heading[row] + rot
+    wanted = quadrant(goal.x - place[0], place[1] - goal.y)
+    while inside(tank_.legal, x, y):
+        n += 1
+        touch = touch or touches(x, y, film.heading[row] + rot, goal)
+        end = film.end[row + 1] if film.more[row] else -1
+        ends = end >= 0 and film.start[end + 1] > film.start[end]
+        if ends and (touch or n >= least):
+            off = abs(wrap_deg(bearing(*place, x, y) - begins))
+            within.append((0.0 if touch else np.hypot(goal.x - x, goal.y - y), n, touch))
+            there = goal.free or quadrant(x - place[0], place[1] - y) == wanted
+            if touch or (there and off <= 45):
+                legal.append(within[-1])
+        if not film.more[row] or (touch and ends):
+            break
+        dx, dy = moved(film.dx[row], film.dy[row], rot)
+        x, y, row = x + dx, y + dy, row + 1
+    return min(legal, default=None), min(within, default=None)
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+@pytest.mark.parametrize("free", [False, True])
+def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free):
+    """Of a fish that wanders, in any quadrant."""
+    small = tank(ARENA[:300, :300], 0.6 * LENGTH)
+    play_, rng = loops_of(posed_film(pose)[0], world_of(small)), np.random.default_rng(2)
+    play_.p = replace(play_.p, improper_deg=45.0)
+    film, seen = play_.film, dict.fromkeys(["", "tank", "quadrant", "heading", "touched"], 0)
+    for _ in range(200):
+        fish = in_film(film, rng, small)
+        goal = spot(*small.random_point(rng))._replace(free=free)
+        starts = play_.starts(fish)
+        ways = play_.look_up(fish, starts, goal)
+        for way, (row, rot, seam) in enumerate(zip(*starts, strict=True)):
+            place, least = play_.arrival(fish), STAY if seam > 0 else 1
+            best, any_ = slow_way(film, small, (row, rot), place, goal, least)
+            assert ways.ticks[way] == (best[1] if best else 0)
+            assert ways.touched[way] == (best is not None and best[2])
+            assert ways.inside[way] == (any_[1] if any_ else 0)
+            assert ways.far[way] == pytest.approx(best[0] if best else np.inf)
+            fails = VERDICTS[ways.verdict[way]]
+            assert (fails == "") == bool(best) and (fails == "tank") == (any_ is None)
+            seen["touched" if ways.touched[way] else fails] += 1
+    assert (seen.pop("quadrant") == 0) == free
+    assert min(seen[name] for name in ("", "tank", "touched")) > 10
+    assert free or seen["heading"] > 10
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+@pytest.mark.parametrize("policy", ["play", "jump", "any"])
+def test_only_the_film_s_next_frame_or_a_loop_s_other_end_follows_a_frame(pose, policy):
+    film, table, pairs = posed_film(pose)
+    found, edit = edit_of(player_in("loops", pose, policy=policy), A, 1200, 1)
+    ends, jumps, before = partners(pairs), 0, None
+    for one in found.stretches:
+        assert (np.diff(one.number) == 1).all() and film.more[one.number[:-1]].all()
+        heading = film.heading[one.number] + one.rot
+        assert wrap_deg(one.way[:, 2] - heading) == pytest.approx(0, abs=1e-9)
+        if before is not None:
+            last, first = before.number[-1], one.number[0]
+            assert one.new == (first != last + 1)
+            assert ((last + 1, first) in ends) if one.new else film.more[last]
+            assert loop_ends(film)[last] or not one.new
+            if pose == BODY:  # the heading goes on as if the film had played on
+                turned = film.heading[last + 1] + before.rot[-1] - heading[0]
+                assert wrap_deg(turned) == pytest.approx(0, abs=1e-6)
+            jumps += one.new
+        before = one
+    assert jumps > (20 if policy == "jump" else 5)
+    assert (pose == BODY) == bool(edit["rotation_deg"].any())
+    assert set(edit["kind"]) == {FRAME} and set(edit["mode"]) == {"loops"}
+    assert not edit["mirrored"].any() and edit["pose"].isna().all()
+    assert edit["source"].max() < len(table) and set(shown(edit)) == {"film"}
+    assert (edit["weight"] > 0).any()  # joins are cross-fades
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_way(pose):
+    most, player = settings("loops").improper_deg, player_in("loops", pose)
+    film, rng, legal, other = posed_film(pose)[0], np.random.default_rng(4), 0, 0
+    state = player.begin(rng)
+    goal = Goal("A", *open_tank().random_point(rng))
+    for _ in range(250):
+        before = state.fish
+        stretch, state = player.step(state, goal, rng)
+        if stretch.touched:
+            goal = Goal("A", *open_tank().random_point(rng))
+        if stretch.decision.reason == "spot":
+            continue
+        last = before.row, before.rot
+        for place, to, number, rot in zip(
+            [(before.x, before.y), *stretch.way[:-1, :2]], stretch.way[:, :2],
+            [last[0], *stretch.number], [last[1], *stretch.rot], strict=False,
+        ):  # fmt: skip
+            goes = moved(film.dx[number], film.dy[number], rot)
+            assert np.subtract(to, place) == pytest.approx(goes, abs=1e-6)
+        why = stretch.decision
+        if not why.quadrant:  # no way was legal: then it only stays inside
+            assert why.ways == why.ways_tank + why.ways_quadrant + why.ways_heading > 0
+            other += 1
+        elif not stretch.touched and len(stretch.way) > 1:
+            (x, y, heading), (to_x, to_y, _) = stretch.way[[0, -1]]
+            assert quadrant(to_x - x, y - to_y) == quadrant(goal.x_px - x, y - goal.y_px)
+            assert why.quadrant == quadrant(to_x - x, y - to_y)
+            assert abs(wrap_deg(bearing(x, y, to_x, to_y) - heading)) <= most + 1e-9
+            legal += 1
+    assert legal > 30 and other > 5
+
+
+@pytest.mark.parametrize("policy", ["play", "jump", "any"])
+def test_the_policy_says_whether_the_film_plays_on_or_jumps_where_both_pass(policy):
+    """Fig. 10b."""
+    mode, rng, took = loops_of(policy=policy), np.random.default_rng(5), {True: 0, False: 0}
+    film, ends = mode.film, np.flatnonzero(loops_of().ends)
+    for _ in range(300):
+        fish = replace(in_film(film, rng), row=int(rng.choice(ends)))
+        goal = spot(*open_tank().random_point(rng))
+        starts = mode.starts(fish)
+        ways = mode.look_up(fish, starts, goal)
+        passes = ways.ticks > 0
+        plays, jumps = passes & (starts.seams == 0), passes & (starts.seams > 0)
+        taken = mode.play(fish, goal, rng)
+        chosen = mode.choose(starts, ways, np.random.default_rng(0))
+        assert passes[chosen] if passes.any() else chosen is None
+        if passes.any():
+            assert taken.number[0] in starts.rows[passes]
+            assert policy == "any" or taken.number[0] == starts.rows[chosen]
+            assert taken.new == (taken.decision.reason == "jump")
+        if passes.any() and policy != "any":  # of several jumps the one that leads nearest
+            mine = starts.rows == taken.number[0]
+            assert ways.far[mine].item() == ways.far[jumps if taken.new else plays].min()
+        if plays.any() and jumps.any():
+            took[taken.new] += 1
+        elif plays.any() or jumps.any():
+            assert taken.new == jumps.any()
+    assert (took[True] > 0, took[False] > 0) == (policy != "play", policy != "jump")
+    assert sum(took.values()) > 50
+
+
+@pytest.mark.parametrize("stay", [0.05, 4.0])
+@pytest.mark.parametrize("policy", ["play", "jump"])
+def test_after_a_jump_comes_at_least_so_much_film(stay, policy):
+    """Even where a goal is touched soon, or a live fish is sent elsewhere."""
+    player, rng = player_in("loops", stay=stay, policy=policy), np.random.default_rng(6)
+    film, gaps, since = player.film, [], None
+    state = player.begin(rng)
+    for _ in range(400):
+        before = state
+        stretch, state = player.step(state, Goal("A", *open_tank().random_point(rng)), rng)
+        if rng.random() < 0.5:
+            stretch, state = player.cut(before, stretch, int(rng.integers(1, 9)))
+        if stretch.new:
+            last = before.fish.row + 1
+            plays_on = film.more[last] and film.endless[last + 1]
+            if since is not None and plays_on and stretch.decision.reason != "spot":
+                gaps.append(since)
+            since = 0
+        if since is not None:
+            since += len(stretch.way)
+    assert min(gaps) >= max(1, round(stay * DELTA)) and len(gaps) > 10
+
+
+STRAIGHT_LOOPS = loops((20, 95), (22, 120), (60, 160), (104, 165), (110, 185))
+
+
+def straight_on():
+    """A straight film in two tracks, with loops in the beginning and the end of each."""
+    table = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    return film_of(table, STRAIGHT_LOOPS)
+
+
+@pytest.mark.parametrize("row", [10, 60, 90, 92, 93, 110, 183])
+def test_a_fish_no_way_of_which_stays_in_the_tank_keeps_its_place(row):
+    mode, rng = loops_of(straight_on()), np.random.default_rng(0)
+    film, x = mode.film, float(np.flatnonzero(open_tank().legal[300])[-1])
+    fish = Fish(x, 300.0, 0.0, 2.0, IN_FILM, -1, row=row, since=100)
+    ends = partners(STRAIGHT_LOOPS)
+    for _ in range(20):
+        found = mode.play(fish, spot(100, 300), rng)
+        assert found.decision.reason == "spot" and found.decision.ways_tank == found.decision.ways
+        assert (found.way == [x, 300.0, 0.0]).all() and not found.touched
+        assert found.new == (found.number[0] != fish.row + 1)
+        if found.new:
+            assert (fish.row + 1, found.number[0]) in ends
+        assert (np.diff(found.number) == 1).all() and film.more[found.number].all()
+        fish = mode.after(fish, found)
+        assert (fish.x, fish.y) == (x, 300.0)
+
+
+def test_a_dead_end_is_never_played_into():
+    table = table_of(swum([4.0] * 200), swum([-4.0] * 200), swum([0.0] * 200))
+    pairs = loops(
+        *((a, b) for a in (10, 50, 90, 140) for b in (215, 255, 301, 341)),
+        *((a, b) for a in (20, 100) for b in (440, 530)), (30, 470), (12, 132),
+    )  # fmt: skip
+    player = paper_player(loops_of(film_of(table, pairs)))
+    goes_on = player.film.plays(np.arange(len(table) - 1))
+    assert not goes_on.all()
+    for seed in range(3):
+        found, _ = edit_of(player, [], 2000, seed)
+        assert goes_on[np.concatenate([one.number for one in found.stretches])].all()
+        assert sum(one.new for one in found.stretches) > 20
+
+
+def test_a_film_whose_loops_lead_to_its_end_alone_is_not_played():
+    assert loops_of().can_play and not loops_of(film_of(rich_table(), loops())).can_play
+    tail = table_of(swum([0.0] * 99), swum([0.0] * 99))
+    assert not loops_of(film_of(tail, loops((20, 150)))).can_play
+
+
+def three_ways():
+    """Straight on to the right at y = 300; at row 20 circles to the left, to the right, or on."""
+    table = table_of(swum([0.0] * 149), swum([2.0] * 149), swum([-2.0] * 149))
+    pairs = [(20, 170), (20, 320), (41, 201), (41, 351), (60, 231), (60, 381), (25, 225), (25, 375)]
+    return film_of(table, loops(*pairs))
+
+
+@pytest.mark.parametrize(
+    ("goal", "quadrant_", "rows"),
+    [((340, 150), 1, {20, 170}), ((500, 290), 1, {20, 170}), ((340, 450), 4, {320}),
+     ((250, 150), 2, set()), ((250, 450), 3, set())],
+)  # fmt: skip
+def test_the_way_is_taken_that_leads_to_the_goal_s_quadrant(goal, quadrant_, rows):
+    """No way leads back: what lies behind is of no quadrant that any loop end is in."""
+    mode = loops_of(three_ways(), policy="any")
+    fish = Fish(300.0, 300.0, 0.0, 2.0, IN_FILM, -1, row=19, since=100)
+    found = [mode.play(fish, spot(*goal), np.random.default_rng(seed)) for seed in range(30)]
+    assert {int(one.number[0]) for one in found} == (rows or {20, 170, 320})
+    for one in found:
+        assert one.way[0] == pytest.approx((300 + STEP, 300, 0)) and one.new == (one.number[0] > 20)
+        assert one.decision.ways == 3 and one.decision.quadrant == (quadrant_ if rows else 0)
+        assert one.decision.ways_quadrant == 3 - len(rows)
+
+
+# --- sprites as network mode plays them
+
+
+@pytest.mark.parametrize("side", [LEFT, RIGHT])
+@pytest.mark.parametrize("angle", [2, 20, 60, 120, 180])
+def test_a_turn_is_done_step_by_step_to_the_end(side, angle):
+    plan = plan_turn(order().turns[side], angle, angle / 180, DELTA, settings("network"))
+    assert (np.diff(plan.share) > 0).all() and plan.share[0] > 0
+    assert plan.share[-1] == 1
+    sequence = sprites().loc[plan.frames, "sequence"].unique()
+    assert list(sequence) == ["left" if side == LEFT else "right"]
+    assert plan.frames[0] == sprites().index[sprites()["sequence"] == sequence[0]][0]
+
+
+def test_a_larger_area_bends_deeper_and_a_larger_angle_holds_longer():
+    turn, p = order().turns[LEFT], settings("network")
+    areas = [plan_turn(turn, 60, area, DELTA, p).area for area in (0.2, 0.5, 0.8, 1.0)]
+    assert areas == sorted(areas) and areas[0] < areas[-1]
+    deep = [plan_turn(turn, angle, 1.0, DELTA, p) for angle in (90, 150, 180)]
+    assert len(deep[0].frames) < len(deep[1].frames) <= len(deep[2].frames)
+
+
+def test_frames_turn_by_what_they_turned_in_the_film():
+    # All nine frames once: their own angles, in the shares of the film.
+    plan = plan_turn(order().turns[LEFT], 120, 1.0, DELTA, settings("network"))
+    table = sprites()
+    film_deg = table.loc[table["sequence"] == "left", "turn_deg"].to_numpy()
+    assert plan.film_deg == pytest.approx(film_deg[:-1].sum())
+    assert np.diff(plan.share) * 120 == pytest.approx(film_deg[:-1], abs=2.5)
+
+
+def test_a_turn_half_as_deep_never_shows_the_deepest_frames():
+    plan = plan_turn(order().turns[RIGHT], 40, 0.5, DELTA, settings("network"))
+    assert sprites().loc[plan.frames, "motion_area_rel"].max() < 0.8
+
+
+# --- network
+
+
+@pytest.fixture(scope="module")
+def network():
+    return player_in("network")
+
+
+def test_figure18_turns_towards_a_goal_beside_and_swims_straight_to_one_ahead():
+    mode, rng = network_of(), np.random.default_rng(0)
+    fish = replace(mode.begin(rng), x=400.0, y=300.0, heading=0.0)
+    for (x, y), reason, side in (
+        ((700.0, 300.0), "phase", np.nan), ((400.0, 100.0), "turn", 90.0),
+        ((400.0, 500.0), "turn", -90.0),
+    ):  # fmt: skip
+        found = mode.play(fish, spot(x, y), rng)
+        assert found.decision.reason == reason
+        assert found.decision.turn_deg == pytest.approx(side, nan_ok=True)
+        assert np.isnan(found.area) == (reason != "turn")  # only then the network is asked
+
+
+class Recorder(Model):
+    """A model that keeps what it is asked, and answers some motion area."""
+
+    def __init__(self, answer):
+        self.answer, self.asked = answer, []
+
+    def predict(self, inputs):
+        """Motion area and swimming type (n, 2)."""
+        self.asked.append(inputs.copy())
+        return np.array([[self.answer, 0.0]])
+
+
+@pytest.mark.parametrize("answer", [-0.5, 0.3, 2.0])
+def test_a_turn_asks_the_network_for_what_eq_4_says_and_shows_its_area(answer):
+    model, rng, sides = Recorder(answer), np.random.default_rng(1), set()
+    mode, turns = network_of(model=model), lesson().turns
+    fish, bent = mode.begin(rng), 0
+    for _ in range(200):
+        goal = spot(*open_tank().random_point(rng))
+        found = mode.play(fish, goal, rng)
+        if found.decision.reason != "turn":
+            assert not model.asked and np.isnan(found.area)
+        else:
+            (((area, none, displacement, included),),) = model.asked
+            assert area == fish.area and none == 0.0
+            at = np.flatnonzero(turns.displacement == displacement)
+            # The angle is that of the film's turn over Δ, or less where all of it is more.
+            assert np.sign(included) == np.sign(found.decision.turn_deg)
+            assert abs(included) <= turns.included_angle_deg[at].max() + 1e-9
+            assert found.area == min(max(answer, 0.0), 1.0)
+            sides.add(np.sign(included))
+            bent += area > 0
+        assert mode.ideal_motion_area(fish, 1.0, 30.0) == min(max(answer, 0.0), 1.0)
+        model.asked.clear()
+        cut = found.cut(int(rng.integers(1, 12)))
+        fish = mode.after(fish, cut)
+    assert sides == {-1, 1} and bent > 5
+
+
+def test_a_turn_bends_as_far_as_the_network_says(network):
+    _, table = edit_of(network, [], 4000, 6)
+    asked = table[table["motion_area"].notna() & table["reason"].notna()]
+    assert (table["state"][table["motion_area"].notna()] == "turn").all()
+    area, begins = sprites()["motion_area_rel"].to_numpy(), np.flatnonzero(table["reason"].notna())
+    deepest = [
+        area[table["source"].iloc[a:b].to_numpy()].max()
+        for a, b in pairwise([*begins, len(table)]) if table["state"].iloc[a] == "turn"
+    ]  # fmt: skip
+    assert len(deepest) == len(asked)
+    assert np.corrcoef(asked["motion_area"], deepest)[0, 1] > 0.8
+    missed = np.median(np.abs(asked["motion_area"] - deepest))
+    assert area_missed(table)["turn_area_missed_median"] == pytest.approx(missed)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_sprites_reach_all_goals_and_turn_towards_them_tick_by_tick(network, seed):
+    goals = random_goals(network.world, 3, np.random.default_rng(seed))
+    found, table = edit_of(network, goals, 1500, seed)
+    ticks = measures.reached(table, goals, TOUCH, HEAD)
+    assert not np.isnan(ticks).any() and list(found.reached) == list(ticks)
+    assert of_turns(table)["turns_monotone_pct"] == 100
+    assert set(table["kind"]) == {SPRITE} and set(table["mode"]) == {"network"}
+
+
+def test_nothing_teleports(network):
+    _, table = edit_of(network, [], 3000, 4)
+    moved_ = np.hypot(*np.diff(table[["x_px", "y_px"]].to_numpy(), axis=0).T)
+    assert moved_.max() <= phases().high / RATE * LENGTH * np.sqrt(2) + 1e-6
+    spun = np.abs(wrap_deg(np.diff(table["heading_deg"].to_numpy(float))))
+    straight = (table["state"] != "turn").to_numpy()[1:]
+    drifts = np.abs(np.diff(phases().drift_deg)).max()
+    assert spun[straight].max() <= drifts + 1
+
+
+def test_when_the_goals_are_done_the_fish_wanders_on(network):
+    _, table = edit_of(network, A, 3000, 2)
+    names = table["goal"].to_numpy()
+    assert names[0] == "A" and names[-1] == ""
+    wandering = table[names == ""]
+    assert np.ptp(wandering["x_px"]) > 0.5 * np.ptp(np.flatnonzero(open_tank().legal.any(0)))
+    assert set(wandering["state"]) >= {STATES[state] for state in phases().state} | {"turn"}
+
+
+def with_phases(network, state, before):
+    """The same mode, the phases of whose film are of these states, after these states."""
+    n = len(network.phases.state)
+    state, before = (np.resize(one, n).astype(np.int8) for one in (state, before))
+    taught = replace(network.phases, state=state, before=before)
+    return Network(network.world, network.sprites, taught, network.model, network.p)
+
+
+def test_a_fish_is_in_all_states_of_the_film():
+    every = with_phases(network_of(), range(4), range(4, 0, -1))
+    _, table = edit_of(paper_player(every), [], 2000, 2)
+    assert set(table["state"]) == set(STATES[:5])
+    share = table["state"].value_counts(normalize=True)
+    assert share.min() > 0.02
+
+
+def test_a_wandering_fish_swims_as_the_film_does(network):
+    _, table = edit_of(network, [], 10_000, 1)
+    film = measures.motion_of_film(lessons(), lesson())
+    far = measures.of_kinematics(measures.motion_of_edit(table, network), film)
+    assert far["speed_kinematic_distance_sd"] < 0.5
+    assert far["turn_rate_kinematic_distance_sd"] < 0.5
+
+
+def test_a_way_leads_round_a_wall_to_the_goal():
+    arena = ARENA.copy()
+    arena[:380, 390:410] = False
+    player = paper_player(network_of(world_of(tank(arena, 0.6 * LENGTH))))
+    goals = [Goal("A", 200.0, 100.0), Goal("B", 600.0, 100.0), Goal("C", 200.0, 100.0)]
+    _, found = edit_of(player, goals, 2500, 3)
+    assert not np.isnan(measures.reached(found, goals, TOUCH, HEAD)).any()
+    assert all(inside(player.world.tank.legal, *at) for at in found[["x_px", "y_px"]].to_numpy())
+
+
+def test_a_goal_in_a_corner_is_touched(network):
+    goals = [Goal("A", 38.0, 30.0), Goal("B", 760.0, 570.0)]
+    _, table = edit_of(network, goals, 1500, 5)
+    assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
+
+
+# --- hybrid
+
+
+def switches(table):
+    """The ticks at which an edit list enters the film, and leaves it."""
+    frame = (table["kind"] == FRAME).to_numpy().astype(int)
+    return np.flatnonzero(np.diff(frame) > 0) + 1, np.flatnonzero(np.diff(frame) < 0) + 1
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_every_switch_goes_through_a_gateway_as_it_is_listed(pose):
+    gates = posed_gateways(pose)
+    listed = gates.set_index(["direction", "orientation", "sprite", "row"])["distance"]
+    player = player_in("hybrid", pose)
+    goals = random_goals(player.world, 40, np.random.default_rng(0))
+    _, table = edit_of(player, goals, 2500, 2)
+    into, out = switches(table)
+    assert len(into) > 5 and len(out) > 5 and abs(len(into) - len(out)) <= 1
+    heading, number = table["heading_deg"].to_numpy(float), table["source"].to_numpy()
+    sector = np.zeros(len(table), int)
+    if pose == FILM:
+        sector = orientation(heading, ORIENTATIONS)
+    for tick in into:
+        gate = "in", sector[tick - 1], number[tick - 1], number[tick]
+        assert table["seam"][tick] == pytest.approx(listed[gate])  # steps of a film whose own is 1
+        assert table["reason"][tick] == "enter" and table["exit"].isna()[tick]
+    for tick in out:
+        assert table["exit"][tick] == "no_way" and table["reason"][tick] == "phase"
+        ways = gates[(gates["direction"] == "out") & (gates["row"] == number[tick - 1])]
+        mine = ways[ways["sprite"] == number[tick]]
+        assert len(mine) and table["seam"][tick] == pytest.approx(mine["distance"].item())
+        assert mine["rank"].item() == ways["rank"].min()  # the nearest
+        if pose == FILM:
+            assert mine["orientation"].item() == sector[tick]
+        names = ("ways", "ways_tank", "ways_quadrant", "ways_heading")
+        every, *failed = (table[name][tick] for name in names)
+        assert every == sum(failed)  # no way on is legal
+    turned = np.abs(wrap_deg(heading[[*into, *out]] - heading[[*into - 1, *out - 1]]))
+    assert turned.max() <= (7.01 if pose == BODY else 7.5 + 7.01)
+    assert set(table["mode"][table["kind"] == FRAME]) == {"loops"}
+    assert set(table["mode"][table["kind"] == SPRITE]) == {"network"}
+    numbers = shown_shares(table)
+    assert numbers["switches"] == len(into) + len(out)
+    assert numbers["switches_without_gateway"] == 0
+    assert 30 < numbers["film_pct"] < 100
+
+
+def test_between_switches_the_film_goes_on_by_its_loops():
+    film, _, pairs = posed_film(BODY)
+    found, _ = edit_of(player_in("hybrid"), A, 2500, 3)
+    ends, jumps = partners(pairs), 0
+    for before, one in pairwise(found.stretches):
+        if before.kind == one.kind == FRAME:
+            last, first = before.number[-1], one.number[0]
+            assert ((last + 1, first) in ends) if one.new else first == last + 1
+            jumps += one.new
+        if one.kind == FRAME:
+            assert (np.diff(one.number) == 1).all() and film.more[one.number[:-1]].all()
+    assert jumps > 3
+
+
+@pytest.mark.parametrize("speed", [0.6, 1.3])
+def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
+    """After the film always comes a tail beat; the only way out leads to its fourth sprite."""
+    gates = gateways(every=1).query("direction == 'in' or sprite == 3")
+    mode, rng = hybrid_of(gates=gates), np.random.default_rng(0)
+    network, film = with_phases(mode.network, [ACCELERATE], [STRAIGHT]), mode.loops.film
+    for _ in range(40):
+        fast = network.sprites.cycle_speed * speed
+        fish = replace(in_film(film, rng), x=400.0, y=300.0, speed=fast)
+        starts = mode.loops.starts(fish)
+        angle = np.radians(fish.heading)
+        goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
+        left = mode.leave(fish, mode.loops.look_up(fish, starts, goal), goal)
+        assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
+        there = mode.after(fish, left)
+        assert (there.row, there.sprite, there.since) == (-1, 3, 1)
+        then = network.play(there, goal, rng)
+        assert then.number[0] == 4 and not then.new
+
+
+def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
+    mode, rng, entered = hybrid_of(), np.random.default_rng(2), 0
+    fish = mode.begin(rng)
+    for _ in range(400):
+        goal = spot(*open_tank().random_point(rng))
+        found = mode.play(fish, goal, rng)
+        starts = mode.gates(fish) if fish.row < 0 else None
+        if starts is not None:
+            ways = mode.loops.look_up_from(mode.loops.arrival(fish), starts, goal)
+            if found.kind == SPRITE:  # a way may end where there is a way out alone
+                left = fish.since == 1  # the film, a tick ago
+                assert left or not (ways.ticks > 0).any() or not mode.enter(fish, goal)
+            else:
+                assert found.number[0] in starts.rows and found.decision.reason == "enter"
+                entered += 1
+        fish = mode.after(fish, found)
+    assert entered > 5
+
+
+@pytest.mark.parametrize("pose", [BODY, FILM])
+def test_hybrid_reaches_all_goals_in_the_open_tank(pose):
+    player = player_in("hybrid", pose)
+    for seed in range(4):
+        goals = random_goals(player.world, 3, np.random.default_rng(seed))
+        found, table = edit_of(player, goals, 2500, seed)
+        assert not np.isnan(measures.reached(table, goals, TOUCH, HEAD)).any()
+        assert (found.reached >= 0).all()
+
+
+def test_hybrid_without_loops_or_gateways_is_network_mode(network):
+    goals = [Goal("A", 200.0, 200.0), Goal("B", 600.0, 500.0)]
+    _, wanted = edit_of(network, goals, 1200, 3)
+    none = gateways().iloc[:0]
+    for film, gates in ((rich_film(), none), (film_of(rich_table(), loops()), gateways())):
+        _, mine = edit_of(paper_player(hybrid_of(film, gates=gates)), goals, 1200, 3)
+        pd.testing.assert_frame_equal(mine, wanted)
+
+
+def test_gateways_that_lead_nowhere_are_not_taken():
+    last = np.flatnonzero(~rich_film().more)
+    gates = gateways()
+    gates = gates[gates["direction"] == "in"].iloc[: len(last)].assign(row=last)
+    _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 600, 1)
+    assert (table["kind"] == SPRITE).all()
+
+
+def test_film_from_which_no_gateway_leads_is_not_entered():
+    gates = gateways().query("direction == 'in'")
+    _, table = edit_of(paper_player(hybrid_of(gates=gates)), [], 1500, 1)
+    assert (table["kind"] == SPRITE).all()
+
+
+def test_a_sprite_has_an_orientation_and_a_frame_has_none():
+    _, table = edit_of(player_in("hybrid"), A, 1500, 2)
+    for kind, name in (("kind", "orientation"), ("partner_kind", "partner_orientation")):
+        assert table[kind].isin([FRAME]).any() and table[kind].isin([SPRITE]).any()
+        assert (table[name].notna() == (table[kind] == SPRITE)).all()
+        assert table[name].dropna().between(1, ORIENTATIONS).all()
+
+
+@pytest.mark.parametrize("mode", PAPER)
+def test_a_cross_fade_begins_at_every_jump_and_switch_and_the_old_plays_on(mode):
+    player = player_in(mode)
+    found, table = edit_of(player, A, 1500, 2)
+    fade, film = player.joins.fade, player.film
+    assert fade == round(settings("animate").fade * DELTA) > 1
+    number, kind = table["source"].to_numpy(), table["kind"].to_numpy()
+    rotation, weight = table["rotation_deg"].to_numpy(float), table["weight"].to_numpy(float)
+    starts = np.cumsum([0, *(len(one.way) for one in found.stretches)])
+    begins = [tick for tick, one in zip(starts, found.stretches, strict=False) if one.new]
+    begins = np.array([tick for tick in begins if 0 < tick < 1500])
+    assert set(np.concatenate(switches(table))) <= set(begins) and len(begins) > 10
+    fades = np.zeros(1500)
+    for begin in begins:  # a later one begins anew
+        stop = min(begin + fade, 1500)
+        fades[begin:stop] = (1 - np.arange(1, fade + 1) / (fade + 1))[: stop - begin]
+    assert weight == pytest.approx(fades)
+    assert (table["partner"].notna() == (weight > 0)).all()
+    for begin, later in pairwise(begins):
+        old = number[begin - 1]
+        for tick in range(begin, min(begin + fade, later)):
+            goes_on = kind[begin - 1] == FRAME
+            old = old + int(film.more[old]) if goes_on else order().following[old]
+            row = table.iloc[tick]
+            assert (row["partner_kind"], row["partner"]) == (kind[begin - 1], old)
+            if goes_on:
+                turned = row["partner_rotation_deg"] - rotation[begin - 1]
+                assert wrap_deg(turned) == pytest.approx(0, abs=1e-3)
+
+
+def test_wandering_uses_much_of_the_tank_and_of_the_film():
+    _, table = edit_of(player_in("hybrid"), [], 3000, 5)
+    assert np.ptp(table["x_px"]) > 250 and np.ptp(table["y_px"]) > 250
+    assert table["source"][table["kind"] == FRAME].nunique() > 300
+    assert longest_repeat(table) < 500

@@ -1,0 +1,112 @@
+"""Every shipped sweep moves the measures that it lists: two of its values on a tiny film."""
+
+import importlib
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from conftest import ROOT
+from scratch import prepare
+from tiny_run import GIVEN, STAGES, TinyRun, with_those_before
+
+from finloop.edit.modes import MODES
+
+SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))
+FILM = [
+    "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
+    "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
+    "bpn.epochs=5", "bpn.block=3", "forecast.epochs=2", "forecast.block=3", "loops.threshold=1",
+    "animate.seconds=8", "animate.trials=4", "realism.seconds=8", "realism.window=1",
+    "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=3",
+    "realism.bins=8", "realism.examples=1",
+]  # fmt: skip
+"""A film with loops and gateways, short enough to be animated again for every value."""
+VALUES = {
+    "bpn.learning_rate": ("0.02", "0.5"),
+    "features.delta_s": ("0.15", "0.3"),
+    "features.orientations": ("12", "24"),
+    "features.turn_threshold_deg": ("12.0", "30.0"),
+    "loops.threshold": ("0.85", "1.2"),
+}
+"""Two values that this film can be swum with; of other parameters the first and the last."""
+
+
+LAST = ("animate", "realism")
+"""Stages that take all modes together; a mode that no measure is of is taken as it was before."""
+
+
+class SweptRun(TinyRun):
+    """What stages make of FILM."""
+
+    def _prepare(self) -> None:
+        prepare(self.folder, *FILM)
+        for given in GIVEN:
+            (self.folder / given).parent.mkdir(exist_ok=True)
+            (self.folder / given).symlink_to(ROOT / given)
+
+
+@pytest.fixture(scope="module")
+def swept_run(tmp_path_factory: pytest.TempPathFactory) -> SweptRun:
+    base = tmp_path_factory.getbasetemp()
+    return SweptRun((base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "swept")
+
+
+def sweeper(path: Path) -> dict[str, Any]:
+    """The sweep of a file."""
+    return yaml.safe_load(path.read_text())["hydra"]["sweeper"]
+
+
+def stages_that_follow(group: str, measures: list[str]) -> list[str]:
+    """The stages that a changed group of parameters runs again, on the way to the measures."""
+    measured = {one.partition(".")[0] for one in measures}
+    modes = {one.partition(".")[2].partition("_")[0] for one in measures}
+    ends = [f"modes-{mode}" for mode in MODES if mode in modes]
+    ends += measured - set(LAST)
+    wanted = [*with_those_before(ends), *(word for word in LAST if word in measured)]
+    found: list[str] = []
+    for word in wanted:
+        reads = any(str(one).partition(".")[0] == group for one in STAGES[word].get("params", []))
+        if reads or any(one in with_those_before([word]) for one in found):
+            found.append(word)
+    return found
+
+
+def numbers(folder: Path, measures: list[str]) -> dict[str, Any]:
+    """The values of measures such as `animate.hybrid_film_pct`."""
+    of = {one: one.partition(".") for one in measures}
+    return {
+        one: json.loads((folder / f"reports/{word}/metrics.json").read_text())[key]
+        for one, (word, _, key) in of.items()
+    }
+
+
+@pytest.mark.parametrize("path", SWEEPS, ids=lambda path: path.stem)
+def test_two_values_of_a_sweep_differ_in_its_measures(path, swept_run, tmp_path, monkeypatch):
+    asked = sweeper(path)
+    if "params" not in asked:
+        pytest.skip("an experiment, no sweep")
+    ((name, values),) = asked["params"].items()
+    every = [one.strip() for one in values.split(",")]
+    two = VALUES.get(name, (every[0], every[-1]))
+    words = stages_that_follow(name.partition(".")[0], asked["measures"])
+    swept_run.bring(tmp_path, [asked["until"]])
+    for given in GIVEN:
+        (tmp_path / given).parent.mkdir(exist_ok=True)
+        (tmp_path / given).symlink_to(ROOT / given)
+    found = []
+    for value in two:
+        prepare(tmp_path, *FILM, f"{name}={value}")
+        with monkeypatch.context() as patch:
+            patch.chdir(tmp_path)
+            for word in words:
+                importlib.import_module(f"stages.{word.replace('-', '.')}").main()
+        found.append(numbers(tmp_path, asked["measures"]))
+    one, other = found
+    same = [key for key in one if one[key] == other[key]]
+    # `halves` is of the film itself; and both values may lead to all goals, or to no film at all.
+    moved = [key for key in one if key.startswith(LAST) and key not in same]
+    could = [key for key in one if key.startswith(LAST) and not key.endswith("halves_auc")]
+    assert len(moved) >= len(could) / 3, (one, other)
