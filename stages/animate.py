@@ -22,7 +22,6 @@ from finloop.social.measures import SHOAL, beside, halves, shoal_table
 from finloop.social.walls import Walls
 
 ANIMATE, OUT, REPORT = Path("data/animate"), Path("data/animate/beside"), Path("reports/animate")
-Motion = tuple[pd.Series, pd.Series]
 ENOUGH_REACHED_PCT = 90.0  # of a mode that reaches fewer goals the report says so first
 
 

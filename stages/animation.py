@@ -28,15 +28,24 @@ from finloop.edit.stretch import Swim
 from finloop.io.atomic import whole_folder
 from finloop.io.record import save_json, save_records
 from finloop.io.table import save_table
-from finloop.modes.animator import Animator
+from finloop.modes.animator import Animator, FilmData
 from finloop.modes.samples import sample_animations
 from finloop.project import Project
+from finloop.reel import Reel
 from stages.cluster import workers
 from stages.run import progress
 
 OUT = Path("data/animate")
 Open = Callable[[Project], Any]  # an Animator
 More = Callable[[Path, Any, list[Swim], pd.DataFrame], dict[str, float]]
+
+
+def film_data(project: Project, reel: Reel) -> FilmData:
+    """Return what a mode of the paper takes of a run. reel: with or without sprites."""
+    return FilmData(
+        project.rate_hz, project.arena, project.background, reel, project.outlines, project.poses,
+        project.map_facts, project.steps,
+    )  # fmt: skip
 
 
 def save_no_more(

@@ -218,9 +218,9 @@ def random_goals(waters: AnyWorld, count: int, rng: np.random.Generator) -> list
     return goals
 
 
-def somewhere(waters: Waters, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
+def somewhere(world: AnyWorld, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
     """A place (2,) px to wander to, as far aside as the film's turns go, and for how many ticks."""
-    motion, tank = waters.motion, waters.tank
+    motion, tank = world.motion, world.tank
     for _ in range(_TRIES):
         angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
         ticks = int(one_of(motion.straight_ticks, rng))

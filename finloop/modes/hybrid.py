@@ -1,9 +1,9 @@
 """Mode `hybrid`: loops where they lead to the goal, the network between (fish paper §4.3, Fig. 19).
 
-In network mode every sprite that is shown may have gateways into the film: the first of them from
-which a legal way leads on is taken. In loop mode the next loop is looked for at every gateway out
-of the film: where none is legal the fish leaves the film by it. Every switch goes through a gateway
-(Fig. 14).
+In network mode every sprite that is shown may have gateways into the film: of those from which a
+legal way leads on, the one whose way ends nearest to the goal is taken. In loop mode the next loop
+is looked for at loop ends with a gateway out of the film: where none is legal the fish leaves by
+it. Every switch goes through a gateway (Fig. 14).
 """
 
 from dataclasses import replace

@@ -13,6 +13,7 @@ from finloop.animate.kinematics import Spot
 from finloop.animate.route import Route
 from finloop.animate.rule import Rule
 from finloop.animate.state import Fish, State
+from finloop.animate.swim import somewhere
 from finloop.base.arrays import Floats
 from finloop.base.errors import FinloopError
 from finloop.edit.build import Sources
@@ -112,7 +113,7 @@ class PaperPlayer:
             x, y, left = goal.x_px, goal.y_px, 0
         else:
             if left <= 0:
-                place, left = world.somewhere(fish, rng)
+                place, left = somewhere(world, fish, rng)
             x, y = place
         free = not isinstance(goal, Goal)
         spot = Spot(float(x), float(y), world.touch_px, world.head_px, free)

@@ -8,10 +8,6 @@ from finloop.animate.arena import Tank
 from finloop.animate.kinematics import Spot
 from finloop.animate.motion import Motion
 from finloop.animate.state import Fish
-from finloop.animate.swim import one_of
-from finloop.base.arrays import Floats
-
-_TRIES = 8  # a place to wander to is drawn so often before any place will do
 
 
 @dataclass(frozen=True)
@@ -36,16 +32,3 @@ class World:
             return goal
         x, y = self.tank.waypoint(fish.x, fish.y, *legal)
         return goal._replace(x=float(x), y=float(y))
-
-    def somewhere(self, fish: Fish, rng: np.random.Generator) -> tuple[Floats, int]:
-        """Draw a place (2,) px to wander to, and for how many ticks, as the film's turns go."""
-        motion, tank = self.motion, self.tank
-        for _ in range(_TRIES):
-            angle = one_of(motion.turns.angle_deg, rng) * (-1.0, 1.0)[rng.integers(2)]
-            ticks = int(one_of(motion.straight_ticks, rng))
-            way = max(2.0, fish.speed * ticks / motion.rate_hz) * motion.body_length_px
-            direction = np.radians(fish.heading + angle)
-            x, y = fish.x + way * np.cos(direction), fish.y - way * np.sin(direction)
-            if tank.sees(fish.x, fish.y, x, y):
-                return np.array([x, y]), ticks
-        return np.array(tank.random_point(rng)), int(one_of(motion.straight_ticks, rng))

@@ -2,19 +2,15 @@
 
 from stages.run import run  # isort: skip  (before numpy)
 
-from finloop.project import Project
-
-from finloop.modes.animator import FilmData, PaperAnimator
+from finloop.modes.animator import PaperAnimator
 from finloop.modes.hybrid import hybrid_animator
-from stages.animation import animate
+from finloop.project import Project
+from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
     """Bring the mode together; without loops or gateways it shows the network alone."""
-    made = FilmData(
-        project.rate_hz, project.arena, project.background, project.reel, project.outlines,
-        project.poses, project.map_facts, project.steps,
-    )  # fmt: skip
+    made = film_data(project, project.reel)
     settings = project.settings
     return hybrid_animator(
         made, project.model, project.loops, project.gateways, settings("animate"),

@@ -2,19 +2,15 @@
 
 from stages.run import run  # isort: skip  (before numpy)
 
-from finloop.project import Project
-
-from finloop.modes.animator import FilmData, PaperAnimator
+from finloop.modes.animator import PaperAnimator
 from finloop.modes.loops import loops_animator
-from stages.animation import animate
+from finloop.project import Project
+from stages.animation import animate, film_data
 
 
 def open_mode(project: Project) -> PaperAnimator:
     """Bring the mode together. NothingToUse if the film has no loops."""
-    made = FilmData(
-        project.rate_hz, project.arena, project.background, project.film_reel, project.outlines,
-        project.poses, project.map_facts, project.steps,
-    )  # fmt: skip
+    made = film_data(project, project.film_reel)
     return loops_animator(
         made, project.loops, project.settings("animate"), project.settings("loops")
     )

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pandas as pd
-from finloop.project import Project
 
 from finloop.animate import encounters, path_measures
 from finloop.animate.plan_settings import merge_settings
@@ -18,6 +17,7 @@ from finloop.edit.schema import CONSIDERED
 from finloop.edit.stretch import Swim
 from finloop.given_path import given_lines
 from finloop.io.table import save_table
+from finloop.project import Project
 from stages.animation import animate
 
 
