@@ -206,7 +206,7 @@ def _record(
 
 def _refuse_small_disk(writer: VideoWriter, frames: int) -> None:
     """FinloopError where the rest of the clip, as large as its beginning, has no room."""
-    size = writer.bytes / writer.frames * (frames - writer.frames)
+    size = writer.bytes_per_frame() * (frames - writer.frames)
     refuse_small(
         writer.path.parent,
         size,

@@ -5,6 +5,8 @@ same frames give the same bytes.
 """
 
 from abc import ABC, abstractmethod
+from collections import deque
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import ExitStack
 from fractions import Fraction
 from pathlib import Path
@@ -23,6 +25,7 @@ from finloop.io.video import KEY_FRAME_EVERY, THREADS, VideoFacts
 # With B-frames, looking ahead or weights x264 reads memory that nobody has written: what it makes
 # then hangs on what else the process has done.
 _REPEATABLE = {"bf": "0", "x264-params": "mbtree=0:rc-lookahead=0:weightp=0"}
+_WAITING = 4  # frames at most that wait to be coded
 _KEY_EVERY_S = 2  # a player can seek to every two seconds
 _COLOURS = {
     Colorspace.ITU709: (ColorPrimaries.BT709, ColorTrc.BT709),
@@ -33,7 +36,9 @@ _COLOURS = {
 class Movie(ABC):
     """A file with one stream of frames of one shape; it appears at `path` when it is whole.
 
-    FinloopError on leaving the block, if the disk was full. Nothing is left of the file then.
+    A thread of its own codes the frames, while the next ones are made. An error of coding is raised
+    by a later `write`, or on leaving the block. FinloopError on leaving the block, if the disk was
+    full. Nothing is left of the file then.
 
     path: where the file goes.
     shape: of every frame: (h, w) grey, (h, w, 3) RGB or (h, w, 4) RGBA, as the kind of film takes.
@@ -47,7 +52,10 @@ class Movie(ABC):
         self.path, self._shape, self._rate = path, shape, frame_rate
         self._quality = str(quality)
         self._stack = ExitStack()
-        self.frames = self.bytes = 0  # that were written
+        self._coder: ThreadPoolExecutor
+        self._waiting = deque[Future[None]]()
+        self.frames = 0  # that were written
+        self._bytes, self._broken = 0, False
 
     def _begin(
         self, kind: str, container: dict[str, str], coder: str, options: dict[str, str]
@@ -61,6 +69,7 @@ class Movie(ABC):
             self._stream: Any = self._file.add_stream(coder, rate=self._rate, options=options)
             self._stream.codec_context.thread_count = THREADS
             self._stream.codec_context.time_base = 1 / self._rate
+            self._coder = stack.enter_context(ThreadPoolExecutor(1, "film"))
             stack.push(self._finish)
             self._stack = stack.pop_all()
         return self._stream
@@ -93,16 +102,37 @@ class Movie(ABC):
         """Append one frame, uint8 of the film's shape."""
         if frame.shape != self._shape or frame.dtype != np.uint8:
             raise ValueError(f"frame {frame.shape} {frame.dtype}, wanted {self._shape} uint8")
+        self._wait(_WAITING)
+        self._waiting.append(self._coder.submit(self._encode, frame.copy(), self.frames))
+        self.frames += 1
+
+    def bytes_per_frame(self) -> float:
+        """Return the mean size of a coded frame; waits until every frame is coded."""
+        self._wait(1)
+        return self._bytes / self.frames
+
+    def _encode(self, frame: Picture, number: int) -> None:
+        if self._broken:  # to write on after an error crashes the library
+            return
+        self._broken = True
         coded = self._coded(frame)
-        coded.pts, coded.time_base = self.frames, 1 / self._rate
+        coded.pts, coded.time_base = number, 1 / self._rate
         packets = self._stream.encode(coded)
         self._file.mux(packets)
-        self.frames += 1
-        self.bytes += sum(packet.size for packet in packets)
+        self._bytes += sum(packet.size for packet in packets)
+        self._broken = False
+
+    def _wait(self, most: int) -> None:
+        """Wait until fewer frames than this are left to be coded."""
+        while len(self._waiting) >= most:
+            self._waiting.popleft().result()
 
     def _finish(self, error: Any, *_: Any) -> None:
         if error is None:
+            self._wait(1)
             self._file.mux(self._stream.encode(None))
+        for coding in self._waiting:
+            coding.cancel()
 
     def __exit__(self, *error: Any) -> bool | None:
         return self._stack.__exit__(*error)

@@ -26,12 +26,19 @@ class Answers(NamedTuple):
     shuffled: dict[str, Scores]
 
 
-@threadpool_limits.wrap(limits=1)  # of so little data threads are slower, and in each other's way
 def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
-    """The held-out scores of all windows, by classifiers that see these channels alone.
+    """Return the held-out scores of all windows, by classifiers that see these channels alone.
 
     A block whose classifier would have only one kind to learn from gives no scores (NaN).
     """
+    import sklearn.ensemble  # noqa: F401  (only a library that is loaded can be limited)
+
+    # Of so little data threads are slower, and in each other's way.
+    with threadpool_limits(limits=1):
+        return _answers(film, swum, p, channels)
+
+
+def _answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]) -> Answers:
     both = joined([film, swum])
     animation = np.arange(len(both)) >= len(film)
     x = both.x[..., list(channels)]
@@ -42,10 +49,11 @@ def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]
         learn, test = ~both.near[:, block], both.block == block
         if not (test.any() and 0 < animation[learn].sum() < learn.sum()):
             continue
-        model = fit(x[learn], animation[learn], p)
-        score[test] = model.decision_function(_flat(x[test]))
+        binned = bin_values(x, learn, p.bins)
+        model = fit(binned[learn], animation[learn], p)
+        score[test] = model.decision_function(_flat(binned[test]))
         for place, channel in enumerate(channels):
-            mixed = x[test].copy()
+            mixed = binned[test].copy()
             mixed[..., place] = mixed[rng.permutation(len(mixed)), :, place]
             shuffled[CHANNELS[channel]][test] = model.decision_function(_flat(mixed))
     rest = animation, both.block, both.cluster
@@ -54,8 +62,24 @@ def answers(film: Windows, swum: Windows, p: Settings, channels: tuple[int, ...]
     )
 
 
+def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.float32]:
+    """Return the number of the bin that each value of x (n, steps, channels) falls into.
+
+    Between the bins of a step and channel lie the quantiles of the windows `learn` (n,). scikit-
+    learn would do the same, but with weights, which takes five times as long as all its trees.
+    """
+    edges = np.quantile(x[learn], np.arange(1, bins) / bins, axis=0)
+    return np.stack([
+        np.stack([
+            np.searchsorted(np.unique(edges[:, step, channel]), x[:, step, channel])
+            for channel in range(x.shape[2])
+        ], axis=1)
+        for step in range(x.shape[1])
+    ], axis=1).astype(np.float32)  # fmt: skip
+
+
 def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> "HistGradientBoostingClassifier":
-    """A classifier of windows x (n, steps, channels)."""
+    """Return a classifier of the windows x (n, steps, channels) of binned values."""
     # Not at the top: the import takes a second, and plots do not need it.
     from sklearn.ensemble import HistGradientBoostingClassifier
 

@@ -34,7 +34,7 @@ from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
 FRAMES = 4
-THINNED = 200  # frames whose fish are thinned, to choose two for Figs. 3, 4
+THINNED = 50  # frames whose fish are thinned, to choose two for Figs. 3, 4
 
 
 class Film(NamedTuple):
