@@ -28,7 +28,7 @@ if TYPE_CHECKING:  # what properties return; they import it themselves
 PLACES = ("track_id", "frame", "x_px", "y_px")
 
 
-class Drawn(NamedTuple):
+class EditSources(NamedTuple):
     """An edit list and the tables that it draws from.
 
     Attributes
@@ -103,11 +103,11 @@ class Project(RunFiles):
         path = self.data / f"animate/{mode}/drawn.json"
         return load_json(path, lambda facts: float(facts["size"]), *made_by(f"modes-{mode}"))
 
-    def drawn(
+    def edit_with_sources(
         self, mode: str, stage: str, columns: Sequence[str] = PLACES, sprites: bool = False,
         bodies: bool = False,
-    ) -> Drawn:  # fmt: skip
-        """Return the edit list of a mode with the tables that it draws from.
+    ) -> EditSources:  # fmt: skip
+        """Return the edit list of a mode with the scene and the tables that it needs.
 
         Parameters
         ----------
@@ -135,7 +135,7 @@ class Project(RunFiles):
                 keys = self.features[["track_id", "frame"]].to_numpy()
                 goes_on = np.append((np.diff(keys, axis=0) == (0, 1)).all(1), False)
                 postures = Bodies(self.poses, goes_on, pd.DataFrame() if table is None else table)
-            self._kept[key] = Drawn(edit, scene, tracks, table, postures)
+            self._kept[key] = EditSources(edit, scene, tracks, table, postures)
         return self._kept[key]
 
     @cached_property
@@ -154,7 +154,7 @@ class Project(RunFiles):
         stores = {FRAME: self.cutouts, SPRITE: self.sprite_cutouts}
         return Gallery(shelves(stores, self.tracks(PLACES), self.sprites), self.bodies)
 
-    def gallery(self, drawn: Drawn) -> Gallery:
+    def gallery(self, drawn: EditSources) -> Gallery:
         """Return the pictures that an edit list draws: cut-outs and, with a table, sprites."""
         from finloop.edit.schema import FRAME, SPRITE
         from finloop.render.gallery import Gallery, shelves

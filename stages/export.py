@@ -21,7 +21,7 @@ from finloop.io.poses.netcdf import save_netcdf
 from finloop.io.poses.nwb import save_nwb
 from finloop.io.record import save_json
 from finloop.io.table import save_csv, save_csv_in_blocks, save_table
-from finloop.project import Drawn, Project
+from finloop.project import EditSources, Project
 from finloop.render.gallery import frames
 from finloop.render.painter import Box
 from finloop.sprites.stretch import SIDES, WORDS
@@ -34,7 +34,7 @@ OUT, REPORT = Path("data/export"), Path("reports/export")
 POINTS = ["head_x_px", "head_y_px", "head_confidence", "body_length_px"]
 
 
-def films(folder: Path, p: Settings, project: Project, drawn: Drawn) -> dict[str, Any]:
+def films(folder: Path, p: Settings, project: Project, drawn: EditSources) -> dict[str, Any]:
     """Write the animation and every sequence of sprites; what films.json says of them."""
     facts, edit, sprites = project.facts, drawn.edit, project.sprites
     gallery = project.gallery(drawn)
@@ -77,7 +77,7 @@ def films(folder: Path, p: Settings, project: Project, drawn: Drawn) -> dict[str
     }
 
 
-def save_alone(folder: Path, p: Settings, project: Project, drawn: Drawn) -> None:
+def save_alone(folder: Path, p: Settings, project: Project, drawn: EditSources) -> None:
     """Write stimulus.html: the beginning of the animation, played by the page itself."""
     facts = project.facts
     ticks = round(p.stimulus_seconds * facts.frame_rate)
@@ -109,7 +109,9 @@ def main() -> None:
     p: Settings = load("export")
     with Project() as project, whole_folder(OUT) as folder:
         facts, features, sprites = project.facts, project.features[POINTS], project.sprites
-        drawn = project.drawn(p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0)
+        drawn = project.edit_with_sources(
+            p.mode, "export", USED, sprites=True, bodies=p.stimulus_seconds > 0
+        )
         edit, tracks, mm = drawn.edit, drawn.tracks, facts.mm_per_px
         length_px = project.size(p.mode) * float(features["body_length_px"].median())
         least, animals = round(p.tracks_least_s * facts.frame_rate), names(project, tracks)

@@ -20,7 +20,7 @@ from finloop.io.atomic import whole_folder
 from finloop.io.picture import save_figure, save_picture
 from finloop.io.svg import load_svg
 from finloop.io.table import save_csv
-from finloop.morph.layers import METHODS, Physics, morph, there_and_back
+from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 from finloop.morph.match import matched
 from finloop.morph.settings import Settings
 from finloop.plots.curve import figure2, figure3, figure6, figure7
@@ -29,6 +29,7 @@ from stages.settings import load
 
 OUT, REPORT = Path("data/morph"), Path("reports/morph")
 TABLES = ("db4", "coif2")  # of the paper's Tables 1 and 2
+DECIMALS = 10  # of connection coefficients
 GLYPH_POINTS, HOOP_POINTS = 1024, 256
 CONTROL = (4, 8, 16, 32)  # points of Fig. 7
 EULER = ("explicit-euler", "implicit-euler")
@@ -48,7 +49,9 @@ def tables() -> pd.DataFrame:
         for i, (mu, nu) in enumerate(zip(table.mu, table.nu, strict=True)):
             rows.append((wavelet, i, mu / table.mu[0], nu / table.nu[0], mu, nu))
     columns = ["wavelet", "l", "mu_normalised", "nu_normalised", "mu", "nu"]
-    return pd.DataFrame(rows, columns=columns)
+    table = pd.DataFrame(rows, columns=columns)
+    table[columns[2:]] = table[columns[2:]].round(DECIMALS) + 0.0  # no -0
+    return table
 
 
 def hoop(p: Settings) -> dict[str, float]:
@@ -109,14 +112,13 @@ def main() -> None:
     """Make data/morph/, reports/morph/."""
     p: Settings = load("morph")
     numbers = curves(p) | hoop(p)
-    save_csv(REPORT / "connection.csv", tables(), decimals=10, exact=True)
+    save_csv(REPORT / "connection.csv", tables(), decimals=DECIMALS, exact=True)
     drawings = load_svg(Path(p.a)), load_svg(Path(p.b))
-    own = Physics(p.elastic, p.damping, p.mass)
+    scales, own = Scales(p.level, p.wavelet), Physics(p.elastic, p.damping, p.mass)
     with progress("morph", len(METHODS) + len(ENDINGS), "steps") as advance:
         morphs = {}
         for method in METHODS:
-            level = p.level if method == "linear" else None
-            morphs[method] = morph(*drawings, method, p.frames, p.points, level, own)
+            morphs[method] = morph(*drawings, method, p.frames, p.points, scales, own)
             advance()
         film = there_and_back(morphs[p.method]) if p.back else morphs[p.method]
         rate = Fraction(p.frame_rate_hz).limit_denominator(1001)
@@ -126,7 +128,7 @@ def main() -> None:
                 advance()
     save_picture(REPORT / "fig4.png", sheet(morphs))
     swings = {
-        name: morph(*drawings, "physical", p.frames, p.points, None, physics)
+        name: morph(*drawings, "physical", p.frames, p.points, physics=physics)
         for name, physics in SETTINGS.items()
     }
     save_picture(REPORT / "fig5.png", sheet({"linear": morphs["linear"]} | swings))

@@ -88,7 +88,7 @@ def main() -> None:
     """Make data/render/, reports/render/."""
     p: Settings = load("render")
     with Project() as project:
-        drawn = project.drawn(p.mode, "render")
+        drawn = project.edit_with_sources(p.mode, "render")
         gallery, ticks = project.gallery(drawn), drawn.edit["tick"].nunique()
         length_px = project.size(p.mode) * drawn.scene.typical_length_px
         shadow = Shadow(p.shadow, p.shadow_blur * length_px)

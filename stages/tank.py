@@ -37,7 +37,7 @@ _SHEET_PX = 480  # width of a picture on the contact sheet
 
 def swum_fish(p: Settings, project: Project) -> tuple[list[Fish], Floats]:
     """Return the fish of the edit list, for the seconds that are filmed, and the ticks' times."""
-    edit, _, tracks, sprites, bodies = project.drawn(p.mode, "tank", USED)
+    edit, _, tracks, sprites, bodies = project.edit_with_sources(p.mode, "tank", USED)
     each = by_fish(edit[(edit["time_s"] < p.seconds) | (edit["tick"] == 0)])
     time = each[0]["time_s"].to_numpy(float)
     columns = ["head_x_px", "head_y_px", "heading_deg"]

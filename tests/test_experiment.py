@@ -15,7 +15,7 @@ from conftest import ROOT, TINY_CARP
 
 from finloop.base.errors import FinloopError
 from finloop.base.settings import check, settings
-from finloop.report.compare import OBJECTIVES, comparison, html, parallel, pareto
+from finloop.report.compare import OBJECTIVES, comparison, curves, html, parallel, pareto
 from stages import compose
 from stages.compose import composed
 from stages.experiment import Experiment, choices
@@ -202,6 +202,16 @@ def test_words_among_numbers_come_after_them_on_axes_and_in_the_table():
     assert back.ticktext == ("False", "True") and back.values == (1, 0, 1)
     lines = [axis.values for axis in parallel(found).data[0].dimensions]
     assert np.isfinite(lines).all() and len(lines[0]) == 3  # run-3 lacks a measure
+
+
+def test_one_parameter_has_a_panel_for_every_measure():
+    parameters, numbers = some(5)
+    found = comparison(parameters[["bpn.hidden"]], numbers, ["bpn.error"])
+    panels = curves(found).data
+    assert len(panels) == 4 and panels[-1].x == (0, 1, 2, 3, 4)
+    for panel, measure in zip(panels, found.measures, strict=True):
+        assert panel.y == tuple(found.measures[measure])
+    assert curves(comparison(parameters, numbers, ["bpn.error"])) is None  # more than one differs
 
 
 def test_the_page_draws_its_charts_without_a_network(tmp_path: Path):

@@ -285,9 +285,9 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
         fish = in_film(film, rng, small)
         goal = spot(*small.random_point(rng))._replace(free=free)
         starts = play_.starts(fish)
-        ways = play_.look_up(fish, starts, goal)
+        ways = play_.follow_starts(fish, starts, goal)
         for way, (row, rot, seam) in enumerate(zip(*starts, strict=True)):
-            place, least = play_.arrival(fish), STAY if seam > 0 else 1
+            place, least = play_.next_place(fish), STAY if seam > 0 else 1
             best, any_ = slow_way(film, small, (row, rot), place, goal, least)
             assert ways.ticks[way] == (best[1] if best else 0)
             assert ways.touched[way] == (best is not None and best[2])
@@ -371,7 +371,7 @@ def test_the_policy_says_whether_the_film_plays_on_or_jumps_where_both_pass(poli
         fish = replace(in_film(film, rng), row=int(rng.choice(ends)))
         goal = spot(*open_tank().random_point(rng))
         starts = mode.starts(fish)
-        ways = mode.look_up(fish, starts, goal)
+        ways = mode.follow_starts(fish, starts, goal)
         passes = ways.ticks > 0
         plays, jumps = passes & (starts.seams == 0), passes & (starts.seams > 0)
         taken = mode.play(fish, goal, rng)
@@ -740,7 +740,7 @@ def test_after_the_sprite_of_a_gateway_comes_the_next_one_at_any_speed(speed):
         starts = mode.loops.starts(fish)
         angle = np.radians(fish.heading)
         goal = spot(fish.x + 150 * np.cos(angle), fish.y - 150 * np.sin(angle))
-        left = mode.leave(fish, mode.loops.look_up(fish, starts, goal), goal)
+        left = mode.leave_film(fish, mode.loops.follow_starts(fish, starts, goal), goal)
         assert list(left.number) == [3] and left.new and left.decision.exit == "no_way"
         there = mode.after(fish, left)
         assert (there.row, there.sprite, there.since) == (-1, 3, 1)
@@ -756,7 +756,7 @@ def test_a_gateway_is_entered_as_soon_as_a_way_from_there_is_legal():
         found = mode.play(fish, goal, rng)
         starts = mode.gates(fish) if fish.row < 0 else None
         if starts is not None:
-            ways = mode.loops.look_up_from(mode.loops.arrival(fish), starts, goal)
+            ways = mode.loops.follow_starts_from(mode.loops.next_place(fish), starts, goal)
             if found.kind == SPRITE:  # a way may end where there is a way out alone
                 left = fish.since == 1  # the film, a tick ago
                 assert left or not (ways.ticks > 0).any() or not mode.enter(fish, goal)

@@ -16,7 +16,7 @@ from finloop.curve.contour import Curve
 from finloop.io.animation import ENDINGS
 from finloop.io.svg import load_svg
 from finloop.morph.folds import folds
-from finloop.morph.layers import METHODS, Physics, fitted, morph, there_and_back
+from finloop.morph.layers import METHODS, Physics, Scales, fitted, morph, there_and_back
 from finloop.morph.tool import main
 
 ROOT = Path(__file__).parents[1]
@@ -115,8 +115,13 @@ def test_physics_reaches_the_method():
     assert np.abs(stiff.layers["box"] - soft.layers["box"]).max() > 0.1
 
 
+def test_the_wavelet_reaches_the_linear_morph_that_has_a_level():
+    coif, db4 = (morph(A, B, "linear", 5, 64, Scales(3, name)) for name in ("coif2", "db4"))
+    assert np.abs(coif.layers["box"] - db4.layers["box"]).max() > 0.01
+
+
 def test_level_reaches_the_method():
-    fine, coarse = (morph(A, B, "linear", 5, 64, level) for level in (None, 3))
+    fine, coarse = (morph(A, B, "linear", 5, 64, Scales(level)) for level in (None, 3))
     assert np.abs(fine.layers["box"] - coarse.layers["box"]).max() > 0.1
 
 

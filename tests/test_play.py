@@ -36,7 +36,7 @@ from finloop.live import fish as play_fish
 from finloop.live.fish import ROW
 from finloop.live.message import parsed
 from finloop.live.tank import LiveTank, rehearse
-from finloop.modes.sprites import from_bend
+from finloop.modes.sprites import start_from_bend
 from stages.play import open_view
 
 
@@ -142,19 +142,21 @@ def test_a_bent_fish_goes_on_from_its_bend():
     turns, plan_of = network.sprites.turns, network.nearest_turn
     plan = plan_of(LEFT, 100, 90)
     for at, sprite in enumerate(plan.frames[:-1]):
-        on = from_bend(plan, turns, LEFT, sprite)
+        on = start_from_bend(plan, turns, LEFT, sprite)
         first = int(np.flatnonzero(plan.frames == sprite)[0])
         assert list(on.frames) == list(plan.frames[first + 1 :]), at
         assert on.share[-1] == 1 and (np.diff(on.share, prepend=0) > 0).all()
-        other = from_bend(plan_of(RIGHT, 100, 90), turns, RIGHT, sprite)
+        other = start_from_bend(plan_of(RIGHT, 100, 90), turns, RIGHT, sprite)
         undone = turns[LEFT].undone(sprite)[::2]
         assert list(other.frames[: len(undone)]) == list(undone)
         assert (np.diff(other.share, prepend=0) > 0).all() and other.share[-1] == 1
     shallow = plan_of(LEFT, 10, 5)
     deep = turns[LEFT].number[turns[LEFT].peak]
     assert deep not in shallow.frames
-    assert list(from_bend(shallow, turns, LEFT, deep).frames) == list(turns[LEFT].undone(deep))
-    assert from_bend(plan, turns, LEFT, int(network.sprites.cycles[0][0])) is plan
+    assert list(start_from_bend(shallow, turns, LEFT, deep).frames) == list(
+        turns[LEFT].undone(deep)
+    )
+    assert start_from_bend(plan, turns, LEFT, int(network.sprites.cycles[0][0])) is plan
 
 
 def test_a_fish_that_is_stopped_in_a_turn_is_bent_and_only_then():

@@ -52,7 +52,7 @@ def test_a_file_is_loaded_once(project, monkeypatch):
     for name in ("load_table", "load_facts", "load_record", "load_mask", "open_cutouts"):
         monkeypatch.setattr(finloop.run_files, name, counted(getattr(finloop.run_files, name)))
     for _ in range(2):
-        drawn = project.drawn("network", "render", sprites=True, bodies=True)
+        drawn = project.edit_with_sources("network", "render", sprites=True, bodies=True)
         project.gallery(drawn).frame(0)
         assert project.arena.shape == project.background.shape[:2]
         assert len(project.reel) == len(project.film_reel) == len(project.outlines)
@@ -69,7 +69,7 @@ def test_parts_of_a_project_belong_to_each_other(project):
     assert project.reel.film is project.film_reel.film is project.cutouts
     columns = project.tracks(["x_px", "y_px"])
     assert list(columns) == ["x_px", "y_px"] and len(columns) == len(project.features)
-    assert project.edit("network", "render") is project.drawn("network", "render").edit
+    assert project.edit("network", "render") is project.edit_with_sources("network", "render").edit
     assert project.goals("network") and project.size("network") > 0
 
 

@@ -351,7 +351,7 @@ def test_the_part_around_the_fish_gives_what_the_whole_frame_gives(carp):
     scene = Scene(one.tank, facts.polarity, facts.noise_grey, facts.threshold_grey)
     detector = Detector(one.arena, one.typical, one.extract)
     with Project() as project:
-        drawn = project.drawn("network", "realism", sprites=True, bodies=True)
+        drawn = project.edit_with_sources("network", "realism", sprites=True, bodies=True)
         gallery = project.gallery(drawn)
         fish = list(placed(drawn.edit, gallery))[::7]
         for part, drawn_fish in zip(one.detections(fish), fish, strict=True):
@@ -373,7 +373,7 @@ def test_the_film_drawn_again_is_measured_as_it_was_filmed(carp):
     places = features[["x_px", "y_px"]].to_numpy()
     edit = as_filmed(np.arange(len(features)), places)
     with Project() as project:
-        gallery = project.gallery(project.drawn("network", "realism"))
+        gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = instrument_of(carp).measure(placed(edit, gallery))
     swum = swimming([edit], [table], RATE)
     assert (swum.row == np.arange(len(features))).all()
@@ -395,7 +395,7 @@ def test_fish_drawn_larger_or_smaller_are_measured_as_large_as_filmed(carp, size
     places = about + np.array(one.tank.shape[1::-1]) / 2
     edit = as_filmed(np.arange(len(first)), places).assign(scale=size)
     with Project() as project:
-        gallery = project.gallery(project.drawn("network", "realism"))
+        gallery = project.gallery(project.edit_with_sources("network", "realism"))
         table = drawn.measure(placed(drawn.through_lens(edit), gallery))
     off = size * (table[["x_px", "y_px"]].to_numpy() + 0.5) - 0.5 - places
     assert np.median(np.abs(off)) < 0.2

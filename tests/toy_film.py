@@ -37,7 +37,7 @@ from finloop.modes.loops import Loops
 from finloop.modes.network import Network
 from finloop.modes.phases import Phases, learn_phases
 from finloop.modes.player import PaperMode, PaperPlayer
-from finloop.modes.sprites import Sprites, arrange
+from finloop.modes.sprites import Sprites, make_sprites
 from finloop.modes.world import World
 from finloop.pose.film import FilmPoses
 from finloop.puppet import Pose, PoseShapes
@@ -189,7 +189,7 @@ class Model:
 def order(rate: float = RATE) -> Sprites:
     """The sprites as they are played; any of them may follow on any other."""
     table = sprites()
-    return arrange(table, np.random.default_rng(5).random((len(table), len(table))), rate)
+    return make_sprites(table, np.random.default_rng(5).random((len(table), len(table))), rate)
 
 
 # --- a film to swim by

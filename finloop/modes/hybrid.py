@@ -23,7 +23,7 @@ from finloop.features.table import orientation, wrap_deg
 from finloop.loops.settings import Settings as LoopsSettings
 from finloop.modes.animator import FilmData, PaperAnimator, basis_of, make_animator
 from finloop.modes.hybrid_settings import Settings
-from finloop.modes.loops import Loops, Starts, Ways, explained, first_end, make_loops
+from finloop.modes.loops import Loops, Starts, Ways, add_verdict_counts, first_end, make_loop_player
 from finloop.modes.network import Network, make_network
 from finloop.modes.network_settings import Settings as NetworkSettings
 from finloop.modes.player import PaperMode
@@ -112,8 +112,8 @@ class Hybrid:
         starts = self.gates(fish)
         if starts is None:
             return None
-        place = self.loops.arrival(fish)
-        ways = self.loops.look_up_from(place, starts, goal, self._ends)
+        place = self.loops.next_place(fish)
+        ways = self.loops.follow_starts_from(place, starts, goal, self._ends)
         legal = np.flatnonzero(ways.ticks)
         if not legal.size:
             return None
@@ -132,36 +132,36 @@ class Hybrid:
     def play_loops(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Loop mode: the next legal loop, else out of the film by a gateway."""
         starts = self.loops.starts(fish)
-        ways = self.loops.look_up(fish, starts, goal, self._ends)
+        ways = self.loops.follow_starts(fish, starts, goal, self._ends)
         taken = self.loops.choose(starts, ways, rng)
         if taken is not None:
             return self.loops.stretch(fish, starts, ways, taken, goal)
         if self._leaves[fish.row]:
-            return self.leave(fish, ways, goal)
-        return self.wait_for_gateway(fish, starts, ways, goal, rng)
+            return self.leave_film(fish, ways, goal)
+        return self.play_to_gateway(fish, starts, ways, goal, rng)
 
-    def leave(self, fish: Fish, ways: Ways, goal: Spot) -> Stretch:
-        """Return the sprite of the nearest gateway from the row that is shown, for a tick."""
+    def leave_film(self, fish: Fish, ways: Ways, goal: Spot) -> Stretch:
+        """Leave the film for a tick, by the gateway whose sprite looks most like the row shown."""
         sprite, turn, seam = next(
             way for way in self.gateways.out_of[fish.row] if way[0] in self._cycle
         )
         state, place = self._cycle[sprite]
         heading = float(wrap(fish.rot - turn))
-        x, y = self.loops.arrival(replace(fish, heading=heading, row=-1))
+        x, y = self.loops.next_place(replace(fish, heading=heading, row=-1))
         if not inside(self.network.world.tank.legal, x, y):
             x, y = fish.x, fish.y
         decision = Decision(PHASE, exit=NO_WAY, seam=seam, film_speed=fish.speed)
         return Stretch(
             state, np.array([[x, y, heading]]), np.array([sprite]), True, goal,
-            touches(x, y, heading, goal), explained(ways, decision),
+            touches(x, y, heading, goal), add_verdict_counts(ways, decision),
             phase=np.array([place + _SHOWN]),
         )  # fmt: skip
 
-    def wait_for_gateway(
+    def play_to_gateway(
         self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
     ) -> Stretch:
-        """Return the shortest film to a gateway; on the spot where the tank holds none."""
-        place, legal = self.loops.arrival(fish), self.loops.world.tank.legal
+        """Play the shortest film to a row with a gateway; on the spot where none is in the tank."""
+        place, legal = self.loops.next_place(fish), self.loops.world.tank.legal
         ticks = first_end(self.loops.film, legal, self._leaves, starts, place)
         some = np.flatnonzero(ticks)
         if not some.size:
@@ -184,7 +184,7 @@ def hybrid_animator(
     """Bring together mode `hybrid` (Fig. 19); without loops or gateways it is network mode."""
     basis = basis_of(made, p)
     network, sprites = make_network(made, basis, model, q[0])
-    play = make_loops(made, basis, loops, q[1])
+    play = make_loop_player(made, basis, loops, q[1])
     gates = Gateways(gateways, made.map_facts.step_median, play)
     mode: PaperMode = Hybrid(network, play, gates)
     if not (play.can_play and gates.into and gates.out_of):

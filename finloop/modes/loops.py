@@ -125,7 +125,7 @@ class Loops:
     def play(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Return the film up to the next loop end, on a legal way where there is one."""
         starts = self.starts(fish)
-        ways = self.look_up(fish, starts, goal)
+        ways = self.follow_starts(fish, starts, goal)
         taken = self.choose(starts, ways, rng)
         if taken is not None:
             return self.stretch(fish, starts, ways, taken, goal)
@@ -150,18 +150,20 @@ class Loops:
             rots = wrap_deg(film.heading[row] + fish.rot - film.heading[rows])
         return Starts(rows, np.asarray(rots, float), seams)
 
-    def look_up(self, fish: Fish, starts: Starts, goal: Spot, ends: Mask | None = None) -> Ways:
-        """Return where the starts lead; ends (n,): rows where a way may end, else loop ends."""
-        return self.look_up_from(self.arrival(fish), starts, goal, ends)
+    def follow_starts(
+        self, fish: Fish, starts: Starts, goal: Spot, ends: Mask | None = None
+    ) -> Ways:
+        """Follow each start to an end: one of the rows `ends` (n,), by default of the loop ends."""
+        return self.follow_starts_from(self.next_place(fish), starts, goal, ends)
 
-    def look_up_from(
+    def follow_starts_from(
         self, place: tuple[float, float], starts: Starts, goal: Spot, ends: Mask | None = None
     ) -> Ways:
-        """Return where the starts lead that are shown at a place (x, y), px."""
+        """Follow each start, shown at a place (x, y) px, to the legal end nearest to the goal."""
         ends = self.ends if ends is None else ends
         legal = self.world.tank.legal
         most = self.stay, self.p.improper_deg
-        return Ways(*_look_up(self.film, legal, ends, (starts, place), goal, most))
+        return Ways(*_follow_starts(self.film, legal, ends, (starts, place), goal, most))
 
     def choose(self, starts: Starts, ways: Ways, rng: np.random.Generator) -> int | None:
         """Return the legal start that the policy prefers (Fig. 10b); None where none is legal."""
@@ -184,7 +186,7 @@ class Loops:
         n = int(ways.ticks[taken] if legal else ways.inside[taken])
         rows = np.arange(row, row + n)
         cos, sin = np.cos(np.radians(rot)), np.sin(np.radians(rot))
-        before = self.arrival(fish)
+        before = self.next_place(fish)
         dx = np.append(0.0, np.cumsum(film.dx[rows[:-1]]))
         dy = np.append(0.0, np.cumsum(film.dy[rows[:-1]]))
         way = np.column_stack([
@@ -192,7 +194,7 @@ class Loops:
             film.heading[rows] + rot,
         ])  # fmt: skip
         plays = row == fish.row + 1 and fish.row >= 0
-        decision = explained(ways, Decision(
+        decision = add_verdict_counts(ways, Decision(
             reason or (PLAY if plays else JUMP),
             seam=np.nan if plays else float(starts.seams[taken]),
             quadrant=int(ways.quadrant[taken]) if legal else 0,
@@ -200,7 +202,7 @@ class Loops:
         touched = bool(legal and ways.touched[taken])
         return Stretch(FILM, way, rows, not plays, goal, touched, decision, FRAME, np.full(n, rot))
 
-    def arrival(self, fish: Fish) -> tuple[float, float]:
+    def next_place(self, fish: Fish) -> tuple[float, float]:
         """Return where the fish is at the next tick: by the film, or at its speed by sprites."""
         if fish.row < 0:
             far = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
@@ -212,7 +214,7 @@ class Loops:
     def swim_on_spot(
         self, fish: Fish, starts: Starts, ways: Ways, goal: Spot, rng: np.random.Generator
     ) -> Stretch:
-        """Play the film in place up to the next loop end: no way stays in the tank (§4.2)."""
+        """Play the film in place, to a loop end after `stay` rows: no way is in the tank (§4.2)."""
         film, taken = self.film, int(rng.integers(len(starts.rows)))
         row, rot = int(starts.rows[taken]), float(starts.rots[taken])
         ahead = slice(row, row + 4 * self.stay)
@@ -220,7 +222,7 @@ class Loops:
         n = int(later[later + 1 >= min(self.stay, later[-1] + 1)][0]) + 1 if later.size else 1
         rows = np.arange(row, row + n)
         way = np.column_stack([np.full(n, fish.x), np.full(n, fish.y), film.heading[rows] + rot])
-        decision = explained(ways, Decision(SPOT))
+        decision = add_verdict_counts(ways, Decision(SPOT))
         new = row != fish.row + 1
         return Stretch(FILM, way, rows, new, goal, False, decision, FRAME, np.full(n, rot))
 
@@ -237,8 +239,8 @@ class Loops:
         )  # fmt: skip
 
 
-def explained(ways: Ways, decision: Decision) -> Decision:
-    """Return a decision with how many ways were weighed, and how many fail which test."""
+def add_verdict_counts(ways: Ways, decision: Decision) -> Decision:
+    """Add to a decision how many starts were weighed, and how many fail which test."""
     counts = np.bincount(ways.verdict, minlength=len(VERDICTS)).tolist()
     return decision._replace(
         ways=len(ways.verdict), ways_tank=counts[_TANK], ways_quadrant=counts[_QUADRANT],
@@ -257,8 +259,8 @@ def loop_ends(film: Film) -> Mask:
 
 
 @kernel
-def _look_up(film, legal, ends, begin, goal, most):  # type: ignore[no-untyped-def]
-    """See `Loops.look_up_from`; begin: (starts, their place).
+def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-untyped-def]
+    """See `Loops.follow_starts_from`; begin: (starts, their place).
 
     most: (fewest rows after a jump, degrees off the direction).
     """
@@ -323,13 +325,13 @@ def loops_animator(
 ) -> PaperAnimator:
     """Bring together mode `loops` (Figs. 10-13). NothingToUse if the film has no loops."""
     basis = basis_of(made, p)
-    mode = make_loops(made, basis, loops, q)
+    mode = make_loop_player(made, basis, loops, q)
     if not mode.can_play:
-        raise no_loops("loops")
+        raise no_loops_error("loops")
     return make_animator(made, basis, mode, mode.film, None, p, q.join)
 
 
-def no_loops(mode: str) -> NothingToUse:
+def no_loops_error(mode: str) -> NothingToUse:
     """Return the error that a film has no loops for a mode."""
     return NothingToUse(
         f"mode {mode}: the film has no loops by which it could go on for ever",
@@ -339,6 +341,6 @@ def no_loops(mode: str) -> NothingToUse:
     )
 
 
-def make_loops(made: FilmData, basis: Basis, loops: pd.DataFrame, q: Settings) -> Loops:
+def make_loop_player(made: FilmData, basis: Basis, loops: pd.DataFrame, q: Settings) -> Loops:
     """Return what plays the loops of a film."""
     return Loops(basis.world, loop_film(made, basis, loops), q)

@@ -33,7 +33,7 @@ from finloop.modes.animator import (
 )
 from finloop.modes.network_settings import Settings
 from finloop.modes.phases import Phases, learn_phases
-from finloop.modes.sprites import Sprites, TurnPlan, arrange, from_bend, plan_turn
+from finloop.modes.sprites import Sprites, TurnPlan, make_sprites, plan_turn, start_from_bend
 from finloop.modes.world import World
 
 
@@ -111,7 +111,7 @@ class Network:
         )
 
     def will_turn(self, course: Course) -> bool:
-        """Fig. 18, first box: whether the fish turns, or swims straight.
+        """Fig. 18, first box: return whether the heading is too far off to swim straight.
 
         It turns where its heading is off, where it would pass a near goal, and where it was
         stopped in a turn.
@@ -145,7 +145,7 @@ class Network:
         motion, phases, fish = self.world.motion, self.phases, course.fish
         place = int(np.searchsorted(self._first_speeds[fish.state], fish.speed))
         rows = self._after[fish.state]
-        chosen = rows[self._alike(place, len(rows), rng)]
+        chosen = rows[self._draw_alike(place, len(rows), rng)]
         ticks = slice(phases.start[chosen], phases.start[chosen] + phases.ticks[chosen])
         first = phases.first_speed[chosen]
         ease = np.maximum(0.0, 1 - np.arange(1, phases.ticks[chosen] + 1) / motion.delta)
@@ -190,22 +190,22 @@ class Network:
         fish, sprites, turns = course.fish, self.sprites, self.world.motion.turns
         side, angle = (LEFT if course.error > 0 else RIGHT), abs(course.error)
         place = int(np.searchsorted(self._angles, angle))
-        chosen = int(self._by_angle[self._alike(place, len(self._angles), rng)])
+        chosen = int(self._by_angle[self._draw_alike(place, len(self._angles), rng)])
         included = turns.included_angle_deg[chosen] * min(angle / turns.angle_deg[chosen], 1.0)
         area = self.ideal_motion_area(fish, turns.displacement[chosen], side * included)
         plan, new = self.nearest_turn(side, round(angle), round(100 * area)), True
         if fish.bent:
-            plan = from_bend(plan, sprites.turns, side, fish.sprite)
+            plan = start_from_bend(plan, sprites.turns, side, fish.sprite)
             new = plan.frames[0] not in (fish.sprite, sprites.following[fish.sprite])
-        way, touched, room = self._room(course, plan, chosen)
+        way, touched, room = self._fit_turn(course, plan, chosen)
         n = min(touched + 1, len(plan.frames))
         decision = Decision(TURNING, turn_deg=course.error, sprite_area=plan.area, room=room)
         return Stretch(
             TURN, way[:n], plan.frames[:n], new, course.aim, touched < n, decision, area=area
         )
 
-    def _room(self, course: Course, plan: TurnPlan, chosen: int) -> tuple[Floats, int, float]:
-        """The way of a turn with as much of a film's turn's displacement as there is room for.
+    def _fit_turn(self, course: Course, plan: TurnPlan, chosen: int) -> tuple[Floats, int, float]:
+        """Fit a filmed turn into the tank: with less of its displacement, or stopped sooner.
 
         The way, the tick at which the goal is touched, and the share of the displacement. A turn
         that begins fast is tried to stop sooner and sooner.
@@ -272,8 +272,8 @@ class Network:
             fish.tick + ticks, since=since,
         )  # fmt: skip
 
-    def _alike(self, place: int, count: int, rng: np.random.Generator) -> int:
-        """One of the `alike` numbers below `count` nearest to a place, all equally likely."""
+    def _draw_alike(self, place: int, count: int, rng: np.random.Generator) -> int:
+        """Draw one of the `alike` numbers below `count` around a place, all equally likely."""
         alike = self.p.alike
         first = max(0, min(place - alike // 2, count - alike))
         return first + int(rng.integers(min(alike, count)))
@@ -294,6 +294,6 @@ def make_network(
     """Return what moves sprites, and the sprites."""
     pictures, motion = basis.pictures, basis.world.motion
     near = distance(pictures.after, pictures.headed)
-    sprites = arrange(basis.cast.sprites, near, motion.rate_hz)
+    sprites = make_sprites(basis.cast.sprites, near, motion.rate_hz)
     phases = learn_phases(basis.sized.reel.features, made.rate_hz, motion.delta, q)
     return Network(basis.world, sprites, phases, model, q), sprites

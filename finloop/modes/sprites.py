@@ -111,8 +111,10 @@ def plan_turn(
     return TurnPlan(numbers, share / share[-1], area, film, settings.turn_floor)
 
 
-def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int) -> TurnPlan:
-    """A turn to `side` by a fish that a sprite of some turn shows bent already.
+def start_from_bend(
+    plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: int
+) -> TurnPlan:
+    """Start a turn to `side` from the bend that a sprite of some turn shows already.
 
     A bend to the same side is gone on from; one too deep is undone, one to the other side, too, and
     twice as fast as filmed, before the turn.
@@ -136,8 +138,8 @@ def from_bend(plan: TurnPlan, turns: dict[int, TurnFrames], side: int, sprite: i
     return replace(plan, frames=frames, share=share / share[-1])
 
 
-def arrange(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
-    """Sequences of a table of sprites.
+def make_sprites(table: pd.DataFrame, pose: Floats, rate_hz: float) -> Sprites:
+    """Split a table of sprites into cycles and turns, and find where each enters a cycle.
 
     pose (n, n): distance between what the film shows after sprite i, and sprite j of the same
     orientation.

@@ -4,6 +4,7 @@ Contours of the same id form a pair. Coordinates are rounded before folds are co
 hold for the coordinates that files have.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
 from math import ceil, log10
 from typing import NamedTuple
@@ -25,6 +26,16 @@ REACH = 1000  # sides of the picture: the farthest that a contour may reach
 MOST_FRAMES, LEAST_POINTS, MOST_POINTS = 10_000, 8, 16_384
 
 
+class Scales(NamedTuple):
+    """The number of scales that the linear morph leaves out, None = none; whose wavelet they are.
+
+    wavelet: a name of PyWavelets.
+    """
+
+    level: int | None = None
+    wavelet: str = "coif2"
+
+
 class Physics(NamedTuple):
     """e₀, c and ρ of the physical morph; by default it swings a little and settles."""
 
@@ -39,7 +50,7 @@ def morph(
     method: str,
     frames: int,
     points: int = 256,
-    level: int | None = None,
+    scales: Scales = Scales(),  # noqa: B008  (immutable)
     physics: Physics = Physics(),  # noqa: B008  (immutable)
 ) -> Morph:
     """The morph from drawing `a` to drawing `b`, which is fitted into the picture of `a`.
@@ -51,15 +62,20 @@ def morph(
     method: one of METHODS; `simple` keeps every contour free of folds.
     frames: at least 2, both ends included.
     points: of every contour, at least 8; a power of two where wavelets are used.
-    level: of the linear morph: number of scales left out; None = none.
+    scales: of the linear morph.
     physics: of the physical morph.
     """
     _check_numbers(method, frames, points)
     check_pairs(a, b)
     b = fitted(b, a.width, a.height)
     side = max(a.width, a.height)
+    make: dict[str, Callable[[Curve, Curve], Points]] = {
+        "linear": lambda a, b: linear(a, b, frames, points, *scales),
+        "physical": lambda a, b: physical(a, b, frames, points, *physics),
+        "simple": lambda a, b: simple(a, b, frames, points),
+    }
     stacks = {
-        name: _contour(name, curve, b.curves[name], side, (method, frames, points, level, physics))
+        name: _contour(name, curve, b.curves[name], side, make[method])
         for name, curve in a.curves.items()
     }
     closed = {name: curve.closed for name, curve in a.curves.items()}
@@ -95,17 +111,11 @@ def _rounded(
 
 
 def _contour(
-    name: str, a: Curve, b: Curve, side: float, options: tuple[str, int, int, int | None, Physics]
+    name: str, a: Curve, b: Curve, side: float, make: Callable[[Curve, Curve], Points]
 ) -> Points:
-    """Frames (frames, points, 2) of one pair of contours; errors name it. Options as of `morph`."""
-    method, frames, points, level, physics = options
+    """Return the frames (frames, points, 2) of one pair of contours; errors name it."""
     try:
-        if method == "linear":
-            stack = linear(a, b, frames, points, level)
-        elif method == "physical":
-            stack = physical(a, b, frames, points, *physics)
-        else:
-            stack = simple(a, b, frames, points)
+        stack = make(a, b)
     except FinloopError as error:
         raise FinloopError(f"contour {name!r}: {error.came}", error.wanted, error.do) from error
     if not (np.abs(stack) <= REACH * side).all():

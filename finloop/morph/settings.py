@@ -25,8 +25,8 @@ class Settings:
     elastic: NotNegative  # physical: e0, of the stiffness
     damping: NotNegative  # physical: c, of the mass
     mass: NotNegative  # physical: ρ, the density
-    # a name of PyWavelets: orthogonal, smooth enough for a stiffness: db3 or longer, coif1 …,
-    # sym4 …
+    # of the linear morph with a level, and of Figs. 2, 3, 6, 7; a name of PyWavelets: orthogonal,
+    # smooth enough for a stiffness: db3 or longer, coif1 …, sym4 …
     wavelet: str
     back: bool  # the film goes there and back again
     frame_rate_hz: Positive  # frames/s, of the films

@@ -12,7 +12,7 @@ from finloop.base.drawing import Morph
 from finloop.base.tool import frame_rate, in_frames, run_tool
 from finloop.io.animation import ENDINGS, save_animation, writer
 from finloop.io.svg import load_svg
-from finloop.morph.layers import METHODS, Physics, morph, there_and_back
+from finloop.morph.layers import METHODS, Physics, Scales, morph, there_and_back
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -27,7 +27,7 @@ def _write(options: argparse.Namespace) -> str:
     drawings = load_svg(options.a), load_svg(options.b)
     physics = Physics(options.elastic, options.damping, options.mass)
     result = morph(
-        *drawings, options.method, options.frames, options.points, options.level, physics
+        *drawings, options.method, options.frames, options.points, Scales(options.level), physics
     )
     film = there_and_back(result) if options.back else result
     save_animation(options.output, film, options.fps, options.size)

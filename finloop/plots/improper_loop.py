@@ -14,6 +14,7 @@ from finloop.features.current import through_water
 from finloop.features.table import delta_of, wrap_deg
 from finloop.loops.travel import travel_of
 from finloop.plots.loops import SIZE_PX, fish_rows, on_light
+from finloop.plots.parts import draw_arrow
 from finloop.reel import Reel
 
 _HEADING, _TRAVEL = "#009E73", "#D55E00"  # Okabe-Ito
@@ -131,15 +132,15 @@ def _draw_way(axes: Axes, loop: ImproperLoop, features: pd.DataFrame, film: Pict
     for letter, row in _shown_rows(loop).items():
         end = int(np.searchsorted(rows, row))
         ahead = _direction(part["heading_deg"].iloc[end])
-        _draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, _HEADING)
+        draw_arrow(axes, head[end], head[end] + 0.45 * length * ahead, color=_HEADING, lw=2.5)
         right, down = head[end] + 0.62 * length * ahead
         axes.text(right, down, letter, ha="center", va="center", color=_HEADING, fontweight="bold")
     reach = max(float(np.hypot(*(place[-1] - place[0]))), length)
     middle = place[[0, -1]].mean(0)
     along, ahead = _direction(loop.travel_deg), _direction(loop.heading_deg)
-    _draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, _TRAVEL)
+    draw_arrow(axes, middle - along * reach / 2, middle + along * reach / 2, color=_TRAVEL, lw=2.5)
     if loop.place == 0:
-        _draw_arrow(axes, middle, middle + 0.75 * length * ahead, _HEADING, ls=_DASHED)
+        draw_arrow(axes, middle, middle + 0.75 * length * ahead, color=_HEADING, lw=2.5, ls=_DASHED)
         turned = float(wrap_deg(np.array(loop.heading_deg - loop.travel_deg)))
         angles = loop.travel_deg + np.linspace(0, turned, 40)
         arc = middle + 0.35 * length * np.array([_direction(one) for one in angles])
@@ -174,15 +175,3 @@ def _direction(angle_deg: float) -> Floats:
     """The unit vector x, y of an angle, anticlockwise; y is down."""
     angle = np.radians(angle_deg)
     return np.array([np.cos(angle), -np.sin(angle)])
-
-
-def _draw_arrow(axes: Axes, start: Floats, end: Floats, colour: str, ls: object = "-") -> None:
-    style = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, "lw": 2.5, "color": colour, "ls": ls}
-    axes.annotate(
-        "",
-        tuple(end),
-        tuple(start),
-        zorder=3,
-        annotation_clip=False,
-        arrowprops=style,
-    )

@@ -10,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from finloop.base.arrays import Picture
+from finloop.base.arrays import Floats, Picture
 
 Colour = tuple[int, int, int]
 _GROUND = 205  # grey level that a cut-out lies on
@@ -79,3 +79,10 @@ def message(text: str) -> Figure:
     figure = Figure(figsize=(8, 2))
     figure.text(0.02, 0.5, text, va="center", fontsize=9, wrap=True)
     return figure
+
+
+def draw_arrow(axes: Axes, start: Floats, end: Floats, **style: object) -> None:
+    """Draw an arrow between two places (x, y) of the data; style: of Matplotlib's arrows."""
+    arrow = {"arrowstyle": "-|>", "shrinkA": 0, "shrinkB": 0, **style}
+    ends = tuple(end), tuple(start)
+    axes.annotate("", *ends, zorder=3, annotation_clip=False, arrowprops=arrow)

@@ -15,6 +15,7 @@ from finloop.features.area import closed_spline, control_points
 from finloop.features.swimming_type import STRAIGHT, WORDS
 from finloop.features.table import delta_of
 from finloop.plots.features import Specimen
+from finloop.plots.parts import draw_arrow
 
 _BACKBONE, _AREA, _HEADING = "#0072B2", "#D55E00", "#009E73"  # Okabe-Ito
 _MOST = 6  # Δ between two frames of the figure
@@ -150,28 +151,21 @@ def _draw_measures(
     reach = 0.25 * float(specimen.row["body_length_px"])
     if turned is not None:
         before = specimen.row["heading_deg"] - turned
-        _draw_arrow(axes, control[0], before, reach, color="0.35", ls=(0, (3, 2)), lw=1.5)
+        _draw_heading(axes, control[0], before, reach, color="0.35", ls=(0, (3, 2)), lw=1.5)
         angle = np.radians(before + np.linspace(0, turned, 40))
         arc = control[0] + 0.6 * reach * np.column_stack([np.cos(angle), -np.sin(angle)])
         axes.plot(*arc.T, color="0.35", lw=1)
-    _draw_arrow(axes, control[0], specimen.row["heading_deg"], reach, color=_HEADING, lw=2.5)
+    _draw_heading(axes, control[0], specimen.row["heading_deg"], reach, color=_HEADING, lw=2.5)
     axes.set(xlim=limits[0], ylim=limits[1])
 
 
-def _draw_arrow(
+def _draw_heading(
     axes: Axes, start: Floats, heading_deg: float, reach: float, **style: object
 ) -> None:
     """An arrow from a place (x, y) in a direction in degrees, anticlockwise; y is down."""
     angle = np.radians(heading_deg)
     end = start + reach * np.array([np.cos(angle), -np.sin(angle)])
-    axes.annotate(
-        "",
-        tuple(end),
-        tuple(start),
-        zorder=3,
-        annotation_clip=False,
-        arrowprops={"arrowstyle": "-|>", "shrinkA": 0, **style},
-    )
+    draw_arrow(axes, start, end, **style)
 
 
 def _arrow_keys() -> list[Line2D]:

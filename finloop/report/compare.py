@@ -10,6 +10,7 @@ import pandas as pd
 import plotly.graph_objects as go
 from numpy.typing import NDArray
 from plotly.offline import get_plotlyjs
+from plotly.subplots import make_subplots
 
 from finloop.report.page import rendered
 from finloop.report.tables import Table, number
@@ -29,6 +30,7 @@ OBJECTIVES = (
     Objective("animate.hybrid_longest_exact_repeat_s", "longest exact repeat (s)", more=False),
 )
 """Smooth, steerable, varied: a long exact repeat is a lack of variety."""
+_PANELS = 3  # beside one another
 _INK, _BEST, _OTHER = "#16232b", "#0b7285", "#9aa8af"
 _LAYOUT: dict[str, Any] = {
     "paper_bgcolor": "white",
@@ -131,6 +133,29 @@ def parallel(table: Comparison) -> go.Figure:
     )
 
 
+def curves(table: Comparison) -> go.Figure | None:
+    """A panel for each measure, over the one parameter that differs; None if more than one does."""
+    if len(table.parameters.columns) != 1:
+        return None
+    (parameter,) = table.parameters.columns
+    place, texts = ranked(table.parameters[parameter])
+    measures = table.measures.dropna(axis=1, how="all")
+    rows = -(-len(measures.columns) // _PANELS)
+    titles = [str(name).replace(".", ": ").replace("_", " ") for name in measures]
+    figure = make_subplots(rows, _PANELS, subplot_titles=titles, vertical_spacing=0.35 / rows)
+    for panel, (_, values) in enumerate(measures.items()):
+        figure.add_scatter(
+            x=place.tolist(), y=values.tolist(), mode="lines+markers", line={"color": _BEST},
+            row=panel // _PANELS + 1, col=panel % _PANELS + 1, showlegend=False,
+            hovertemplate="%{y}<extra></extra>",
+        )  # fmt: skip
+    figure.update_xaxes(tickvals=list(range(len(texts))), ticktext=texts, **_AXIS)
+    figure.update_xaxes(title=words(str(parameter)), row=rows)
+    figure.update_yaxes(**_AXIS)
+    figure.update_annotations(font_size=12)
+    return figure.update_layout(**_LAYOUT, height=80 + 230 * rows)
+
+
 def scatter(table: Comparison, x: Objective, y: Objective) -> go.Figure:
     """Two objectives against each other, an experiment a point, the best of all coloured."""
     figure = go.Figure()
@@ -179,6 +204,8 @@ def as_table(table: Comparison) -> Table:
 def html(table: Comparison, title: str, why: str) -> str:
     """The page; its code for charts is in it."""
     charts = [("Parameters and measures, a line an experiment that has all", parallel(table))]
+    if each := curves(table):
+        charts.insert(0, ("What the parameter moves, a panel a measure", each))
     charts += [
         (f"{y.words.capitalize()} against {x.words}", scatter(table, x, y))
         for x in table.objectives[:1]

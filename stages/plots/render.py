@@ -21,7 +21,7 @@ def main() -> None:
     """Draw trajectory.png, contact_sheet.png and switches.png; the way in every mode."""
     p: Settings = load("render")
     with Project() as project:
-        background, drawn = project.background, project.drawn(p.mode, "render")
+        background, drawn = project.background, project.edit_with_sources(p.mode, "render")
         gallery, goals = project.gallery(drawn), project.goals(p.mode)
         half_px = round(0.75 * project.size(p.mode) * drawn.scene.typical_length_px)
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
