@@ -98,7 +98,7 @@ def other_values(hint: Any, value: Any) -> Iterator[Any]:
         yield not value
     elif hint in (int, float):
         known = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
-        for times in (2, 0.5, 1.3, 0.8, 4, 0.25, 10, 0.1):
+        for times in (2, 0.5, 1.3, 0.001, 4, 0.1, 10, 0.8):
             yield hint(round(known * times)) if hint is int else known * times
         yield from (hint(1), hint(0), hint(3), known + 1, known - 1)
     elif isinstance(value, list) and value:
@@ -155,7 +155,7 @@ def acts(
     hint = get_type_hints(option, include_extras=True)[key]
     tries = 0
     for other in other_values(hint, value):
-        if other == value or tries == 4:
+        if other == value or tries == 6:
             continue
         with contextlib.suppress(Exception):
             write_params(base, [*overrides, f"{group}.{key}={_literal(other)}"])

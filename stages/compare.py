@@ -1,16 +1,15 @@
 """Compare experiments: `python -m stages.compare [name …]` writes reports/compare.html.
 
-Without names, all experiments on the present commit and that commit itself. Numbers and parameters
-are read from git: no stage runs, and the workspace stays as it is.
+Without names, all experiments on the present commit and that commit itself. Parameters are read
+from git, numbers from git and DVC's cache: no stage runs, and the workspace stays as it is.
 """
 
 from stages.run import run  # isort: skip  (before numpy)
 
 import argparse
 import json
-import re
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from stages.settings import PARAMS, STAMPS
 
 OUT = Path("reports/compare.html")
 BASE = "present commit"
+LINE = 160  # characters of the printed table; runs that do not fit stand below the others
 
 
 def git(*arguments: str, at: Path | None = None) -> str:
@@ -66,14 +66,20 @@ def parameters(commit: str) -> dict[str, Any]:
     }
 
 
-def numbers(commit: str, stages: Iterable[str]) -> dict[str, float]:
-    """`stage.number` → value, of the stages that have metrics in this commit."""
+def numbers(commits: Iterable[str], stages: Iterable[str]) -> dict[str, dict[str, float]]:
+    """Return by commit `stage.number` → value, of the stages that have metrics there."""
+    from dvc.repo import Repo  # not at the top: loads for half a second
+
     paths = [f"reports/{stage}/metrics.json" for stage in stages]
-    files = git("ls-tree", "--name-only", commit, *paths).split()
+    with Repo() as repo:
+        shown = repo.metrics.show(targets=paths, revs=[*commits], on_error="ignore")
     return {
-        f"{Path(path).parent.name}.{key}": value
-        for path in files
-        for key, value in json.loads(git("show", f"{commit}:{path}")).items()
+        commit: {
+            f"{Path(path).parent.name}.{key}": value
+            for path, file in found.get("data", {}).items()
+            for key, value in file.get("data", {}).items()
+        }
+        for commit, found in shown.items()
     }
 
 
@@ -90,24 +96,18 @@ def side_by_side(names: list[str], measures: list[str]) -> Comparison:
     keys = [*measures, *(objective.key for objective in OBJECTIVES)]
     stages = {key.partition(".")[0] for key in keys}
     rows = {name: parameters(commit) for name, commit in commits.items()}
-    values = {name: numbers(commit, sorted(stages)) for name, commit in commits.items()}
+    found = numbers(set(commits.values()), sorted(stages))
+    values = {name: found.get(commit, {}) for name, commit in commits.items()}
     return comparison(pd.DataFrame(rows).T, pd.DataFrame(values).T, measures)
 
 
-def compare(names: list[str], measures: list[str], title: str, why: str) -> Path:
-    """Write the page and return its path."""
+def compare(names: list[str], measures: list[str], title: str, why: str) -> str:
+    """Write the page; return its table as text, a row a parameter or measure."""
+    table = side_by_side(names, measures)
     with whole_file(OUT) as part:
-        part.write_text(html(side_by_side(names, measures), title, why), encoding="utf-8")
-    return OUT
-
-
-def table(swept: Mapping[str, Any], measures: Iterable[str]) -> list[str]:
-    """The `dvc exp show` that prints these parameters and numbers, and no others."""
-    keys = [*measures, *(objective.key for objective in OBJECTIVES)]
-    columns = [*swept, *(key.partition(".")[2] for key in keys)]
-    ending = "|".join(map(re.escape, columns))
-    return ["dvc", "exp", "show", "--no-pager", "--hide-workspace", "--drop", "^(?!Experiment$).*",
-            "--keep", f"(^|[.:])({ending})$"]  # fmt: skip
+        part.write_text(html(table, title, why), encoding="utf-8")
+    rows = pd.concat([table.parameters, table.measures.map("{:.4g}".format)], axis=1).T
+    return rows.to_string(line_width=LINE)
 
 
 def main() -> None:
@@ -118,8 +118,8 @@ def main() -> None:
         "--measure", action="append", default=[], metavar="stage.number", help="one more"
     )
     options = parser.parse_args()
-    path = compare(options.names, options.measure, "Experiments on one commit", "")
-    print(f"{path} compares them.")
+    print(compare(options.names, options.measure, "Experiments on one commit", ""))
+    print(f"\n{OUT} compares them.")
 
 
 if __name__ == "__main__":

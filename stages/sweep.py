@@ -9,7 +9,6 @@ is there already, with the same code and parameters, is taken as it is.
 from stages.run import THREADS, progress, run  # isort: skip  (before numpy)
 
 import argparse
-import os
 import shutil
 import subprocess
 import sys
@@ -20,7 +19,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from finloop.base.errors import FinloopError
-from stages.compare import compare, experiments, git, head, table
+from stages.compare import OUT, compare, experiments, git, head
 from stages.compose import composed, experiment
 from stages.settings import LOCAL, PARAMS, overrides, read
 
@@ -161,10 +160,8 @@ def main() -> None:
     failures = sweep(runs, plan.until, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
-        wide = {} if sys.stdout.isatty() else {"COLUMNS": "200"}
-        subprocess.run(table(plan.params, plan.measures), env=os.environ | wide, check=False)
-        page = compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}")
-        print(f"\n{page} compares them.")
+        print(compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}"))
+        print(f"\n{OUT} compares them.")
     if failures:
         for name, why in failures.items():
             print(f"\n{name} failed:\n    {why}", file=sys.stderr)
