@@ -58,11 +58,15 @@ def stages() -> dict[str, Any]:
 
 
 def readers(group: str) -> list[str]:
-    """Return the stages that read a group of parameters, in their order."""
+    """Return the stages that read a group of parameters, in their order.
+
+    `realism` reads those of `extract` and `features`, too: it measures as they do.
+    """
     return [
         word
         for word, stage in stages().items()
         if any(one.partition(".")[0] == group for one in stage.get("params", []))
+        and (word != "realism" or group == "realism")
     ]
 
 
@@ -98,7 +102,7 @@ def other_values(hint: Any, value: Any) -> Iterator[Any]:
         yield not value
     elif hint in (int, float):
         known = value if isinstance(value, int | float) and not isinstance(value, bool) else 1
-        for times in (2, 0.5, 1.3, 0.001, 4, 0.1, 10, 0.8):
+        for times in (2, 0.3, 0.001, 20, 1.3, 0.8):
             yield hint(round(known * times)) if hint is int else known * times
         yield from (hint(1), hint(0), hint(3), known + 1, known - 1)
     elif isinstance(value, list) and value:
@@ -150,19 +154,20 @@ def acts(
     group: str, key: str, base: Path, known: dict[str, str], overrides: list[str]
 ) -> str | None:
     """Return the first stage whose output a changed parameter changes; None if there is none."""
+    words = [word for word in readers(group) if word in known]
+    if not words:
+        return None
     value = yaml.safe_load((base / "params.yaml").read_text())[group][key]
     (option, *_) = [one for one in variants(group).values() if key in get_type_hints(one)]
     hint = get_type_hints(option, include_extras=True)[key]
     tries = 0
     for other in other_values(hint, value):
-        if other == value or tries == 6:
+        if other == value or tries == 4:
             continue
         with contextlib.suppress(Exception):
             write_params(base, [*overrides, f"{group}.{key}={_literal(other)}"])
             tries += 1
-            for word in readers(group):
-                if word not in known:
-                    continue
+            for word in words:
                 kept = base / "kept"
                 for out in outputs(word):
                     if (base / out).exists():

@@ -120,9 +120,10 @@ def limb_masks(picture: Picture) -> dict[str, Mask]:
 
     FinloopError if the picture has fewer than two pale regions: it is not of this film.
     """
-    levels = picture.astype(np.int32)
-    distance = np.stack([((levels - colour) ** 2).sum(axis=2) for colour in PALETTE])
-    pale = (distance.argmin(axis=0) == 0).astype(np.uint8)
+    palette = np.array(PALETTE, np.float32)
+    # The squared distance to each colour, less what all have in common; whole numbers, so exact.
+    distance = (palette**2).sum(axis=1) - 2 * picture.astype(np.float32) @ palette.T
+    pale = (distance.argmin(axis=2) == 0).astype(np.uint8)
     count, labels, stats, centres = cv2.connectedComponentsWithStats(pale, connectivity=4)
     if count < 3:
         raise FinloopError(
