@@ -59,7 +59,7 @@ def experiment(name: str) -> Experiment:
     if sweep is None:
         raise FinloopError(
             f"{CONF}/{FOLDER}/{name}.yaml is no sweep:\n    " + "\n    ".join(problems),
-            "title, why, params, until and measures, with stages that there are",
+            "title, why, seen, params and measures, with stages that there are",
             "correct it",
         )
     return sweep

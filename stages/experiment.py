@@ -24,17 +24,20 @@ class Experiment:
     # parameter → values in Hydra's notation, "0.1, 0.2" or "range(1, 4)". What varies; every
     # combination is a run
     params: Annotated[dict[Name, Annotated[str, Field(min_length=1)]], Field(min_length=1)]
-    until: str  # a stage word. The last stage that a run needs
     # <stage>.<number> of its metrics. What is compared, beside the measures that every comparison
-    # has
-    measures: list[Name]
+    # has; a run makes these stages, and what they need
+    measures: Annotated[list[Name], Field(min_length=1)]
 
     def __post_init__(self) -> None:
         """Refuse stages that there are not."""
-        names = (self.until, *self.params, *self.measures)
-        for word in (name.partition(".")[0] for name in names):
+        for word in (name.partition(".")[0] for name in (*self.params, *self.measures)):
             if word not in WORDS:
                 raise ValueError(f"{word} is no stage")
+
+    @property
+    def stages(self) -> list[str]:
+        """The stages whose numbers are compared."""
+        return list(dict.fromkeys(name.partition(".")[0] for name in self.measures))
 
     def runs(self, name: str) -> dict[str, list[str]]:
         """Every combination: name of the run → its overrides; the last parameter varies first."""

@@ -82,17 +82,17 @@ def keep(name: str, folder: Path) -> None:
     git("fetch", "--quiet", "--no-write-fetch-head", str(folder), f"+{ref}:{ref}")
 
 
-def attempt(name: str, changes: list[str], until: str, folder: Path) -> str:
+def attempt(name: str, changes: list[str], stages: list[str], folder: Path) -> str:
     """Make one run in a copy and keep it; the end of its output if it failed."""
     values = [word for change in changes for word in ("-S", change)]
-    succeeds, text = dvc("exp", "run", "--name", name, *values, until, at=folder)
+    succeeds, text = dvc("exp", "run", "--name", name, *values, *stages, at=folder)
     if succeeds:
         keep(name, folder)
         return ""
     return "\n    ".join(text.splitlines()[-LAST_LINES:])
 
 
-def sweep(runs: dict[str, list[str]], until: str, jobs: int) -> dict[str, str]:
+def sweep(runs: dict[str, list[str]], stages: list[str], jobs: int) -> dict[str, str]:
     """Make the runs, given by their overrides; why those failed that did, by name."""
     root, failures, todo = Path.cwd(), dict[str, str](), list[str]()
     there = experiments()
@@ -107,7 +107,7 @@ def sweep(runs: dict[str, list[str]], until: str, jobs: int) -> dict[str, str]:
     if not todo:
         return failures
     _, cache = dvc("cache", "dir", at=root)
-    _, status = dvc("status", until, at=root)
+    _, status = dvc("status", *stages, at=root)
     (root / ".dvc/tmp").mkdir(exist_ok=True)
     with (
         TemporaryDirectory(dir=root / ".dvc/tmp", prefix="sweep-") as apart,
@@ -119,7 +119,7 @@ def sweep(runs: dict[str, list[str]], until: str, jobs: int) -> dict[str, str]:
 
         def make_next(folder: Path) -> bool:
             name = todo.pop(0)
-            if why := attempt(name, runs[name], until, folder):
+            if why := attempt(name, runs[name], stages, folder):
                 failures[name] = why
             advance()
             return not why
@@ -157,7 +157,7 @@ def main() -> None:
     every = [f"+experiment={arguments.experiment}", *overrides(read()), *arguments.overrides]
     runs = {name: every + changes for name, changes in plan.runs(arguments.experiment).items()}
     head()  # a commit is there for the experiments to stand on
-    failures = sweep(runs, plan.until, max(1, arguments.jobs))
+    failures = sweep(runs, plan.stages, max(1, arguments.jobs))
     finished = [name for name in runs if name not in failures]
     if finished:
         print(compare(finished, list(plan.measures), plan.title, f"{plan.why} {plan.seen}"))

@@ -88,7 +88,7 @@ def test_every_value_is_allowed(name):
 
 def test_every_combination_is_a_run():
     params = {"features.orientations": "12, 48", "distance.pose": "film, body"}
-    runs = Experiment("t", "w", "s", params, "animate", []).runs("one")
+    runs = Experiment("t", "w", "s", params, ["animate.frames"]).runs("one")
     assert list(runs) == ["one-12-film", "one-12-body", "one-48-film", "one-48-body"]
     assert runs["one-48-film"] == ["features.orientations=48", "distance.pose=film"]
 
@@ -98,13 +98,14 @@ GOOD = {
     "why": "w",
     "seen": "s",
     "params": {"bpn.hidden": "1, 2"},
-    "until": "animate",
-    "measures": [],
+    "measures": ["animate.frames"],
 }
 
 
 def test_values_are_in_the_notation_of_hydra():
-    sweep = Experiment("t", "w", "s", {"bpn.hidden": "range(1, 3)", "bpn.seed": "7"}, "animate", [])
+    sweep = Experiment(
+        "t", "w", "s", {"bpn.hidden": "range(1, 3)", "bpn.seed": "7"}, ["animate.frames"]
+    )
     assert sweep.runs("one") == {
         "one-1-7": ["bpn.hidden=1", "bpn.seed=7"],
         "one-2-7": ["bpn.hidden=2", "bpn.seed=7"],
@@ -113,7 +114,7 @@ def test_values_are_in_the_notation_of_hydra():
 
 @pytest.mark.parametrize(
     ("change", "problem"),
-    [({"until": "nowhere"}, "nowhere is no stage"), ({"params": {}}, "one.params"),
+    [({"measures": []}, "one.measures"), ({"params": {}}, "one.params"),
      ({"more": 1}, "one.more: unknown"), ({"params": {"hidden": "1"}}, "one.params.hidden"),
      ({"measures": ["nosuch.a"]}, "nosuch is no stage"), ({"title": "???"}, "title: has no value")],
 )  # fmt: skip

@@ -365,7 +365,6 @@ QUICK = {
     "why": "w",
     "seen": "s",
     "params": {"features.release": "0.4, 0.5, 7.0"},
-    "until": "features",
     "measures": ["features.straight_pct"],
 }
 

@@ -92,7 +92,7 @@ def test_two_values_of_a_sweep_differ_in_its_measures(path, swept_run, tmp_path,
     every = [one.strip() for one in values.split(",")]
     two = VALUES.get(name, (every[0], every[-1]))
     words = stages_that_follow(name.partition(".")[0], asked["measures"])
-    swept_run.bring(tmp_path, [asked["until"]])
+    swept_run.bring(tmp_path, sorted({one.partition(".")[0] for one in asked["measures"]}))
     for given in GIVEN:
         (tmp_path / given).parent.mkdir(exist_ok=True)
         (tmp_path / given).symlink_to(ROOT / given)
