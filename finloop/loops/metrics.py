@@ -23,7 +23,7 @@ def numbers(
     largest = in_component(graph, len(features))
     sizes = loops["group"].value_counts()
     return {
-        "pairs": counts.pairs,
+        "pairs": float(counts.pairs),  # rounded: see `distance.pairs_kept`
         "pairs_below_threshold": counts.below_threshold,
         "minima": counts.minima,
         "improper_dropped": counts.improper,
