@@ -310,8 +310,9 @@ def test_nothing_runs_before_the_parameters_are_checked():
 
 @pytest.mark.parametrize("word", STAGES)
 def test_numbers_go_to_git_and_footage_to_the_cache(word):
+    same = word != "realism"  # its numbers are not the same on every processor
     for out, flags in outputs(word).items():
-        in_git = Path(out).suffix in (".json", ".csv")
+        in_git = same and Path(out).suffix in (".json", ".csv")
         assert flags.get("cache", True) != in_git, out
 
 
