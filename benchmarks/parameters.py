@@ -48,7 +48,18 @@ MORE = {
     "inertial": ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"],
 }
 """Further runs of the first film, of the stages of modes alone."""
+OTHER = {
+    "morph.a": "data/drawings/face_b.svg",
+    "morph.b": "data/drawings/face_a.svg",
+    "morph.glyph": "8",
+    "morph.wavelet": "db4",
+}
+"""Other values of texts."""
 WHEN: dict[str, str] = {
+    "export.tracks_most": "films of more tracks",
+    "matching.follow": "several fish, one of which follows another",
+    "matching.path": "a fish that is to swim a path",
+    "morph.hoop": "a drawing of one's own",
     "bpn.most_rows": "films of more rows",
     "extract.shadow": "animals that throw a shadow beside themselves",
     "extract.least_area_px": "films with specks",
@@ -60,6 +71,8 @@ WHEN: dict[str, str] = {
     "identity": "tracks that end and begin again: several animals that cross",
     "calibrate": "films of several animals",
     "pose.tail": "animals with a tail that is hidden at times (`pose.trunk`)",
+    "gait.limbs": "a film of limbs of one's own",
+    "gait.regions": "a film of limbs of one's own",
     "jumps.nearest": "films of more than 20,000 rows",
     "jumps.handed_most": "animals that bend to both sides alike, whose mirror images may differ",
     "loops.policy": "loop ends at which two ways pass the tests, as on the zebrafish",
@@ -83,7 +96,7 @@ WHEN: dict[str, str] = {
 
 def when(name: str) -> str:
     """Return when a parameter acts that changes nothing on these films; empty if it is unknown."""
-    return next((WHEN[start] for start in WHEN if name.startswith(start)), "")
+    return WHEN.get(name) or next((WHEN[start] for start in WHEN if name.startswith(start)), "")
 
 
 def stages() -> dict[str, Any]:
@@ -197,11 +210,12 @@ def acts(
     (option, *_) = [one for one in variants(group).values() if key in get_type_hints(one)]
     hint = get_type_hints(option, include_extras=True)[key]
     tries = 0
-    for other in other_values(hint, value):
+    name = f"{group}.{key}"
+    for other in [OTHER[name]] if name in OTHER else other_values(hint, value):
         if other == value or tries == 4:
             continue
         with contextlib.suppress(Exception):
-            write_params(base, [*overrides, f"{group}.{key}={_literal(other)}"])
+            write_params(base, [*overrides, f"{name}={_literal(other)}"])
             tries += 1
             for word in words:
                 kept = base / "kept"
