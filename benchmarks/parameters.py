@@ -3,7 +3,7 @@
 `python -m benchmarks.parameters [group …]` runs the stages that read a parameter with another value
 and compares what they write, byte by byte. A parameter that changes no output on any of the films
 is listed, unless `WHEN` says when it acts. No parameter may be dead: the last lines list those that
-are, and the exit status is 1 if there are any.
+are, and the exit status is 1 if there are any. A value that makes a stage fail does not count.
 """
 
 import contextlib
@@ -15,7 +15,7 @@ import os
 import shutil
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from types import UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
@@ -25,29 +25,32 @@ import yaml
 
 from benchmarks.pipeline import ROOT
 from finloop.base.settings import WORDS, variants
+from finloop.edit.modes import MODES
 from stages.compose import composed
 from stages.settings import _literal
 
-FILMS: dict[str, list[str]] = {
-    "one carp": [
-        "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
-        "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
-        "loops.threshold=1", "bpn.epochs=5", "bpn.block=3", "forecast.epochs=30",
-        "forecast.block=3",
-        "animate.seconds=6", "animate.trials=3", "realism.seconds=8", "realism.window=1",
-        "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=5",
-        "realism.bins=8", "tank.seconds=0.3", "tank.width_px=160", "tank.height_px=120",
-        "morph.frames=8", "morph.points=64", "gait.dog_frames=48", "gait.dog_width_px=240",
-        "render.webp_seconds=1", "render.beside_seconds=1", "export.webp_seconds=1",
-    ],
+FILM = [
+    "clip=carp", "clip.frames=300", "clip.width_px=320", "clip.height_px=240",
+    "clip.body_length_px=70", "clip.colour=false", "clip.seed=7", "features.orientations=12",
+    "loops.threshold=1", "bpn.epochs=5", "bpn.block=3", "forecast.epochs=30",
+    "forecast.block=3",
+    "animate.seconds=6", "animate.trials=3", "realism.seconds=8", "realism.window=1",
+    "realism.stride=0.5", "realism.blocks=2", "realism.gap=0.5", "realism.rounds=5",
+    "realism.bins=8", "tank.seconds=0.3", "tank.width_px=160", "tank.height_px=120",
+    "morph.frames=8", "morph.points=64", "gait.dog_frames=48", "gait.dog_width_px=240",
+    "render.webp_seconds=1", "render.beside_seconds=1", "export.webp_seconds=1",
+]  # fmt: skip
+PLAYED = (*(f"modes-{mode}" for mode in MODES), "animate")
+MORE: dict[str, tuple[list[str], Sequence[str]]] = {
+    "two fish": (["matching.fish=2", "matching.rule=zones"], PLAYED),
+    "a path": (["matching.path=track:0"], PLAYED),
+    "predictions alone": (["matching.uses=[forecast]"], PLAYED),
+    "inertial": (
+        ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"], PLAYED,
+    ),
+    "three carp": (["clip.fish=3"], ("clip", "extract", "features", "identity", "calibrate")),
 }  # fmt: skip
-MORE = {
-    "two fish": ["matching.fish=2", "matching.rule=zones"],
-    "a path": ["matching.path=track:0"],
-    "predictions alone": ["matching.uses=[forecast]"],
-    "inertial": ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"],
-}
-"""Further runs of the first film, of the stages of modes alone."""
+"""Further runs: their settings beside those of FILM, and the stages that are run again."""
 OTHER = {
     "morph.a": "data/drawings/face_b.svg",
     "morph.b": "data/drawings/face_a.svg",
@@ -171,13 +174,13 @@ def inside(folder: Path) -> Iterator[None]:
         os.chdir(before)
 
 
-def run_stage(folder: Path, word: str) -> str:
-    """Run a stage in a folder; return the digest of what it writes, or why it fails."""
+def run_stage(folder: Path, word: str) -> str | None:
+    """Run a stage in a folder; return the digest of what it writes, None if it fails."""
     with inside(folder):
         try:
             importlib.import_module(f"stages.{word.replace('-', '.')}").main()
-        except Exception as error:
-            return f"{type(error).__name__}: {error}"
+        except Exception:
+            return None
     return digest(folder, word)
 
 
@@ -189,14 +192,17 @@ def write_params(folder: Path, overrides: list[str]) -> dict[str, Any]:
     return values
 
 
-def first_run(folder: Path, overrides: list[str], words: list[str]) -> dict[str, str]:
-    """Run stages in a folder; return the digest of each."""
+def first_run(folder: Path, overrides: list[str], words: Sequence[str]) -> dict[str, str]:
+    """Run stages in a folder; return the digest of each. Those that fail are told and left out."""
     for name in ("conf", "benchmarks", "data/drawings", "data/gaits"):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         if not (folder / name).exists():
             (folder / name).symlink_to(ROOT / name)
     write_params(folder, overrides)
-    return {word: run_stage(folder, word) for word in words}
+    made = {word: run_stage(folder, word) for word in words}
+    for word in (word for word in words if made[word] is None):
+        print(f"parameters: stage {word} fails with {' '.join(overrides)}", file=sys.stderr)
+    return {word: digest for word, digest in made.items() if digest is not None}
 
 
 def acts(
@@ -223,14 +229,14 @@ def acts(
                     if (base / out).exists():
                         (kept / out).parent.mkdir(parents=True, exist_ok=True)
                         shutil.move(base / out, kept / out)
-                differs = run_stage(base, word) != known[word]
+                made = run_stage(base, word)
                 for out in outputs(word):
                     path = base / out
                     shutil.rmtree(path) if path.is_dir() else path.unlink(missing_ok=True)
                     if (kept / out).exists():
                         path.parent.mkdir(parents=True, exist_ok=True)
                         shutil.move(kept / out, path)
-                if differs:
+                if made not in (None, known[word]):
                     return word
     return None
 
@@ -241,31 +247,27 @@ def main() -> None:
     every = [word for word in stages() if not word.startswith("plots-") and word != "params"]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
-        bases: list[tuple[Path, dict[str, str], list[str]]] = []
-        for name, overrides in FILMS.items():
-            base = Path(scratch) / name.replace(" ", "-")
-            bases.append((base, first_run(base, overrides, every), overrides))
-            modes = [word for word in every if word.startswith("modes-")] + ["animate"]
-            for extra, more in MORE.items():
-                other = Path(scratch) / extra.replace(" ", "-")
-                shutil.copytree(base, other, symlinks=True)
-                both = [*overrides, *more]
-                bases.append((other, first_run(other, both, modes), both))
+        base = Path(scratch) / "film"
+        bases = [(base, first_run(base, FILM, every), FILM)]
+        for name, (more, words) in MORE.items():
+            other, both = Path(scratch) / name.replace(" ", "-"), [*FILM, *more]
+            shutil.copytree(base, other, symlinks=True)
+            bases.append((other, first_run(other, both, words), both))
         values = yaml.safe_load((bases[0][0] / "params.yaml").read_text())
         for group in wanted:
             for key in values[group]:
                 if key == "source":
                     continue
                 found = None
-                for base, known, overrides in bases:
-                    if found := acts(group, key, base, known, overrides):
+                for folder, known, overrides in bases:
+                    if found := acts(group, key, folder, known, overrides):
                         break
                 name = f"{group}.{key}"
                 rest = "" if found else when(name)
                 rows.append({"parameter": name, "acts_on": found or "", "else_for": rest})
                 print(json.dumps(rows[-1], ensure_ascii=False), flush=True)
     table = pd.DataFrame(rows)
-    if len(wanted) > 1:
+    if not sys.argv[1:]:
         table.to_csv(Path(__file__).with_suffix(".csv"), index=False)
     dead = table.loc[(table[["acts_on", "else_for"]] == "").all(axis=1), "parameter"].tolist()
     print(f"{len(table)} parameters, {len(dead)} of them change nothing: {', '.join(dead) or '-'}")

@@ -7,7 +7,7 @@ from pathlib import Path
 import pandas as pd
 
 from finloop.animate import encounters, measures, path_measures
-from finloop.animate.motion import learn
+from finloop.animate.motion import Motion, learn
 from finloop.base.errors import FinloopError
 from finloop.edit.measures import table
 from finloop.edit.modes import MODES
@@ -38,10 +38,9 @@ def mode_numbers(mode: str) -> dict[str, float]:
     return numbers
 
 
-def film_numbers(project: Project, moved: tuple) -> dict[str, float]:
+def film_numbers(project: Project, motion: Motion, moved: tuple) -> dict[str, float]:
     """Return the film by its own measures. moved: of `measures.motion_of_film`."""
     features, rate = project.features, project.rate_hz
-    motion = learn(features, rate, delta_of(features))
     steps = project.steps[["headed", "as_filmed"]].dropna()
     numbers = measures.of_film(features, moved, steps["as_filmed"].to_numpy(float), motion)
     try:
@@ -104,7 +103,7 @@ def main() -> None:
         motion = learn(features, project.rate_hz, delta_of(features))
         moved = measures.motion_of_film(features, motion)
         numbers = {mode: mode_numbers(mode) for mode in played_modes()}
-        film = film_numbers(project, moved)
+        film = film_numbers(project, motion, moved)
         parts = [measures.kinematics({measures.FILM_MOTION: moved})]
         parts += [
             load_table(ANIMATE / mode / "motion.parquet", measures.KINEMATICS) for mode in numbers

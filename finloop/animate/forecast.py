@@ -17,7 +17,7 @@ from finloop.animate.brisk import brisk_of
 from finloop.animate.company import clear_ticks
 from finloop.animate.film import foretold_film
 from finloop.animate.follow import Footage, footage_of, reach_of
-from finloop.animate.kinematics import Spot
+from finloop.animate.kinematics import Spot, aim_in
 from finloop.animate.outlook import Pace, Recall, course, held, look
 from finloop.animate.rare import Rarity
 from finloop.animate.search import Rules, space_of
@@ -108,7 +108,8 @@ class ForecastSwimmer:
         """Swim on towards the goal: follow a row till the next decision."""
         fish, past = self.with_past(fish)
         swum, p = self.sampler, self.waters.settings
-        aim = self.waters.aim(fish, goal, p.arrived * self.waters.touch_px)
+        near_px = p.arrived * self.waters.touch_px
+        aim = aim_in(self.waters.tank, (fish.x, fish.y), goal, near_px)
         start = np.array([fish.x, fish.y, fish.heading])
         towards, soon = (goal, aim, self.pace), max(1, round(swum.follow))
         again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from finloop.animate.arena import inside
+from finloop.animate.arena import Tank, inside
 from finloop.base.arrays import Floats, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 
@@ -23,6 +23,18 @@ class Spot(NamedTuple):
     touch_px: float
     head_px: float
     free: bool = False
+
+
+def aim_in(tank: Tank, place: tuple[float, float], goal: Spot, near_px: float) -> Spot:
+    """Return the point to head for: the legal place nearest to a goal, or one on the way there.
+
+    place: of the fish, x, y px. The goal itself where that place is less than `near_px` away.
+    """
+    legal = tank.into(goal.x, goal.y)
+    if np.hypot(legal[0] - place[0], legal[1] - place[1]) < near_px:
+        return goal
+    x, y = tank.waypoint(*place, *legal)
+    return goal._replace(x=float(x), y=float(y))
 
 
 class Ahead(NamedTuple):

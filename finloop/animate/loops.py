@@ -15,7 +15,7 @@ from finloop.animate import kinematics as step
 from finloop.animate.bounds import beyond
 from finloop.animate.decide import Ways
 from finloop.animate.follow import Footage, footage_of, reach_of
-from finloop.animate.kinematics import Spot
+from finloop.animate.kinematics import Spot, aim_in
 from finloop.animate.search import Here, Rules, Space, space_of
 from finloop.animate.state import Fish, Options, Waters
 from finloop.base.arrays import Mask
@@ -76,7 +76,7 @@ class FilmSwimmer:
 
     def aim(self, fish: Fish, goal: Spot) -> Spot:
         """The point to head for: the goal, or what is in sight of the way to it."""
-        aim = self.waters.aim(fish, goal, self.waters.touch_px)
+        aim = aim_in(self.waters.tank, (fish.x, fish.y), goal, self.waters.touch_px)
         return goal if aim[:2] == self.waters.tank.into(goal.x, goal.y) else aim
 
     def options(self, fish: Fish, aim: Spot) -> Options:

@@ -79,17 +79,6 @@ class Waters:
         """Ticks of the animation."""
         return round(self.settings.seconds * self.motion.rate_hz)
 
-    def aim(self, fish: "Fish", goal: Spot, near_px: float) -> Spot:
-        """The point to head for: where the goal is nearest, or what is in sight of the way there.
-
-        The goal itself where that is less than `near_px` away.
-        """
-        legal = self.tank.into(goal.x, goal.y)
-        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < near_px:
-            return goal
-        x, y = self.tank.waypoint(fish.x, fish.y, *legal)
-        return goal._replace(x=float(x), y=float(y))
-
 
 @dataclass(frozen=True, slots=True)
 class Fish:

@@ -102,7 +102,8 @@ class Network:
         )
 
     def _course(self, fish: Fish, goal: Spot) -> Course:
-        aim = self.world.aim(fish, goal, self.p.arrived * self.world.touch_px)
+        near_px = self.p.arrived * self.world.touch_px
+        aim = step.aim_in(self.world.tank, (fish.x, fish.y), goal, near_px)
         error = step.wrap(step.bearing(fish.x, fish.y, aim.x, aim.y) - fish.heading)
         distance = float(np.hypot(aim.x - fish.x, aim.y - fish.y))
         far = distance > self.p.near * self._px
@@ -119,9 +120,8 @@ class Network:
         error, p = course.error, self.p
         beside = course.distance * abs(np.sin(np.radians(error)))
         misses = abs(error) > 90 or beside > p.miss * self.world.touch_px
-        near = course.distance < p.near * self._px
         bent = course.fish.bent and abs(error) > p.unbend_deg
-        return bent or abs(error) > self._least_turn or (misses and near)
+        return bent or abs(error) > self._least_turn or (misses and not course.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
         """Eq. 4: the relative motion area that the trained network gives for a turn.

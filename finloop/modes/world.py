@@ -2,12 +2,8 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from finloop.animate.arena import Tank
-from finloop.animate.kinematics import Spot
 from finloop.animate.motion import Motion
-from finloop.animate.state import Fish
 
 
 @dataclass(frozen=True)
@@ -21,14 +17,3 @@ class World:
     motion: Motion
     touch_px: float
     head_px: float
-
-    def aim(self, fish: Fish, goal: Spot, near_px: float) -> Spot:
-        """Return the point to head for: the legal place nearest to the goal, or one on the way.
-
-        The goal itself where that is less than `near_px` away.
-        """
-        legal = self.tank.into(goal.x, goal.y)
-        if np.hypot(legal[0] - fish.x, legal[1] - fish.y) < near_px:
-            return goal
-        x, y = self.tank.waypoint(fish.x, fish.y, *legal)
-        return goal._replace(x=float(x), y=float(y))

@@ -66,16 +66,15 @@ def bin_values(x: NDArray[np.float32], learn: Mask, bins: int) -> NDArray[np.flo
     """Return the number of the bin that each value of x (n, steps, channels) falls into.
 
     Between the bins of a step and channel lie the quantiles of the windows `learn` (n,). scikit-
-    learn would do the same, but with weights, which takes five times as long as all its trees.
+    learn would do the same, but with weights, which took 22 of the stage's 48 s.
     """
-    edges = np.quantile(x[learn], np.arange(1, bins) / bins, axis=0)
-    return np.stack([
-        np.stack([
-            np.searchsorted(np.unique(edges[:, step, channel]), x[:, step, channel])
-            for channel in range(x.shape[2])
-        ], axis=1)
-        for step in range(x.shape[1])
-    ], axis=1).astype(np.float32)  # fmt: skip
+    values = _flat(x)
+    edges = np.quantile(values[learn], np.arange(1, bins) / bins, axis=0)
+    columns = [
+        np.searchsorted(np.unique(edge), value)
+        for edge, value in zip(edges.T, values.T, strict=True)
+    ]
+    return np.stack(columns, axis=1).astype(np.float32).reshape(x.shape)
 
 
 def fit(x: NDArray[np.float32], animation: Mask, p: Settings) -> "HistGradientBoostingClassifier":
