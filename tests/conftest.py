@@ -28,7 +28,7 @@ OUTPUTS = ("data", "reports")
 os.environ["PYTHONPATH"] = os.pathsep.join(
     [str(ROOT), str(Path(__file__).parent), *filter(None, [os.environ.get("PYTHONPATH")])]
 )
-FRONT = ("plots-clip", "plots-extract", "plots-features")  # and what these wait for
+FRONT = ("plots-film",)  # and what these wait for
 TINY_CARP = [
     "clip=carp",
     "clip.frames=100",

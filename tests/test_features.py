@@ -1001,7 +1001,7 @@ def extracted(tmp_path_factory, tiny_run):
     """A folder in which the three stages, and its pictures, have run on a drawn carp."""
     folder = tmp_path_factory.mktemp("extracted")
     prepare(folder, *TINY_CARP)
-    tiny_run.bring(folder, ["plots-features"])
+    tiny_run.bring(folder, ["plots-film"])
     return folder
 
 

@@ -324,7 +324,7 @@ def test_a_view_shows_the_heading_to_the_right():
 def folder(tmp_path_factory, tiny_run):
     path = tmp_path_factory.mktemp("realism")
     prepare(path, *TINY_CARP)
-    tiny_run.bring(path, ["plots-realism"])
+    tiny_run.bring(path, ["plots-modes"])
     return path
 
 

@@ -63,7 +63,7 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
     """Boxes, an edge from each to those that wait for it; edges that follow from others left out.
 
     A box is a stage, or the stages of all modes. The stage `params`, which only checks the values,
-    is left out, and so are the stages `plots-<word>`, which only draw.
+    is left out, and so are the stages `plots-…`, which only draw.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
     stages = {

@@ -16,7 +16,7 @@ BESIDE = ("data/drawings", "data/gaits", "benchmarks/table2.csv")  # what the st
 
 
 def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:
-    """Run the stages `words`, or all, in `folder` with overridden values, in dvc.yaml's order."""
+    """Run the stages `words`, or all of dvc.yaml, in `folder` with overridden values."""
     for name in BESIDE:
         there = folder / name
         there.parent.mkdir(parents=True, exist_ok=True)
@@ -26,12 +26,11 @@ def run(folder: Path, values: Sequence[str], words: Sequence[str] = ()) -> None:
             shutil.copy2(ROOT / name, there)
     prepare(folder, values)
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-    for word, stage in stages.items():
-        if word in words or not words:
-            print(f"docs: stage {word}", file=sys.stderr)
-            module = stage["cmd"].split()[-1]
-            done = subprocess.run(
-                [sys.executable, "-m", module], cwd=folder, env=ENV, capture_output=True, text=True
-            )
-            if done.returncode:
-                raise SystemExit(f"docs: {module} failed:\n{done.stderr}")
+    for word in words or stages:
+        print(f"docs: stage {word}", file=sys.stderr)
+        module = f"stages.{word.replace('-', '.')}"
+        done = subprocess.run(
+            [sys.executable, "-m", module], cwd=folder, env=ENV, capture_output=True, text=True
+        )
+        if done.returncode:
+            raise SystemExit(f"docs: {module} failed:\n{done.stderr}")

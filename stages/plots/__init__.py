@@ -1,4 +1,5 @@
-"""Pictures of what the stages have made: `python -m stages.plots.bpn` writes reports/bpn/*.png.
+"""Pictures of what the stages have made; a module a stage, and three stages that draw them all.
 
-Stages of their own, so that a picture changed makes nothing anew but itself.
+`python -m stages.plots.bpn` draws reports/bpn/*.png alone. The stages `plots-film`, `plots-motion`
+and `plots-modes` are apart from those that compute, so that a changed picture computes nothing anew.
 """

@@ -1,6 +1,6 @@
 """Pictures of `extract`: what segmentation makes of some frames, side branches (Figs. 3, 4)."""
 
-from stages.run import progress, run  # isort: skip  (before numpy)
+from stages.run import run  # isort: skip  (before numpy)
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -96,12 +96,9 @@ def draw_detections(film: Film, settings: Settings, count: int) -> Picture:
 def thin_films(films: list[Film], settings: Settings) -> Iterator[ThinnedFish]:
     """Thin the fish of frames spread over the films."""
     count = max(1, THINNED // len(films))
-    total = sum(min(count, film.facts.frames) for film in films)
-    with progress("plots", total, "frames") as advance:
-        for film in films:
-            for label, frame in film.read(count):
-                yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
-                advance()
+    for film in films:
+        for label, frame in film.read(count):
+            yield from thin_fish(frame, label, film.scene, film.typical, film.arena, settings)
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ from finloop.plots import features as draw
 from finloop.plots.parts import message
 from finloop.plots.turn import figure5, strongest_turn
 from finloop.project import Project
-from stages.run import progress
 
 REPORT = Path("reports/features")
 COLUMNS = ("backbone_x_px", "backbone_y_px")
@@ -18,7 +17,7 @@ FISH = 48  # on the contact sheet
 
 def main() -> None:
     """Draw contact_sheet.png, fig5.png, fig7.png, trajectories.png and rose.png."""
-    with Project() as project, progress("plots", 5, "pictures") as advance:
+    with Project() as project:
         table, background = project.features, project.background
         tracks, rows = project.tracks(COLUMNS), draw.most_doubtful(table, FISH)
         fish = draw.specimens(table, tracks, rows, project.cutouts, background)
@@ -29,7 +28,6 @@ def main() -> None:
         if (turn := strongest_turn(table)) is not None:
             turning = draw.specimens(table, tracks, turn, project.cutouts, background)
             fig5 = figure5(table, turn, list(turning), background)
-        advance()
         for name, figure in (
             ("fig5", fig5),
             ("fig7", draw.figure7(table)),
@@ -37,7 +35,6 @@ def main() -> None:
             ("rose", draw.rose(table)),
         ):
             save_figure(REPORT / f"{name}.png", figure)
-            advance()
 
 
 if __name__ == "__main__":

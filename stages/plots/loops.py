@@ -19,7 +19,6 @@ from finloop.plots.loop_groups import over_time
 from finloop.plots.loop_routes import figure10, find_three_ways
 from finloop.plots.parts import message
 from finloop.project import Project
-from stages.run import progress
 from stages.settings import load
 
 REPORT = Path("reports/loops")
@@ -30,13 +29,11 @@ BEST = 6  # loops drawn, and as many of the worst
 def main() -> None:
     """Draw over_time.png, over_tank.png, fig10.png, fig11.png, fig13.png, best_and_worst.png."""
     p: Settings = load("loops")
-    with Project() as project, progress("plots", len(NAMES) + 1, "pictures") as advance:
+    with Project() as project:
         figures = draw_message(project) if project.loops.empty else draw_loops(project, p)
         save_figure(REPORT / "fig13.png", draw_improper(project, p))
-        advance()
         for name, figure in figures:
             save_figure(REPORT / f"{name}.png", figure)
-            advance()
 
 
 def draw_message(project: Project) -> Iterator[tuple[str, Figure]]:

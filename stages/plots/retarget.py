@@ -26,7 +26,7 @@ def main() -> None:
             return
         ticks = moments(asked)
         with Project() as project:
-            drawn = project.edit_with_sources(RETARGET, "plots-retarget")
+            drawn = project.edit_with_sources(RETARGET, "plots-modes")
             some = drawn.edit.iloc[ticks].assign(tick=range(len(ticks)))
             rows, painter = placed(some, project.gallery(drawn)), Painter(project.background)
             size = round(_SPAN * drawn.scene.typical_length_px)

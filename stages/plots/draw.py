@@ -1,0 +1,27 @@
+"""Draw the pictures of several stages at once, on every core."""
+
+from stages.run import THREADS, progress  # isort: skip  (before numpy)
+
+from collections.abc import Sequence
+from concurrent.futures.process import BrokenProcessPool
+from importlib import import_module
+
+from finloop.base.parallel import Processes, ended, warm_up
+
+
+def draw_all(modules: Sequence[str]) -> None:
+    """Run `main` of every module, those that take longest named first."""
+    warm_up(modules)
+    with progress("plots", len(modules), "stages") as advance:
+        try:
+            with Processes(THREADS).employ(draw) as hand:
+                for task in [hand(module) for module in modules]:
+                    task.result()
+                    advance()
+        except BrokenProcessPool as error:
+            raise ended(THREADS) from error
+
+
+def draw(module: str) -> None:
+    """Draw the pictures of one stage."""
+    import_module(module).main()

@@ -1,0 +1,23 @@
+"""Stage `plots-film`: pictures of what the film shows, from its check to the shapes of the fish."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from stages.plots.draw import draw_all
+
+MODULES = (
+    "stages.plots.extract",
+    "stages.plots.features",
+    "stages.plots.clip",
+    "stages.plots.identity",
+    "stages.plots.calibrate",
+    "stages.plots.pose",
+)
+
+
+def main() -> None:
+    """Draw the pictures in reports/ of clip, extract, features, identity, calibrate and pose."""
+    draw_all(MODULES)
+
+
+if __name__ == "__main__":
+    run(main)

@@ -1,0 +1,21 @@
+"""Stage `plots-modes`: pictures of the animations of all modes, beside the film."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from stages.plots.draw import draw_all
+
+MODULES = (
+    "stages.plots.realism",
+    "stages.plots.render",
+    "stages.plots.animate",
+    "stages.plots.retarget",
+)
+
+
+def main() -> None:
+    """Draw the pictures in reports/ of animate, retarget, render and realism."""
+    draw_all(MODULES)
+
+
+if __name__ == "__main__":
+    run(main)

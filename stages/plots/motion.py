@@ -1,0 +1,23 @@
+"""Stage `plots-motion`: pictures of what modes are made of, from the networks to the gateways."""
+
+from stages.run import run  # isort: skip  (before numpy)
+
+from stages.plots.draw import draw_all
+
+MODULES = (
+    "stages.plots.loops",
+    "stages.plots.forecast",
+    "stages.plots.distance",
+    "stages.plots.gateways",
+    "stages.plots.sprites",
+    "stages.plots.bpn",
+)
+
+
+def main() -> None:
+    """Draw the pictures in reports/ of bpn, forecast, sprites, distance, loops and gateways."""
+    draw_all(MODULES)
+
+
+if __name__ == "__main__":
+    run(main)
