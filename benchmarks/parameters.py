@@ -244,7 +244,11 @@ def acts(
 def main() -> None:
     """Try every parameter; write benchmarks/parameters.csv."""
     wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
-    every = [word for word in stages() if not word.startswith("plots-") and word != "params"]
+    every = [
+        word
+        for word in stages()
+        if not word.startswith("plots-") and word not in ("code", "params")
+    ]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         base = Path(scratch) / "film"

@@ -72,7 +72,7 @@ def needed(last: Sequence[str]) -> list[str]:
         wanted.add(word := todo.pop())
         deps = map(in_conf, stages[word]["deps"])
         todo += {makers[dep] for dep in deps if dep in makers} - wanted
-    return [word for word in stages if word in wanted - {"params"}]
+    return [word for word in stages if word in wanted - {"code", "params"}]
 
 
 def in_conf(dep: str) -> str:

@@ -1,4 +1,4 @@
-"""Stage `params`, the first: is params.yaml whole, and composed from the present conf/?
+"""Stage `params`: is params.yaml whole, and composed from the present conf/?
 
 It runs when conf/ has changed, and every root of the pipeline depends on its one constant output:
 so nothing runs before it, and nothing runs again because of it. Whatever composes params.yaml

@@ -12,11 +12,9 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from finloop.io.record import save_json
+from stages.code import list_files
 
-ROOT = Path(__file__).parents[1]
 KEY_NAME, NUMBERS_NAME = "made_from.json", "numbers.json"
 Numbers = Mapping[str, float]
 
@@ -66,12 +64,5 @@ def name_of(key: Mapping[str, Any]) -> str:
 
 
 def code_of(word: str) -> str:
-    """A digest of the code that a stage depends on, by dvc.yaml."""
-    text = (ROOT / "dvc.yaml").read_text(encoding="utf-8")
-    digest = hashlib.sha256()
-    for name in yaml.load(text, yaml.CSafeLoader)["stages"][word]["deps"]:
-        dep = ROOT / name
-        for path in sorted(dep.rglob("*.py")) if dep.is_dir() else [dep]:
-            if path.suffix == ".py":
-                digest.update(f"{path.relative_to(ROOT)}\n".encode() + path.read_bytes())
-    return digest.hexdigest()
+    """A digest of the files of the program that a stage runs."""
+    return hashlib.sha256(list_files(word).encode()).hexdigest()

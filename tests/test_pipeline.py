@@ -7,7 +7,7 @@ import os
 import shutil
 import signal
 import subprocess
-from functools import cache
+import sys
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -18,96 +18,117 @@ import pytest
 import yaml
 from conftest import TINY_CARP, Copy, alive, wait_for
 
-from finloop.base.settings import GROUPS, SETTINGS_AT, WORDS
+from finloop.base.settings import GROUPS, WORDS
 from finloop.edit.modes import MODES
+from stages import code
 from stages.settings import FILES
 
 ROOT = Path(__file__).parents[1]
 PIPELINE = yaml.safe_load((ROOT / "dvc.yaml").read_text())
 SHIPPED = ("data/drawings", "data/gaits")  # of data/, what no stage makes
 STAGES: dict[str, Any] = PIPELINE["stages"]
-EMPTY = {
-    f"{package}/__init__.py"
-    for package in ("finloop", "stages", "finloop/plots", "stages/modes", "stages/plots")
-}
-"""What an import of a module below runs too; the first one imports only what is asked for."""
 PLOTS = [stage for stage in STAGES if stage.startswith("plots-")]
 PLAYED = [f"modes-{mode}" for mode in MODES]
-DRAWS_ITSELF = ("morph", "gait")
+FIRST = ("code", "params")  # of no words of their own
 
 
 # --- dvc.yaml against the code
 
 
-def module_files(name: str) -> set[str]:
-    """The files that importing a module of ours runs: its own and its packages'."""
-    parts = name.split(".")
-    files = set()
-    for depth in range(1, len(parts) + 1):
-        path = Path(*parts[:depth])
-        for candidate in (path / "__init__.py", path.with_suffix(".py")):
-            if (ROOT / candidate).is_file():
-                files.add(candidate.as_posix())
-    return files
+def files(stage: str) -> set[str]:
+    """The files of the program that a stage runs."""
+    return {line.split()[1] for line in code.list_files(stage).splitlines()}
 
 
-@cache
-def imported(file: str) -> set[str]:
-    """The files of ours that a file imports, at its top or inside a function.
-
-    finloop/project.py, and run_files.py with the base of its class, are an exception. Each property
-    and method of `Project` imports the rooms that it needs inside itself, so that a stage depends
-    on what it uses and not on the whole pipeline:
-
-    - these two count with the imports at their top alone, without those for type checkers;
-    - a file that imports project.py also counts with the imports of those properties and methods
-      that it uses, of an object called `project` or of `Project(…)`, and of those that these use.
-    """
-    tree = ast.parse((ROOT / file).read_text())
-    if file in PARTS:
-        return imports_in(tree.body)
-    found = imports_in([*ast.walk(tree)])
-    if PROJECT in found:
-        for member in members_used(attributes(tree, "project")):
-            found |= imports_in([*ast.walk(members()[member])])
-    return found
+def names(entries: list[Any]) -> dict[str, dict[str, Any]]:
+    """dvc.yaml's `path` or `path: {flags}` as path → flags."""
+    flat: dict[str, dict[str, Any]] = {}
+    for entry in entries:
+        flat |= entry if isinstance(entry, dict) else {entry: {}}
+    return flat
 
 
-PROJECT = "finloop/project.py"
-PARTS = {PROJECT: "Project", "finloop/run_files.py": "RunFiles"}  # its class, and the base of that
+def outputs(word: str) -> dict[str, dict[str, Any]]:
+    stage = STAGES[word]
+    return names([*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])])
 
 
-@cache
-def members() -> dict[str, ast.FunctionDef]:
-    """The properties and methods of `Project` by name."""
-    found = {}
-    for file, name in PARTS.items():
-        body = ast.parse((ROOT / file).read_text()).body
-        (part,) = (one for one in body if isinstance(one, ast.ClassDef) and one.name == name)
-        found |= {one.name: one for one in part.body if isinstance(one, ast.FunctionDef)}
-    return found
+def pictures(stage: str) -> list[str]:
+    """What a stage that draws runs in processes of their own."""
+    return import_module(code.module_of(stage)).MODULES if stage in PLOTS else []
 
 
-def attributes(tree: ast.AST, of: str) -> set[str]:
-    """The names after the dot of an object of this name: `of.x`, `other.of.x` or `Of(…).x`."""
-
-    def called(node: ast.AST) -> str:
-        if isinstance(node, ast.Call):
-            return called(node.func).lower()
-        return getattr(node, "id", getattr(node, "attr", ""))
-
-    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
-    return {node.attr for node in nodes if called(node.value) == of}
+@pytest.mark.parametrize("word", STAGES)
+def test_a_stage_depends_on_the_files_that_it_runs(word):
+    deps = STAGES[word]["deps"]
+    listed = [dep for dep in deps if dep.startswith(("finloop", "stages", "data/code"))]
+    assert listed == (["finloop", "stages"] if word == "code" else [f"data/code/{word}.txt"])
+    assert len(deps) == len(set(deps)), "twice under deps"
+    assert {"stages/run.py", f"stages/{word.replace('-', '/')}.py"} <= files(word)
 
 
-def members_used(names: set[str]) -> set[str]:
-    """Members of `Project` among these names, and those that they use themselves."""
-    todo, seen = names & set(members()), set[str]()
-    while todo:
-        member = todo.pop()
-        seen.add(member)
-        todo |= (attributes(members()[member], "self") & set(members())) - seen
-    return seen
+def test_files_of_a_stage_are_those_that_it_imports_by_imports_inside_functions_and_by_name():
+    assert "finloop/io/atomic.py" in code.imported_files("stages/run.py")  # inside a function
+    assert {"stages/__init__.py", "stages/run.py"} == code.module_files("stages.run")
+    assert {"stages/plots/bpn.py", "finloop/plots/bpn.py"} <= files("plots-motion")  # by a string
+    assert {"finloop/drawn/carp/settings.py", "finloop/edit/modes.py"} <= files("params")
+    assert "finloop/report/report.html.j2" in files("report")
+    assert "finloop/verbs.py" not in files("loops")
+
+
+def test_another_digest_of_a_file_is_another_list(monkeypatch):
+    before = code.list_files("loops")
+    monkeypatch.setattr(code, "hash_file", lambda file: file[-5:-3])
+    assert code.list_files("loops") != before
+
+
+def test_a_changed_search_for_loops_reruns_no_stage_that_shows_none():
+    users = {word for word in STAGES if "finloop/loops/search.py" in files(word)}
+    assert users == {"loops", "plots-motion", "modes-loops", "modes-hybrid"}
+    penalty = {word for word in STAGES if "finloop/animate/search.py" in files(word)}
+    assert penalty & {"render", "tank", "export", "report", "realism"} == set()
+
+
+@pytest.mark.parametrize("word", ["modes-hybrid", "export"])
+def test_no_module_is_loaded_that_is_not_in_the_list(word):
+    """In a process of its own, which imports the stage: of `Project`, only what it uses."""
+    program = (
+        f"import sys, {code.module_of(word)}\n"
+        "for one in list(sys.modules.values()):\n"
+        "    print(getattr(one, '__file__', None))"
+    )
+    text = subprocess.check_output([sys.executable, "-c", program], cwd=ROOT, text=True)
+    ours = {Path(line) for line in text.splitlines() if line.startswith(str(ROOT))}
+    ours = {path.relative_to(ROOT).as_posix() for path in ours}
+    loaded = {path for path in ours if path.startswith(("finloop/", "stages/"))}
+    assert len(loaded) > 10 and loaded <= files(word)
+
+
+def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
+    use = "from finloop.project import Project\n"
+
+    def rooms(number: int, text: str) -> set[str]:
+        path = tmp_path / f"{number}.py"  # another one each time, for what is found is kept
+        path.write_text(use + text)
+        found = code.imported_files(str(path)) - {*code.PARTS, code.LAZY}
+        return {file.split("/")[1] for file in found}
+
+    assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
+    assert rooms(2, "project.features") == rooms(3, "Project().features") == {"features"}
+    assert rooms(4, "a.project.poses") == {"features", "pose"}  # one uses the other
+    forecast = rooms(5, "project.forecast")
+    assert "forecast" in forecast and "bpn" not in forecast
+    assert rooms(6, "project.gallery(drawn)") == {"edit", "render"}
+
+
+def test_a_project_is_called_project_wherever_dependencies_are_read():
+    every = {file for word in STAGES for file in files(word) if file.endswith(".py")}
+    users = {file for file in every if code.PROJECT in code.imported_files(file)}
+    assert "stages/animate.py" in users
+    for file in users - {code.PROJECT}:
+        assert names_of_projects(ast.parse((ROOT / file).read_text())) <= {"project"}, file
+    text = "a = Project()\nwith Project() as b: pass\ndef f(c: Project, d=Project()): pass"
+    assert names_of_projects(ast.parse(text)) == {"a", "b", "c"}
 
 
 def names_of_projects(tree: ast.AST) -> set[str]:
@@ -131,123 +152,20 @@ def names_of_projects(tree: ast.AST) -> set[str]:
     return found
 
 
-def imports_in(nodes: list[Any]) -> set[str]:
-    """The files of ours that the import statements among these nodes run."""
-    names = set()
-    for node in nodes:
-        if isinstance(node, ast.Import):
-            names |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom):
-            assert node.level == 0, "relative import"
-            names |= {f"{node.module}.{alias.name}" for alias in node.names}
-    return {
-        found
-        for name in names
-        if name.partition(".")[0] in ("finloop", "stages")
-        for found in module_files(name)
-    }
-
-
-def closure(files: set[str]) -> set[str]:
-    todo, seen = set(files), set()
-    while todo:
-        file = todo.pop()
-        seen.add(file)
-        todo |= imported(file) - seen
-    return seen
-
-
-def names(entries: list[Any]) -> dict[str, dict[str, Any]]:
-    """dvc.yaml's `path` or `path: {flags}` as path → flags."""
-    flat: dict[str, dict[str, Any]] = {}
-    for entry in entries:
-        flat |= entry if isinstance(entry, dict) else {entry: {}}
-    return flat
-
-
-def outputs(word: str) -> dict[str, dict[str, Any]]:
-    stage = STAGES[word]
-    return names([*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])])
-
-
-def folder(file: str) -> str:
-    """How dvc.yaml names a file: by its package's folder, by itself if it is in none."""
-    parts = Path(file).parts
-    whole = len(parts) > 2 and (parts[0] == "finloop" or parts[1] == "plots")
-    return "/".join(parts[:2]) if whole else file
-
-
-def module(stage: str) -> str:
-    """What the stage runs."""
-    return f"stages.{stage.replace('-', '.')}"
-
-
-def pictures(stage: str) -> list[str]:
-    """What a stage that draws runs in processes of their own."""
-    return import_module(module(stage)).MODULES if stage in PLOTS else []
-
-
-@pytest.mark.parametrize("word", STAGES)
-def test_deps_are_exactly_the_folders_that_a_stage_imports_from(word):
-    files = closure(set().union(*map(module_files, [module(word), *pictures(word)])))
-    wanted = {folder(file) for file in files - EMPTY}
-    if word in DRAWS_ITSELF:  # by a few modules: the stages that draw need all of the room
-        wanted = (wanted - {"finloop/plots"}) | {one for one in files - EMPTY if "/plots/" in one}
-    if word == "params":  # looks at every declaration, by name
-        wanted |= {f"finloop/{SETTINGS_AT.get(one, f'{one}/settings.py')}" for one in GROUPS}
-        wanted.add("finloop/edit/modes.py")  # the modes that a declaration names
-    deps = STAGES[word]["deps"]
-    listed = {dep for dep in deps if dep.startswith(("finloop", "stages"))}
-    assert sorted(wanted - listed) == [], "imported, but not under deps"
-    assert sorted(listed - wanted) == [], "under deps, but not imported"
-    assert len(deps) == len(set(deps)), "twice under deps"
-
-
-def test_the_closure_sees_imports_of_imports_and_inside_functions():
-    assert "finloop/base/errors.py" in closure({"stages/run.py"})
-    assert {"stages/__init__.py", "stages/run.py"} == module_files("stages.run")
-    assert "finloop/io/atomic.py" in imported("stages/run.py")
-
-
-def test_a_stage_depends_on_the_parts_of_a_project_that_it_uses(tmp_path):
-    use = "from finloop.project import Project\n"
-
-    def rooms(number: int, text: str) -> set[str]:
-        path = tmp_path / f"{number}.py"  # another one each time, for what is found is kept
-        path.write_text(use + text)
-        return {folder(file) for file in imported(str(path)) - EMPTY - {*PARTS}}
-
-    assert rooms(0, "") == rooms(1, "project.rate_hz, project.other, p.size") == set()
-    assert rooms(2, "project.features") == rooms(3, "Project().features") == {"finloop/features"}
-    assert rooms(4, "a.project.poses") == {"finloop/features", "finloop/pose"}  # one uses the other
-    forecast = rooms(5, "project.forecast")
-    assert "finloop/forecast" in forecast and "finloop/bpn" not in forecast
-    assert rooms(6, "project.gallery(drawn)") == {"finloop/edit", "finloop/render"}
-
-
-def test_a_project_is_called_project_wherever_dependencies_are_read():
-    files = {file for word in STAGES for file in closure(module_files(module(word)))}
-    users = {file for file in files - {PROJECT} if PROJECT in imported(file)}
-    assert "stages/animate.py" in users
-    for file in users:
-        assert names_of_projects(ast.parse((ROOT / file).read_text())) <= {"project"}, file
-    text = "a = Project()\nwith Project() as b: pass\ndef f(c: Project, d=Project()): pass"
-    assert names_of_projects(ast.parse(text)) == {"a", "b", "c"}
-
-
 def test_a_project_imports_only_files_at_its_top_and_rooms_inside_its_members():
-    at_top = {file for part in PARTS for file in imported(part)}
-    rooms = {folder(file) for file in at_top - EMPTY - {*PARTS}}
-    assert rooms == {"finloop/base", "finloop/io"}
-    trees = [ast.parse((ROOT / part).read_text()) for part in PARTS]
+    at_top = {file for part in code.PARTS for file in code.imported_files(part)}
+    assert {file.split("/")[1] for file in at_top - {*code.PARTS, code.LAZY}} == {"base", "io"}
+    trees = [ast.parse((ROOT / part).read_text()) for part in code.PARTS]
     top = [node for tree in trees for node in tree.body if not isinstance(node, ast.If)]
-    everywhere = {file for node in top for file in imports_in([*ast.walk(node)])}
-    inside = {file for one in members().values() for file in imports_in([*ast.walk(one)])}
+    everywhere = {one for node in top for one in code.files_of_imports([*ast.walk(node)])}
+    members = code.project_members().values()
+    inside = {one for member in members for one in code.files_of_imports([*ast.walk(member)])}
     assert everywhere == at_top | inside  # top: without the imports of type checkers
 
 
 def test_a_changed_picture_computes_nothing_anew():
-    assert {one for one in STAGES if "finloop/plots" in STAGES[one]["deps"]} == {*PLOTS}
+    draws = ("finloop/plots/parts.py", "finloop/plots/bpn.py", "stages/plots/bpn.py")
+    assert {word for word in STAGES if files(word) & {*draws}} == {*PLOTS}
     for stage in PLOTS:
         words = {one.rpartition(".")[2] for one in pictures(stage)}
         assert words == {Path(out).parts[1] for out in outputs(stage)}
@@ -263,10 +181,8 @@ def test_every_picture_is_drawn_by_one_stage():
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_is_one_word_everywhere(word):
     stage = STAGES[word]
-    assert stage["cmd"] == f"exec python -m {module(word)}"  # exec: see stages/run.py
-    if word in PLOTS:
-        return
-    if word == "params":
+    assert stage["cmd"] == f"exec python -m {code.module_of(word)}"  # exec: see stages/run.py
+    if word in (*PLOTS, *FIRST):
         return
     groups = [group.partition(".")[0] for group in stage["params"]]
     own, *others = groups  # others: of stages whose work it does again, or it works for
@@ -285,7 +201,7 @@ def test_a_stage_is_one_word_everywhere(word):
 
 @pytest.mark.parametrize("word", STAGES)
 def test_a_stage_enters_and_leaves_by_the_door(word):
-    path = ROOT / module(word).replace(".", "/")
+    path = ROOT / code.module_of(word).replace(".", "/")
     tree = ast.parse(path.with_suffix(".py").read_text())
     imports = (node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom))
     assert ast.unparse(next(imports)).startswith("from stages.run import ")
@@ -295,7 +211,7 @@ def test_a_stage_enters_and_leaves_by_the_door(word):
 
 
 def test_every_group_belongs_to_a_stage():
-    assert set(WORDS) == set(STAGES) - {"params", *PLOTS, *PLAYED} | set(MODES)
+    assert set(WORDS) == set(STAGES) - {*FIRST, *PLOTS, *PLAYED} | set(MODES)
 
 
 def test_every_mode_has_a_stage_and_a_file():
@@ -317,7 +233,7 @@ def test_nothing_runs_before_the_parameters_are_checked():
         deps = STAGES[word]["deps"]
         return checked in deps or any(dep in made and waits(made[dep]) for dep in deps)
 
-    assert [word for word in STAGES if word != "params" and not waits(word)] == []
+    assert [word for word in STAGES if word not in FIRST and not waits(word)] == []
 
 
 @pytest.mark.parametrize("word", STAGES)

@@ -27,12 +27,13 @@ def paths(stage: dict[str, Any]) -> set[str]:
     return {next(iter(one)) if isinstance(one, dict) else one for one in every}
 
 
-MAKERS = [
-    ({str(one) for one in (Path(out), *Path(out).parents)}, word)
-    for word, stage in STAGES.items()
-    for out in paths(stage)
-]
-"""What a stage makes, and every folder that it lies in, with the stage."""
+MAKERS = [(out, word) for word, stage in STAGES.items() for out in paths(stage)]
+"""What a stage makes, with the stage."""
+
+
+def reads(dep: str, out: str) -> bool:
+    """Whether a stage that depends on a path reads what another one makes."""
+    return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
 
 
 def with_those_before(words: Iterable[str]) -> list[str]:
@@ -40,9 +41,8 @@ def with_those_before(words: Iterable[str]) -> list[str]:
     todo, wanted = [*words], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        deps = {*map(in_conf, STAGES[word]["deps"])}  # a folder, or in one
-        near = {one for places, one in MAKERS if not places.isdisjoint(deps)}
-        todo += near - wanted
+        deps = {*map(in_conf, STAGES[word]["deps"])}
+        todo += {one for out, one in MAKERS if any(reads(dep, out) for dep in deps)} - wanted
     return [one for one in STAGES if one in wanted]
 
 

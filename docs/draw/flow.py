@@ -62,14 +62,14 @@ def _outputs(stage: dict[str, Any]) -> list[str]:
 def flow(dvc_yaml: str) -> nx.DiGraph:
     """Boxes, an edge from each to those that wait for it; edges that follow from others left out.
 
-    A box is a stage, or the stages of all modes. The stage `params`, which only checks the values,
-    is left out, and so are the stages `plots-…`, which only draw.
+    A box is a stage, or the stages of all modes. The stages `code` and `params`, which only check
+    what runs, are left out, and so are the stages `plots-…`, which only draw.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
     stages = {
         name: stage
         for name, stage in stages.items()
-        if name != "params" and not name.startswith("plots-")
+        if name not in ("code", "params") and not name.startswith("plots-")
     }
     graph = nx.DiGraph()
     graph.add_nodes_from(map(_box, stages))

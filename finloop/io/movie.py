@@ -148,8 +148,9 @@ def _subsampled(frame: Picture, matrix: Colorspace) -> VideoFrame:
         planes = np.full((height * 3 // 2, width), 128, np.uint8)
         cv2.LUT(frame, _LIMITED, dst=planes[:height])
         return VideoFrame.from_ndarray(planes, format="yuv420p")
-    return VideoFrame.from_ndarray(frame, format="rgb24").reformat(
-        format="yuv420p", dst_colorspace=matrix, dst_color_range=ColorRange.MPEG, threads=THREADS
+    # In place, and by one thread: half the processor time of a copy and two threads.
+    return VideoFrame.from_numpy_buffer(frame, format="rgb24").reformat(
+        format="yuv420p", dst_colorspace=matrix, dst_color_range=ColorRange.MPEG, threads=1
     )
 
 

@@ -1,5 +1,5 @@
 """Pictures of what the stages have made; a module a stage, and three stages that draw them all.
 
-`python -m stages.plots.bpn` draws reports/bpn/*.png alone. The stages `plots-film`, `plots-motion`
-and `plots-modes` are apart from those that compute, so that a changed picture computes nothing anew.
+`python -m stages.plots.bpn` draws reports/bpn/*.png alone. `plots-film`, `plots-motion` and
+`plots-modes` are apart from the stages that compute: a changed picture computes nothing anew.
 """

@@ -1,0 +1,197 @@
+"""Stage `code`, the first: which files of the program does each stage run?
+
+DVC does not see imports. This stage follows them from the module of each stage, and writes a list,
+data/code/<stage>.txt: every file of the program that the stage may run, with a digest. A stage
+depends on its list, so it runs anew when one of these files changes, and for no other change.
+"""
+
+from stages.run import run  # isort: skip
+
+import ast
+import hashlib
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from finloop.base.settings import GROUPS, SETTINGS_AT
+from finloop.io.atomic import whole_folder
+
+ROOT = Path(__file__).parents[1]
+OUT = Path("data/code")
+OURS = re.compile(r"(finloop|stages)(\.\w+)+")
+LAZY = "finloop/__init__.py"  # imports only what is asked for
+PROJECT = "finloop/project.py"
+PARTS = {PROJECT: "Project", "finloop/run_files.py": "RunFiles"}  # its class, and the base of that
+DECLARATIONS = [f"finloop/{SETTINGS_AT.get(one, f'{one}/settings.py')}" for one in GROUPS]
+BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
+"""What a file reads without an import: every declaration, and the modes that one names."""
+
+
+def module_of(stage: str) -> str:
+    """Return the module that a stage of dvc.yaml runs."""
+    return f"stages.{stage.replace('-', '.')}"
+
+
+def list_files(stage: str) -> str:
+    """Return a line for each file that a stage may run: its digest and its path."""
+    files = add_data(follow_imports(module_files(module_of(stage))))
+    lines = [f"{hash_file(file)}  {file}\n" for file in sorted(files)]
+    return "".join(lines)
+
+
+@cache
+def hash_file(file: str) -> str:
+    """Return a digest of a file's content."""
+    return hashlib.sha256((ROOT / file).read_bytes()).hexdigest()[:16]
+
+
+def add_data(files: set[str]) -> set[str]:
+    """Return files and what lies in their packages that is no Python: pages, scripts."""
+    packages = {Path(file).parent for file in files} - {Path("finloop"), Path("stages")}
+    return files.union(*map(package_data, packages))
+
+
+@cache
+def package_data(package: Path) -> set[str]:
+    """Return the files of a package, and of its folders that are no packages, but for Python's."""
+    found = set()
+    for path in (ROOT / package).iterdir():
+        if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
+            found |= package_data(path.relative_to(ROOT))
+        elif path.is_file() and path.suffix not in (".py", ".pyc"):
+            found.add(path.relative_to(ROOT).as_posix())
+    return found
+
+
+def follow_imports(files: set[str]) -> set[str]:
+    """Return these files and all that they import, and what those import, and so on."""
+    todo, seen = set(files), set[str]()
+    while todo:
+        file = todo.pop()
+        seen.add(file)
+        todo |= imported_files(file) - seen
+    return seen
+
+
+def module_files(name: str) -> set[str]:
+    """Return the files that importing a module of ours runs: its own and its packages'."""
+    parts = name.split(".")
+    files = set()
+    for depth in range(1, len(parts) + 1):
+        path = Path(*parts[:depth])
+        for candidate in (path / "__init__.py", path.with_suffix(".py")):
+            if (ROOT / candidate).is_file():
+                files.add(candidate.as_posix())
+    return files
+
+
+@cache
+def imported_files(file: str) -> set[str]:
+    """Return the files of ours that a file imports, at its top, in a function, or by a string.
+
+    finloop/project.py, and run_files.py with the base of its class, are an exception. Each property
+    and method of `Project` imports the rooms that it needs inside itself, so that a stage depends
+    on what it uses and not on the whole pipeline:
+
+    - these two count with the imports at their top alone, without those for type checkers;
+    - a file that imports project.py also counts with the imports of those properties and methods
+      that it uses, of an object called `project` or of `Project(…)`, and of those that these use.
+    """
+    if file == LAZY:
+        return set()
+    tree = ast.parse((ROOT / file).read_text(encoding="utf-8"))
+    if file in PARTS:
+        return files_of_imports(tree.body)
+    found = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
+    if PROJECT in found:
+        for member in used_members(attribute_names(tree, "project")):
+            found |= files_of_imports([*ast.walk(project_members()[member])])
+    return found
+
+
+def files_of_imports(nodes: list[Any]) -> set[str]:
+    """Return the files that the imports among nodes run, and strings that name a module of ours."""
+    names = set[str]()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            names |= {f"{node.module}.{alias.name}" for alias in node.names}
+        elif isinstance(node, ast.Constant) and OURS.fullmatch(str(node.value)):
+            names.add(str(node.value))
+    return set().union(*(files_of_name(name) for name in names if OURS.match(name)))
+
+
+def files_of_name(name: str) -> set[str]:
+    """Return the files that an import runs. name: of a module, or of what a module holds."""
+    package, _, part = name.rpartition(".")
+    attached = lazy_parts(package)
+    modules = {name} | {f"{name}.{module}" for module in lazy_parts(name).values()}
+    if part in attached:
+        modules.add(f"{package}.{attached[part]}")
+    return set().union(*map(module_files, modules))
+
+
+@cache
+def lazy_parts(package: str) -> dict[str, str]:
+    """Return what a package offers by `lazy_loader.attach`, each with the module that has it."""
+    path = ROOT / package.replace(".", "/") / "__init__.py"
+    if not package or not path.is_file():
+        return {}
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.keyword) and node.arg == "submod_attrs":
+            return {
+                name: module
+                for module, names in ast.literal_eval(node.value).items()
+                for name in names
+            }
+    return {}
+
+
+@cache
+def project_members() -> dict[str, ast.FunctionDef]:
+    """Return the properties and methods of `Project` by name."""
+    found = dict[str, ast.FunctionDef]()
+    for file, name in PARTS.items():
+        body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
+        (part,) = (one for one in body if isinstance(one, ast.ClassDef) and one.name == name)
+        found |= {one.name: one for one in part.body if isinstance(one, ast.FunctionDef)}
+    return found
+
+
+def attribute_names(tree: ast.AST, of: str) -> set[str]:
+    """Return the names after the dot of an object: `of.x`, `other.of.x` or `Of(…).x`."""
+
+    def object_name(node: ast.AST) -> str:
+        if isinstance(node, ast.Call):
+            return object_name(node.func).lower()
+        return getattr(node, "id", getattr(node, "attr", ""))
+
+    nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
+    return {node.attr for node in nodes if object_name(node.value) == of}
+
+
+def used_members(names: set[str]) -> set[str]:
+    """Return the members of `Project` among these names, and those that they use themselves."""
+    todo, seen = names & set(project_members()), set[str]()
+    while todo:
+        member = todo.pop()
+        seen.add(member)
+        uses = attribute_names(project_members()[member], "self")
+        todo |= (uses & set(project_members())) - seen
+    return seen
+
+
+def main() -> None:
+    """Write data/code/."""
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
+    with whole_folder(OUT) as folder:
+        for stage in stages:
+            (folder / f"{stage}.txt").write_text(list_files(stage), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    run(main)
