@@ -1,6 +1,6 @@
 """Stage `report`: all results on one page, reports/index.html."""
 
-from stages.run import run, save_metrics  # isort: skip  (before numpy)
+from stages.run import THREADS, run, save_metrics  # isort: skip  (before numpy)
 
 import json
 from collections.abc import Iterator, Mapping
@@ -10,6 +10,7 @@ from typing import Any
 import pandas as pd
 
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import Threads, ordered_map
 from finloop.base.settings import WORDS
 from finloop.edit.modes import MODES
 from finloop.io.atomic import whole_file
@@ -56,12 +57,14 @@ TABLES = {  # by chapter
 
 def sections(p: Settings) -> Iterator[tuple[Chapter, list[tuple[Figure, WebP]], list[Table]]]:
     """The chapters of which there are pictures, with their pictures and tables."""
+
+    def load_webp(figure: Figure) -> WebP:
+        return webp(load_picture(REPORTS / figure.path), p.picture_width_px, p.picture_quality)
+
     for chapter in CHAPTERS:
-        pictures = [
-            (figure, webp(load_picture(path), p.picture_width_px, p.picture_quality))
-            for figure in chapter.figures
-            if (path := REPORTS / figure.path).is_file()
-        ]
+        figures = [figure for figure in chapter.figures if (REPORTS / figure.path).is_file()]
+        coded = ordered_map(load_webp, figures, Threads(THREADS))
+        pictures = list(zip(figures, coded, strict=True))
         tables = [
             of_frame(pd.read_csv(path), caption)
             for name, caption in TABLES.get(chapter.id, ())

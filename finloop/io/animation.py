@@ -10,13 +10,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+from finloop.base.arrays import Picture
 from finloop.base.drawing import Morph
 from finloop.base.errors import FinloopError
 from finloop.base.paint import painted, shapes
+from finloop.base.parallel import Threads, ordered_map
 from finloop.io.animation_lottie import to_lottie
 from finloop.io.animation_svg import to_svg
 from finloop.io.atomic import save_bytes
 from finloop.io.movie import Movie, Mp4Writer, WebpWriter
+from finloop.io.video import THREADS
 
 CRF, QUALITY = 18, 85
 SLOWEST, FASTEST = 0.1, 1000  # frames per second: beyond, a film's clock has no room
@@ -91,12 +94,14 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
     if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)
     what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+
+    def paint_frame(frame: int) -> Picture:
+        contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in what]
+        return painted(contours, shape[:2], scale)
+
     with film:
-        for frame in range(len(morph.tau)):
-            contours = [
-                (paint, [morph.layers[name][frame] for name in paint.layers]) for paint in what
-            ]
-            film.write(painted(contours, shape[:2], scale))
+        for picture in ordered_map(paint_frame, range(len(morph.tau)), Threads(THREADS)):
+            film.write(picture)
 
 
 Writer = Callable[[Path, Morph, Fraction, int], None]
