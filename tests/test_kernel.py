@@ -8,8 +8,10 @@ from conftest import ROOT
 
 LOOK = """
 import os
+import sys
 from pathlib import Path
 import numba
+sys.dont_write_bytecode = True  # within a second Python would take the old file for the new one
 numba.njit(lambda: 0)()  # what numba loads when it first compiles, which takes seconds
 for number in (1, 1, 2):
     Path("finloop/inner.py").write_text(Path("inner.txt").read_text().format(number))
