@@ -914,7 +914,7 @@ def test_a_replay_of_the_film_is_the_film(folder):
         "network.webp",
     }
     stages.plots.render.main()
-    for name in ("trajectory.png", "contact_sheet.png"):
+    for name in ("hybrid.png", "contact_sheet.png"):
         assert load_picture(Path("reports/render") / name).std() > 10
 
 

@@ -80,7 +80,7 @@ def test_every_picture_of_the_pipeline_is_declared_once():
         if isinstance(out, str) and out.startswith("reports/") and out.endswith(".png")
     }
     # The way in the mode that is rendered is that of the mode's own picture.
-    assert made - set(paths) == {"render/trajectory.png"}
+    assert made <= set(paths)
 
 
 def test_figures_say_what_they_show():

@@ -18,11 +18,11 @@ REPORT = Path("reports/render")
 
 
 def main() -> None:
-    """Draw trajectory.png, contact_sheet.png and switches.png; the way in every mode."""
+    """Draw contact_sheet.png and switches.png, and the route of every mode, <mode>.png."""
     p: Settings = load("render")
     with Project() as project:
         background, drawn = project.background, project.edit_with_sources(p.mode, "render")
-        gallery, goals = project.gallery(drawn), project.goals(p.mode)
+        gallery = project.gallery(drawn)
         half_px = round(0.75 * project.size(p.mode) * drawn.scene.typical_length_px)
         edit = drawn.edit[drawn.edit["fish"] == 0]  # tick by tick the first fish is shown alone
         for name, ticks in sheet_ticks(edit, drawn.tracks).items():
@@ -30,7 +30,6 @@ def main() -> None:
             rows = placed(some, gallery) if ticks else ()
             sheet = contact_sheet(tiles(edit, ticks, rows, Painter(background), half_px))
             save_picture(REPORT / f"{name}.png", sheet)
-        save_figure(REPORT / "trajectory.png", trajectory(drawn.edit, goals, background))
         for mode, facts in MODES.items():
             figure = message(f"{facts.title}: the film shows too little for this mode.")
             if (project.data / f"animate/{mode}/goals.json").exists():
