@@ -48,6 +48,7 @@ MORE: dict[str, tuple[list[str], Sequence[str]]] = {
     "inertial": (
         ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"], PLAYED,
     ),
+    "a track of its own": (["retarget.tracks=track:0"], ("retarget",)),
     "three carp": (["clip.fish=3"], ("clip", "extract", "features", "identity", "calibrate")),
 }  # fmt: skip
 """Further runs: their settings beside those of FILM, and the stages that are run again."""
@@ -56,6 +57,7 @@ OTHER = {
     "morph.b": "data/drawings/face_a.svg",
     "morph.glyph": "8",
     "morph.wavelet": "db4",
+    "distance.picture_frames": 50,
 }
 """Other values of texts."""
 WHEN: dict[str, str] = {
@@ -64,6 +66,13 @@ WHEN: dict[str, str] = {
     "matching.path": "a fish that is to swim a path",
     "morph.hoop": "a drawing of one's own",
     "bpn.most_rows": "films of more rows",
+    "animate.goals_in": "goals given in px",
+    "bpn.split": "films of several tracks",
+    "export.tracks_least_s": "films of shorter tracks",
+    "export.tracks_netcdf": "a machine with `make tracks`",
+    "export.tracks_nwb": "a machine with `make tracks`",
+    "extract.gate_body_lengths": "animals that swim farther than that from frame to frame",
+    "extract.least_frames": "films of shorter tracks",
     "extract.shadow": "animals that throw a shadow beside themselves",
     "extract.least_area_px": "films with specks",
     "extract.least_area_ratio": "films with specks, or animals of several sizes",
@@ -77,12 +86,22 @@ WHEN: dict[str, str] = {
     "gait.limbs": "a film of limbs of one's own",
     "gait.regions": "a film of limbs of one's own",
     "jumps.nearest": "films of more than 20,000 rows",
+    "jumps.block": "animals that bend to both sides alike, whose mirror images may differ",
     "jumps.handed_most": "animals that bend to both sides alike, whose mirror images may differ",
     "loops.policy": "loop ends at which two ways pass the tests, as on the zebrafish",
     "network.turn_quantile": "films with small turns, as the zebrafish",
     "network.turn_less": "films whose turns are of many sizes, as the zebrafish",
-    "network.unbend_deg": "a fish that its goal stopped in a turn, and whose next goal is ahead",
     "render.shadow": "several fish that swim over one another (`matching.overlap`)",
+    "retarget.software": "tracks of another program",
+    "retarget.animal": "tracks of another program",
+    "retarget.head": "tracks of another program",
+    "retarget.tail": "tracks of another program",
+    "retarget.points": "tracks of another program",
+    "retarget.rate_hz": "tracks of another program",
+    "retarget.least_confidence": "tracks of another program",
+    "sprites.candidates": "films of several tracks, as the zebrafish",
+    "sprites.other_track": "films of several tracks, as the zebrafish",
+    "sprites.cycle_weight": "films of several tracks, as the zebrafish",
     "sprites.straight": "a sequence given by hand",
     "sprites.slide": "a sequence given by hand",
     "sprites.left": "a sequence given by hand",
@@ -244,11 +263,7 @@ def acts(
 def main() -> None:
     """Try every parameter; write benchmarks/parameters.csv."""
     wanted = sys.argv[1:] or [word for word in WORDS if word != "report"]
-    every = [
-        word
-        for word in stages()
-        if not word.startswith("plots-") and word not in ("code", "params")
-    ]
+    every = [word for word in stages() if word not in ("code", "params")]
     rows: list[dict[str, str]] = []
     with tempfile.TemporaryDirectory() as scratch:
         base = Path(scratch) / "film"

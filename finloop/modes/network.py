@@ -114,14 +114,12 @@ class Network:
     def will_turn(self, course: Course) -> bool:
         """Fig. 18, first box: return whether the heading is too far off to swim straight.
 
-        It turns where its heading is off, where it would pass a near goal, and where it was
-        stopped in a turn.
+        It turns where its heading is off, and where it would pass a near goal.
         """
         error, p = course.error, self.p
         beside = course.distance * abs(np.sin(np.radians(error)))
         misses = abs(error) > 90 or beside > p.miss * self.world.touch_px
-        bent = course.fish.bent and abs(error) > p.unbend_deg
-        return bent or abs(error) > self._least_turn or (misses and not course.far)
+        return abs(error) > self._least_turn or (misses and not course.far)
 
     def ideal_motion_area(self, fish: Fish, displacement: float, included_deg: float) -> float:
         """Eq. 4: the relative motion area that the trained network gives for a turn.

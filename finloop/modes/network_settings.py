@@ -28,7 +28,6 @@ class Settings:
     alike: Count  # a phase or turn is drawn from so many of the film's that are most alike
     turn_quantile: Share  # of the film's turns; a smaller error of the heading is left to drift
     turn_least_deg: NotNegative  # a larger error is never left to the drift
-    unbend_deg: NotNegative  # a fish stopped in a turn turns on where the error is larger
     near: NotNegative  # body lengths from the goal, where a fish turns if it would pass it
     miss: NotNegative  # of the goal's radius; a course that passes the goal farther off misses it
     # of the goal's radius; so near to the place in the tank nearest to a goal, head for the goal
