@@ -48,8 +48,11 @@ MORE: dict[str, tuple[list[str], Sequence[str]]] = {
     "inertial": (
         ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"], PLAYED,
     ),
-    "a track of its own": (["retarget.tracks=track:0"], ("retarget",)),
-    "three carp": (["clip.fish=3"], ("clip", "extract", "features", "identity", "calibrate")),
+    "three carp": (
+        ["clip.fish=3", "retarget.tracks=track:0"],
+        ("clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "distance",
+         "retarget"),
+    ),
 }  # fmt: skip
 """Further runs: their settings beside those of FILM, and the stages that are run again."""
 OTHER = {
@@ -58,6 +61,13 @@ OTHER = {
     "morph.glyph": "8",
     "morph.wavelet": "db4",
     "distance.picture_frames": 50,
+    "gait.wavelet": "db4",
+    "gait.dog_1": "data/drawings/dog_2.svg",
+    "gait.dog_2": "data/drawings/dog_1.svg",
+    "gait.fish_1": "data/drawings/fish_2.svg",
+    "gait.fish_2": "data/drawings/fish_1.svg",
+    "gait.fish_gait": None,
+    "retarget.tracks": "track:1",
 }
 """Other values of texts."""
 WHEN: dict[str, str] = {
@@ -92,6 +102,10 @@ WHEN: dict[str, str] = {
     "network.turn_quantile": "films with small turns, as the zebrafish",
     "network.turn_less": "films whose turns are of many sizes, as the zebrafish",
     "render.shadow": "several fish that swim over one another (`matching.overlap`)",
+    "retarget.backwards": "an animal that goes tail first",
+    "retarget.first_share": "tracks of another program",
+    "retarget.last_share": "tracks of another program",
+    "retarget.gap_s": "tracks with gaps",
     "retarget.software": "tracks of another program",
     "retarget.animal": "tracks of another program",
     "retarget.head": "tracks of another program",
