@@ -49,7 +49,7 @@ MORE: dict[str, tuple[list[str], Sequence[str]]] = {
         ["hybrid.join=inertial", "network.join=inertial", "loops.join=inertial"], PLAYED,
     ),
     "three carp": (
-        ["clip.fish=3", "retarget.tracks=track:0"],
+        ["clip.fish=3", "retarget.tracks=track:0", "retarget.own_frames=false"],
         ("clip", "extract", "features", "identity", "calibrate", "pose", "jumps", "distance",
          "retarget"),
     ),
