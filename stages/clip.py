@@ -22,7 +22,7 @@ from finloop.io.table import save_csv
 from finloop.io.video import CLIP_NAME, VideoFacts, read_spread
 from finloop.mended import Watch, make_clip
 from finloop.normalise import Source, open_source
-from stages.reuse import code_of, reuse_or_make
+from stages.reuse import code_digest, reuse_or_make
 from stages.settings import load
 
 CLIP = Path("data/clip")
@@ -111,7 +111,7 @@ def write_clips(films: list[File], folder: Path) -> dict[str, float]:
     A film that cannot be read is named and left out. The clip of an earlier run with the same
     parameters and code is reused.
     """
-    code, parts = code_of("clip"), list[Part]()
+    code, parts = code_digest("clip"), list[Part]()
     numbers: dict[str, float] = {}
     named_films = list(zip(names(p.film for p in films), films, strict=True))
     with progress("clip", len(films), "films") as advance:

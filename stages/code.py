@@ -2,7 +2,8 @@
 
 DVC does not see imports. This stage follows them from the module of each stage, and writes a list,
 data/code/<stage>.txt: every file of the program that the stage may run, with a digest. A stage
-depends on its list, so it runs anew when one of these files changes, and for no other change.
+depends on its list: it runs again when one of these files changes, not when another file of the
+program does.
 """
 
 from stages.run import run  # isort: skip
@@ -31,12 +32,12 @@ BY_NAME = {"stages/params.py": {*DECLARATIONS, "finloop/edit/modes.py"}}
 
 
 def module_of(stage: str) -> str:
-    """Return the module that a stage of dvc.yaml runs."""
+    """Return the module of a stage by its name: "plots-film" gives "stages.plots.film"."""
     return f"stages.{stage.replace('-', '.')}"
 
 
-def list_files(stage: str) -> str:
-    """Return a line for each file that a stage may run: its digest and its path."""
+def file_list_text(stage: str) -> str:
+    """Return the text of data/code/<stage>.txt: digest and path of each file the stage may run."""
     files = add_data(follow_imports(module_files(module_of(stage))))
     lines = [f"{hash_file(file)}  {file}\n" for file in sorted(files)]
     return "".join(lines)
@@ -49,14 +50,14 @@ def hash_file(file: str) -> str:
 
 
 def add_data(files: set[str]) -> set[str]:
-    """Return files and what lies in their packages that is no Python: pages, scripts."""
+    """Return these files and the files beside them in their packages that are not Python."""
     packages = {Path(file).parent for file in files} - {Path("finloop"), Path("stages")}
     return files.union(*map(package_data, packages))
 
 
 @cache
 def package_data(package: Path) -> set[str]:
-    """Return the files of a package, and of its folders that are no packages, but for Python's."""
+    """Return a package's files that are not Python, also in subfolders that are not packages."""
     found = set()
     for path in (ROOT / package).iterdir():
         if path.is_dir() and path.name != "__pycache__" and not (path / "__init__.py").exists():
@@ -77,7 +78,7 @@ def follow_imports(files: set[str]) -> set[str]:
 
 
 def module_files(name: str) -> set[str]:
-    """Return the files that importing a module of ours runs: its own and its packages'."""
+    """Return a module's file and its packages' __init__.py; only those if there is no such module."""
     parts = name.split(".")
     files = set()
     for depth in range(1, len(parts) + 1):
@@ -90,15 +91,15 @@ def module_files(name: str) -> set[str]:
 
 @cache
 def imported_files(file: str) -> set[str]:
-    """Return the files of ours that a file imports, at its top, in a function, or by a string.
+    """Return the files of ours that a file itself imports, anywhere in it, or names in a string.
 
-    finloop/project.py, and run_files.py with the base of its class, are an exception. Each property
-    and method of `Project` imports the rooms that it needs inside itself, so that a stage depends
-    on what it uses and not on the whole pipeline:
+    finloop/__init__.py imports only what is asked for: it counts as importing nothing.
 
-    - these two count with the imports at their top alone, without those for type checkers;
-    - a file that imports project.py also counts with the imports of those properties and methods
-      that it uses, of an object called `project` or of `Project(…)`, and of those that these use.
+    Each property and method of `Project` imports what it needs inside itself, so that a stage
+    depends on what it uses and not on the whole pipeline. So of finloop/project.py and
+    finloop/run_files.py only the imports at the top count. A file that imports `Project` also
+    counts with the imports of those members that it uses, of an object called `project` or of
+    `Project(…)`, and of the members that these use.
     """
     if file == LAZY:
         return set()
@@ -107,13 +108,13 @@ def imported_files(file: str) -> set[str]:
         return files_of_imports(tree.body)
     found = files_of_imports([*ast.walk(tree)]) | BY_NAME.get(file, set())
     if PROJECT in found:
-        for member in used_members(attribute_names(tree, "project")):
+        for member in follow_members(attribute_names(tree, "project")):
             found |= files_of_imports([*ast.walk(project_members()[member])])
     return found
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the files that the imports among nodes run, and strings that name a module of ours."""
+    """Return the files that these nodes lead to: imports, and strings that name a module of ours."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):
@@ -126,7 +127,7 @@ def files_of_imports(nodes: list[Any]) -> set[str]:
 
 
 def files_of_name(name: str) -> set[str]:
-    """Return the files that an import runs. name: of a module, or of what a module holds."""
+    """Return the files behind a dotted name: of a module, a lazy package, or an object in one."""
     package, _, part = name.rpartition(".")
     attached = lazy_parts(package)
     modules = {name} | {f"{name}.{module}" for module in lazy_parts(name).values()}
@@ -137,7 +138,7 @@ def files_of_name(name: str) -> set[str]:
 
 @cache
 def lazy_parts(package: str) -> dict[str, str]:
-    """Return what a package offers by `lazy_loader.attach`, each with the module that has it."""
+    """Return what a package offers by `lazy_loader.attach`: name → module; {} if it does not."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     if not package or not path.is_file():
         return {}
@@ -153,7 +154,7 @@ def lazy_parts(package: str) -> dict[str, str]:
 
 @cache
 def project_members() -> dict[str, ast.FunctionDef]:
-    """Return the properties and methods of `Project` by name."""
+    """Return the syntax trees of the properties and methods of `Project` and its base, by name."""
     found = dict[str, ast.FunctionDef]()
     for file, name in PARTS.items():
         body = ast.parse((ROOT / file).read_text(encoding="utf-8")).body
@@ -162,8 +163,11 @@ def project_members() -> dict[str, ast.FunctionDef]:
     return found
 
 
-def attribute_names(tree: ast.AST, of: str) -> set[str]:
-    """Return the names after the dot of an object: `of.x`, `other.of.x` or `Of(…).x`."""
+def attribute_names(tree: ast.AST, owner: str) -> set[str]:
+    """Return the attributes that are read of an object by its name, in lower case.
+
+    Of owner "project": x in `project.x`, in `a.project.x` and in `Project(…).x`.
+    """
 
     def object_name(node: ast.AST) -> str:
         if isinstance(node, ast.Call):
@@ -171,11 +175,11 @@ def attribute_names(tree: ast.AST, of: str) -> set[str]:
         return getattr(node, "id", getattr(node, "attr", ""))
 
     nodes = [node for node in ast.walk(tree) if isinstance(node, ast.Attribute)]
-    return {node.attr for node in nodes if object_name(node.value) == of}
+    return {node.attr for node in nodes if object_name(node.value) == owner}
 
 
-def used_members(names: set[str]) -> set[str]:
-    """Return the members of `Project` among these names, and those that they use themselves."""
+def follow_members(names: set[str]) -> set[str]:
+    """Return the members of `Project` among these names, all that they use by `self`, and so on."""
     todo, seen = names & set(project_members()), set[str]()
     while todo:
         member = todo.pop()
@@ -186,11 +190,11 @@ def used_members(names: set[str]) -> set[str]:
 
 
 def main() -> None:
-    """Write data/code/."""
+    """Write data/code/<stage>.txt for every stage of dvc.yaml."""
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
     with whole_folder(OUT) as folder:
         for stage in stages:
-            (folder / f"{stage}.txt").write_text(list_files(stage), encoding="utf-8")
+            (folder / f"{stage}.txt").write_text(file_list_text(stage), encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ from finloop.io.table import save_csv
 from finloop.io.video import FACTS_NAME, load_facts
 from finloop.several import Contribution, join_extractions
 from stages.cluster import workers
-from stages.reuse import KEY_NAME, code_of, name_of, reuse_or_make
+from stages.reuse import KEY_NAME, code_digest, name_of, reuse_or_make
 from stages.settings import load
 
 CLIP, EXTRACT, REPORT = Path("data/clip"), Path("data/extract"), Path("reports/extract")
@@ -70,7 +70,7 @@ def made_from(clip: Path, own: Settings) -> dict[str, Any]:
     key = clip / KEY_NAME  # of one of several films
     film = key.read_text(encoding="utf-8") if key.exists() else stamps_of(clip)
     tracks = stamps_of(Path(own.tracks_path).expanduser()) if own.tracks_path else None
-    return {"extract": asdict(own), "code": code_of("extract"), "clip": film, "tracks": tracks}
+    return {"extract": asdict(own), "code": code_digest("extract"), "clip": film, "tracks": tracks}
 
 
 def stamps_of(path: Path) -> list[Stamp] | None:

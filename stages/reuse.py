@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from finloop.io.record import save_json
-from stages.code import list_files
+from stages.code import file_list_text
 
 KEY_NAME, NUMBERS_NAME = "made_from.json", "numbers.json"
 Numbers = Mapping[str, float]
@@ -63,6 +63,6 @@ def name_of(key: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(key, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def code_of(word: str) -> str:
-    """A digest of the files of the program that a stage runs."""
-    return hashlib.sha256(list_files(word).encode()).hexdigest()
+def code_digest(stage: str) -> str:
+    """Return one digest of all files of the program that a stage may run."""
+    return hashlib.sha256(file_list_text(stage).encode()).hexdigest()

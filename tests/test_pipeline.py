@@ -37,7 +37,7 @@ FIRST = ("code", "params")  # of no words of their own
 
 def files(stage: str) -> set[str]:
     """The files of the program that a stage runs."""
-    return {line.split()[1] for line in code.list_files(stage).splitlines()}
+    return {line.split()[1] for line in code.file_list_text(stage).splitlines()}
 
 
 def names(entries: list[Any]) -> dict[str, dict[str, Any]]:
@@ -77,9 +77,9 @@ def test_files_of_a_stage_are_those_that_it_imports_by_imports_inside_functions_
 
 
 def test_another_digest_of_a_file_is_another_list(monkeypatch):
-    before = code.list_files("loops")
+    before = code.file_list_text("loops")
     monkeypatch.setattr(code, "hash_file", lambda file: file[-5:-3])
-    assert code.list_files("loops") != before
+    assert code.file_list_text("loops") != before
 
 
 def test_a_changed_search_for_loops_reruns_no_stage_that_shows_none():

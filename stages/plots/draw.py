@@ -10,11 +10,11 @@ from finloop.base.parallel import Processes, ended, warm_up
 
 
 def draw_all(modules: Sequence[str]) -> None:
-    """Run `main` of every module, those that take longest named first."""
+    """Run `main` of each module, several at once; the caller names the slowest first."""
     warm_up(modules)
     with progress("plots", len(modules), "stages") as advance:
         try:
-            with Processes(THREADS).employ(draw) as hand:
+            with Processes(THREADS).employ(run_module) as hand:
                 for task in [hand(module) for module in modules]:
                     task.result()
                     advance()
@@ -22,6 +22,6 @@ def draw_all(modules: Sequence[str]) -> None:
             raise ended(THREADS) from error
 
 
-def draw(module: str) -> None:
-    """Draw the pictures of one stage."""
+def run_module(module: str) -> None:
+    """Import a module and run its `main`, which draws the pictures of one stage."""
     import_module(module).main()
