@@ -78,7 +78,7 @@ def follow_imports(files: set[str]) -> set[str]:
 
 
 def module_files(name: str) -> set[str]:
-    """Return a module's file and its packages' __init__.py; only those if there is no such module."""
+    """Return a module's file and its packages' __init__.py; only these of a name of no module."""
     parts = name.split(".")
     files = set()
     for depth in range(1, len(parts) + 1):
@@ -114,7 +114,7 @@ def imported_files(file: str) -> set[str]:
 
 
 def files_of_imports(nodes: list[Any]) -> set[str]:
-    """Return the files that these nodes lead to: imports, and strings that name a module of ours."""
+    """Return the files that these nodes lead to: imports, strings that name a module of ours."""
     names = set[str]()
     for node in nodes:
         if isinstance(node, ast.Import):

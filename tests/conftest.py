@@ -76,7 +76,7 @@ settings.load_profile("untimed")
 
 SLOW = ("pipeline",
         "gait_stage", "experiment", "params", "carp", "mend", "bpn",
-        "extract", "sprites", "footage_film", "resume", "animate_forecast", "animate_film", "render", "play",
+        "extract", "sweeps", "calibrate", "sprites", "footage_film", "resume", "animate_forecast", "animate_film", "render", "play",
         "play_server", "morph_simple", "loops", "paths", "realism", "forecast", "gateways", "jumps", "examples",
         "features", "distance_map", "clip", "tank_scene", "check", "report", "given_tracks", "export")  # fmt: skip
 """The files that take longest, by the word after `test_`."""
