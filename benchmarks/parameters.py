@@ -23,9 +23,10 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 import pandas as pd
 import yaml
 
-from benchmarks.pipeline import ROOT
+from benchmarks.pipeline import ROOT, paths
 from finloop.base.settings import WORDS, variants
 from finloop.edit.modes import MODES
+from stages.code import module_of
 from stages.compose import composed
 from stages.settings import _literal
 
@@ -69,13 +70,12 @@ OTHER = {
     "gait.fish_gait": None,
     "retarget.tracks": "track:1",
 }
-"""Other values of texts."""
+"""The value to try of a parameter of which `other_values` finds none that acts."""
 WHEN: dict[str, str] = {
     "export.tracks_most": "films of more tracks",
     "matching.follow": "several fish, one of which follows another",
     "matching.path": "a fish that is to swim a path",
     "morph.hoop": "a drawing of one's own",
-    "bpn.most_rows": "films of more rows",
     "animate.goals_in": "goals given in px",
     "bpn.split": "films of several tracks",
     "export.tracks_least_s": "films of shorter tracks",
@@ -157,9 +157,7 @@ def readers(group: str) -> list[str]:
 
 def outputs(word: str) -> list[str]:
     """Return the files and folders that a stage writes."""
-    stage = stages()[word]
-    every = [*stage.get("outs", []), *stage.get("metrics", [])]
-    return [next(iter(one)) if isinstance(one, dict) else one for one in every]
+    return sorted(paths(stages()[word]))
 
 
 def digest(folder: Path, word: str) -> str:
@@ -211,7 +209,7 @@ def run_stage(folder: Path, word: str) -> str | None:
     """Run a stage in a folder; return the digest of what it writes, None if it fails."""
     with inside(folder):
         try:
-            importlib.import_module(f"stages.{word.replace('-', '.')}").main()
+            importlib.import_module(module_of(word)).main()
         except Exception:
             return None
     return digest(folder, word)

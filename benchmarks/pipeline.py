@@ -56,23 +56,40 @@ def stage(folder: Path, word: str) -> dict[str, Any]:
     return json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
 
 
-def needed(last: Sequence[str]) -> list[str]:
-    """The stages that some wait for, and these, in their order; those of plots are left out.
+def paths(stage: dict[str, Any]) -> set[str]:
+    """Return what a stage of dvc.yaml writes."""
+    every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
+    return {next(iter(one)) if isinstance(one, dict) else one for one in every}
+
+
+def reads(dep: str, out: str) -> bool:
+    """Return whether a stage that depends on a path reads what another one makes."""
+    return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
+
+
+def with_those_before(last: Iterable[str]) -> list[str]:
+    """Return stages and all that they wait for, in the order of dvc.yaml, in which each can run.
 
     Where a dependency names a mode, that is the mode in conf/.
     """
     stages = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["stages"]
-    makers = {
-        out if isinstance(out, str) else next(iter(out)): word
-        for word, one in stages.items()
-        for out in one.get("outs", [])
-    }
+    makers = [(out, word) for word, stage in stages.items() for out in paths(stage)]
     todo, wanted = [*last], set[str]()
     while todo:
         wanted.add(word := todo.pop())
-        deps = map(in_conf, stages[word]["deps"])
-        todo += {makers[dep] for dep in deps if dep in makers} - wanted
-    return [word for word in stages if word in wanted - {"code", "params"}]
+        deps = {*map(in_conf, stages[word]["deps"])}
+        todo += {one for out, one in makers if any(reads(dep, out) for dep in deps)} - wanted
+    return [word for word in stages if word in wanted]
+
+
+def needed(last: Iterable[str]) -> list[str]:
+    """Return the same without the stages that check or draw, and make nothing of the film."""
+    return [word for word in with_those_before(last) if makes_data(word)]
+
+
+def makes_data(word: str) -> bool:
+    """Return whether a stage makes anything but checks and pictures."""
+    return word not in ("code", "params") and not word.startswith("plots-")
 
 
 def in_conf(dep: str) -> str:

@@ -79,7 +79,6 @@ def test_every_picture_of_the_pipeline_is_declared_once():
         for out in stage.get("outs", [])
         if isinstance(out, str) and out.startswith("reports/") and out.endswith(".png")
     }
-    # The way in the mode that is rendered is that of the mode's own picture.
     assert made <= set(paths)
 
 

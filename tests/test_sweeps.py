@@ -10,8 +10,9 @@ import pytest
 import yaml
 from conftest import ROOT
 from scratch import prepare
-from tiny_run import GIVEN, STAGES, TinyRun, with_those_before
+from tiny_run import GIVEN, STAGES, TinyRun
 
+from benchmarks.pipeline import with_those_before
 from finloop.edit.modes import MODES
 
 SWEEPS = sorted((ROOT / "conf/experiment").glob("*.yaml"))

@@ -14,36 +14,12 @@ import yaml
 from conftest import ROOT, TINY_CARP
 from scratch import prepare
 
-from benchmarks.pipeline import in_conf
+from benchmarks.pipeline import paths, with_those_before
+from stages.code import module_of
 
 PIPELINE: dict[str, Any] = yaml.safe_load((ROOT / "dvc.yaml").read_text())
 STAGES: dict[str, Any] = PIPELINE["stages"]
 GIVEN = ("benchmarks", "data/drawings", "data/gaits")  # what stages read and none makes
-
-
-def paths(stage: dict[str, Any]) -> set[str]:
-    """What a stage of dvc.yaml writes."""
-    every = [*stage.get("outs", []), *stage.get("metrics", []), *stage.get("plots", [])]
-    return {next(iter(one)) if isinstance(one, dict) else one for one in every}
-
-
-MAKERS = [(out, word) for word, stage in STAGES.items() for out in paths(stage)]
-"""What a stage makes, with the stage."""
-
-
-def reads(dep: str, out: str) -> bool:
-    """Whether a stage that depends on a path reads what another one makes."""
-    return dep == out or dep.startswith(f"{out}/") or out.startswith(f"{dep}/")
-
-
-def with_those_before(words: Iterable[str]) -> list[str]:
-    """Stages and all that they wait for, in the order of dvc.yaml, in which each can run."""
-    todo, wanted = [*words], set[str]()
-    while todo:
-        wanted.add(word := todo.pop())
-        deps = {*map(in_conf, STAGES[word]["deps"])}
-        todo += {one for out, one in MAKERS if any(reads(dep, out) for dep in deps)} - wanted
-    return [one for one in STAGES if one in wanted]
 
 
 def pipeline_of(words: Iterable[str]) -> str:
@@ -101,4 +77,4 @@ class TinyRun:
     def _run(self, word: str) -> None:
         with pytest.MonkeyPatch.context() as patch:
             patch.chdir(self.folder)
-            importlib.import_module(f"stages.{word.replace('-', '.')}").main()
+            importlib.import_module(module_of(word)).main()

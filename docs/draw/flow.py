@@ -2,11 +2,12 @@
 
 import re
 from pathlib import Path
-from typing import Any
 from xml.sax.saxutils import escape
 
 import networkx as nx
 import yaml
+
+from benchmarks.pipeline import makes_data, paths
 
 BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a box, between boxes, around all
 MODES = "modes-…"  # the stages of all modes, in one box
@@ -53,12 +54,6 @@ def _reads(dep: str, out: str) -> bool:
     return out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")
 
 
-def _outputs(stage: dict[str, Any]) -> list[str]:
-    """The paths that a stage writes."""
-    listed = [out for kind in ("outs", "metrics", "plots") for out in stage.get(kind, [])]
-    return [next(iter(out)) if isinstance(out, dict) else out for out in listed]
-
-
 def flow(dvc_yaml: str) -> nx.DiGraph:
     """Boxes, an edge from each to those that wait for it; edges that follow from others left out.
 
@@ -66,14 +61,10 @@ def flow(dvc_yaml: str) -> nx.DiGraph:
     what runs, are left out, and so are the stages `plots-…`, which only draw.
     """
     stages = yaml.safe_load(dvc_yaml)["stages"]
-    stages = {
-        name: stage
-        for name, stage in stages.items()
-        if name not in ("code", "params") and not name.startswith("plots-")
-    }
+    stages = {name: stage for name, stage in stages.items() if makes_data(name)}
     graph = nx.DiGraph()
     graph.add_nodes_from(map(_box, stages))
-    homes = {out: _box(name) for name, stage in stages.items() for out in _outputs(stage)}
+    homes = {out: _box(name) for name, stage in stages.items() for out in paths(stage)}
     for name, stage in stages.items():
         for dep in stage.get("deps", []):
             for out, home in homes.items():
