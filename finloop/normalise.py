@@ -17,6 +17,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.errors import FinloopError
+from finloop.base.parallel import prefetch
 from finloop.clip.arena import circle_arena, rectangle_arena
 from finloop.clip.quality import Tally
 from finloop.clip.settings import Carp, File, Settings, Zebrafish
@@ -164,8 +165,8 @@ def _films(p: Zebrafish | File, fields: Order) -> Source:
 
 
 def _counted_on(frames: NumberedFrames, start: int) -> NumberedFrames:
-    """The frames of a film, counted from `start`."""
-    return ((time_s, (start + number, picture)) for time_s, (number, picture) in frames)
+    """The frames of a film, counted from `start`; a thread decodes them."""
+    return ((time_s, (start + number, picture)) for time_s, (number, picture) in prefetch(frames))
 
 
 def _record(

@@ -3,6 +3,7 @@
 from stages.run import progress, run, save_metrics  # isort: skip  (before numpy)
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -87,7 +88,13 @@ def main() -> None:
         try:
             film = project.states
             parts = split(film, p)
-            graph = similar_rows(film, project.look, load_visible(project), p)
+            with (
+                ThreadPoolExecutor(1) as beside,
+                progress("forecast", p.epochs, "epochs") as advance,
+            ):
+                similar = beside.submit(similar_rows, film, project.look, load_visible(project), p)
+                model, curve = learn(film, parts, p, advance)
+                graph = similar.result()
         except FinloopError as error:
             print(
                 f"forecast: no model, so mode matching predicts nothing: {error}", file=sys.stderr
@@ -96,8 +103,6 @@ def main() -> None:
             save_csv(REPORT / "curve.csv", pd.DataFrame(columns=CURVE), decimals=4)
             save_metrics(REPORT / "metrics.json", {"models": 0})
             return
-        with progress("forecast", p.epochs, "epochs") as advance:
-            model, curve = learn(film, parts, p, advance)
         save_json(folder / "model.json", model.record())
         swim, rng = sampler(film, model, graph, p), np.random.default_rng((p.seed, 1))
         save_graph(folder, swim)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pandas as pd
 import pytest
+import scipy
 from toy_film import (
     ARENA,
     DELTA,
@@ -38,6 +39,7 @@ from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import learn
 from finloop.animate.shoal import play
 from finloop.base.errors import FinloopError
+from finloop.base.samples import wasserstein_distance
 from finloop.base.settings import settings
 from finloop.edit import measures as edit_measures
 from finloop.edit.joins import Shown, cross_fades
@@ -501,6 +503,13 @@ def test_a_turn_that_turns_away_is_found():
     assert edit_measures.of_turns(table)["turns_monotone_pct"] == 0
     table["heading_deg"] = [40.0, 30.0, 20.0, 10.0, 0.0]
     assert edit_measures.of_turns(table)["turns_monotone_pct"] == 100
+
+
+def test_the_distance_of_samples_is_that_of_scipy():
+    rng = np.random.default_rng(3)
+    a, b = rng.normal(size=300), rng.normal(0.4, 2, 70).round(1)  # with ties
+    wanted = scipy.stats.wasserstein_distance(a, b)
+    assert wasserstein_distance(a, b) == pytest.approx(wanted, rel=1e-12)
 
 
 def test_kinematic_distance_is_in_deviations_of_the_film():

@@ -72,6 +72,16 @@ def saved(tmp_path, ending, morph=None, **kinds):
     return path
 
 
+def test_frames_that_are_equal_are_painted_once(tmp_path, monkeypatch):
+    count = []
+    paint_picture = finloop.io.animation.painted
+    monkeypatch.setattr(
+        finloop.io.animation, "painted", lambda *a: count.append(1) or paint_picture(*a)
+    )
+    saved(tmp_path, ".webp", there_and_back(a_morph()))
+    assert len(count) == FRAMES
+
+
 # --- plain JSON
 
 

@@ -99,7 +99,9 @@ def test_a_zoom_is_seen_as_parts_that_move_apart():
 
 def test_a_frame_is_moved_back():
     tank = floor()
-    back = steadied(seen(tank, 2.6, -1.3), Shift(2.6, -1.3, 0))
+    shot, by = seen(tank, 2.6, -1.3), Shift(2.6, -1.3, 0)
+    back = steadied(shot, by)
+    assert np.array_equal(steadied(shot, by, 3), back[::3, ::3])
     off = back.astype(float) - seen(tank)
     assert np.abs(off[6:-6, 6:-6]).mean() < 3
 

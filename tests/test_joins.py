@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy
 from toy_film import (
     DELTA,
     RATE,
@@ -18,7 +19,7 @@ from toy_film import (
 
 from finloop.animate.shoal import play
 from finloop.base.settings import settings
-from finloop.edit.joins import Joins, Shown, inertialized, joins
+from finloop.edit.joins import Joins, Shown, inertialized, joins, sum_past
 from finloop.edit.modes import MODES
 from finloop.edit.schema import (
     CUT,
@@ -234,3 +235,11 @@ def test_the_time_of_a_join_is_measured_or_said():
     assert decay(9.0, join_frames=6) == pytest.approx(0.4)
     assert decay(0.25, join_time=4.0) == pytest.approx(0.8)
     assert joins(settings("animate"), CUT, BODIES, DELTA, HOW.helps).fade == 0
+
+
+def test_what_is_left_of_jumps_is_what_a_filter_leaves():
+    rng = np.random.default_rng(0)
+    weights, values = rng.normal(size=7), rng.normal(size=(30, 2))
+    wanted = scipy.signal.lfilter(weights, [1.0], values, axis=0)
+    for ticks in (30, 3):
+        assert sum_past(weights, values[:ticks]) == pytest.approx(wanted[:ticks], rel=1e-12)

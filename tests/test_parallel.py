@@ -29,7 +29,7 @@ from jobs import (
 
 from finloop.base import parallel
 from finloop.base.errors import FinloopError
-from finloop.base.parallel import Processes, Threads, ordered_map, warm_up
+from finloop.base.parallel import Processes, Threads, ordered_map, prefetch, warm_up
 from finloop.io.movie import VideoWriter
 from finloop.io.video import read_frames
 
@@ -202,3 +202,29 @@ def test_what_gives_an_error_of_the_system_is_tried_again(workers, tmp_path, mon
     with pytest.raises(FileNotFoundError):
         list(ordered_map(cannot_read, jobs, Processes(workers)))
     assert len(list(tmp_path.glob("tried-*"))) == parallel.TRIES
+
+
+def test_items_are_made_a_few_ahead_and_come_in_order():
+    made = []
+
+    def items():
+        for number in range(20):
+            made.append(number)
+            yield number
+
+    for number in prefetch(items(), most=3):
+        assert number <= len(made) - 1 <= number + 3
+    assert made == list(range(20))
+
+
+def test_an_error_of_an_item_comes_after_the_items_before_it():
+    def items():
+        yield 1
+        yield 2
+        raise KeyError("third")
+
+    got = []
+    with pytest.raises(KeyError, match="third"):
+        for item in prefetch(items()):
+            got.append(item)
+    assert got == [1, 2]

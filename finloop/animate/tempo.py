@@ -6,10 +6,10 @@ the film's mean speed needs for what it has swum less; who is ahead lags by less
 price of a slow way is the greater, the farther the fish lags beside what is usual in the film.
 """
 
+from itertools import accumulate, chain
 from typing import NamedTuple
 
 import numpy as np
-import scipy
 
 from finloop.animate.film import Film, lags, mean_step_px
 from finloop.base.arrays import Floats
@@ -37,8 +37,8 @@ class Tempo(NamedTuple):
         """
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
         tracks = np.split(lags(rows), np.flatnonzero(~rows["more"]) + 1)
-        each = [scipy.signal.lfilter([1.0], [1.0, -keeps], one) for one in tracks]
-        usual = float(np.sqrt(np.mean(np.concatenate(each) ** 2)))
+        summed = [accumulate(one.tolist(), lambda left, lag: keeps * left + lag) for one in tracks]
+        usual = float(np.sqrt(np.mean(np.array(list(chain(*summed))) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least))
 
     def after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:

@@ -10,6 +10,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from multiprocessing import forkserver
 from typing import Protocol, TypeVar
 
@@ -165,6 +166,24 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
                 pending.popleft()
                 killed = 0
                 yield result
+
+
+def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
+    """Yield the items, which a thread makes meanwhile, at most so many ahead.
+
+    Exceptions of the items are raised here.
+    """
+    source = iter(items)
+    with ThreadPoolExecutor(1) as pool:
+        waiting = deque(pool.submit(_next_of, source) for _ in range(most))
+        while made := waiting.popleft().result():
+            waiting.append(pool.submit(_next_of, source))
+            yield made[0]
+
+
+def _next_of(items: Iterator[A]) -> tuple[A, ...]:
+    """Return the next item, alone in a tuple; an empty tuple at the end."""
+    return tuple(islice(items, 1))
 
 
 def _persist(work: Callable[[A], B], item: A) -> B:

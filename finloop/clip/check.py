@@ -143,8 +143,8 @@ def check(clip: Clip, stride: int = 1) -> tuple[Quality, pd.DataFrame, Picture]:
             row = {f"shift_{name}": value for name, value in place._asdict().items()}
             if before is not None and frame % _EVERY == 1:
                 row |= _against(before, here, light_before / bright)
-                steady = here if place is UNKNOWN else steadied(here, place)
-                movers.append(_movers(steady, tank, bright))
+                steady = steadied(here, STILL if place is UNKNOWN else place, _THIN)
+                movers.append(_movers(steady, tank[::_THIN, ::_THIN], bright))
             rows.append({"frame": frame} | row)
             before, light_before = here, bright
     table = pd.DataFrame({"light": clip.lights, "change": clip.changes})
@@ -173,13 +173,12 @@ def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float
 
 def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
     """The moving pixels of a grey frame: count, median contrast, black ones, white ones."""
-    few = here[::_THIN, ::_THIN]
-    off = np.abs(few / bright - tank[::_THIN, ::_THIN])
+    off = np.abs(here / bright - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))
     # Where the tank's median still holds an animal, it is the floor that differs.
-    floor = np.abs(few / bright - np.median(tank[::_THIN, ::_THIN])) <= _LEAST
+    floor = np.abs(here / bright - np.median(tank)) <= _LEAST
     away = (off > max(usual, _LEAST)) & ~floor
-    level = few[away]
+    level = here[away]
     contrast = float(np.median(off[away])) if level.size else float("nan")
     return level.size, contrast, (level <= _BLACK).sum(), (level >= _WHITE).sum()
 

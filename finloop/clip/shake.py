@@ -127,8 +127,8 @@ def _start(soft: Picture, of: Marks, last: Shift) -> Floats:
     if np.isfinite(last.x):
         starts.append(np.array([last.x, last.y]))
     misfits = [_misfit(soft, of, place) for place in starts]
-    small = _small(soft)
-    if min(misfits) > _NEAR and min(small.shape) >= 16:
+    if min(misfits) > _NEAR and min(of.small.shape) >= 16:
+        small = _small(soft)
         window = cv2.createHanningWindow(small.shape[::-1], cv2.CV_32F)
         starts.append(_LESS * np.array(cv2.phaseCorrelate(of.small, small, window)[0]))
         misfits.append(_misfit(soft, of, starts[-1]))
@@ -169,12 +169,16 @@ def _judged(place: Floats, off: Floats, weight: Floats, sigma: float, of: Marks)
     return Shift(float(place[0]), float(place[1]), max(apart, default=float("nan")))
 
 
-def steadied(frame: Picture, by: Shift) -> Picture:
-    """The frame moved back by a shift; what was not filmed repeats the border. A new array."""
-    matrix = np.array([[1, 0, -by.x], [0, 1, -by.y]])
+def steadied(frame: Picture, by: Shift, every: int = 1) -> Picture:
+    """The frame moved back by a shift; what was not filmed repeats the border. A new array.
+
+    every: it is thinned to every so many pixels in both directions.
+    """
+    size = [-(-side // every) for side in frame.shape[1::-1]]
+    matrix = np.array([[every, 0, by.x], [0, every, by.y]])
     return np.asarray(
         cv2.warpAffine(
-            frame, matrix, frame.shape[1::-1], flags=cv2.INTER_LANCZOS4,
+            frame, matrix, size, flags=cv2.INTER_LANCZOS4 | cv2.WARP_INVERSE_MAP,
             borderMode=cv2.BORDER_REPLICATE,
         )
     )  # fmt: skip

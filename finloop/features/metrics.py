@@ -2,7 +2,6 @@
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from finloop.base.schema import lists_to_points
 from finloop.features.area import at_places
@@ -182,7 +181,8 @@ def _identity_changes(track: pd.Series, fish: pd.Series) -> int:
 
 
 def _rank(a: np.ndarray, b: pd.Series) -> float:
-    return float(scipy.stats.spearmanr(a, b.to_numpy()).statistic)
+    """Spearman's rank correlation."""
+    return float(np.corrcoef(pd.Series(a).rank(), b.rank())[0, 1])
 
 
 def _nearest(features: pd.DataFrame, truth: pd.DataFrame) -> np.ndarray:

@@ -8,7 +8,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
-import scipy
 from numpy.typing import NDArray
 
 from finloop.base.arrays import Floats, Ints, Mask
@@ -102,23 +101,21 @@ def of_forecasts(
     change = film.states[parts.train + 1] - film.states[parts.train]
     if len(ensemble.rows):
         later = film.states[ensemble.rows + 1]
-        norm = scipy.stats.norm
-        numbers["held_out_log_likelihood"] = float(
-            norm.logpdf(
-                later / film.scale, ensemble.mean / film.scale, ensemble.spread / film.scale
-            ).mean()
+        numbers["held_out_log_likelihood"] = _log_likelihood(
+            (later - ensemble.mean) / film.scale, ensemble.spread / film.scale
         )
-        numbers["persistence_log_likelihood"] = float(
-            norm.logpdf(
-                later / film.scale,
-                film.states[ensemble.rows] / film.scale,
-                change.std(0) / film.scale,
-            ).mean()
+        numbers["persistence_log_likelihood"] = _log_likelihood(
+            (later - film.states[ensemble.rows]) / film.scale, change.std(0) / film.scale
         )
         for share in (50, 80):
             inner = np.abs(ensemble.rank - 0.5) <= share / 200
             numbers[f"truth_in_inner_{share}_pct"] = float(100 * inner.mean())
     return numbers
+
+
+def _log_likelihood(error: Floats, deviation: Floats) -> float:
+    """Return the mean log density of errors (k, d) that are normal with these deviations."""
+    return float(np.mean(-((error / deviation) ** 2) / 2 - np.log(deviation * np.sqrt(2 * np.pi))))
 
 
 def ahead(film: FilmStates, model: Forecast, rows: Ints) -> Floats:

@@ -5,10 +5,13 @@ morph, digit for digit: the frames shown have as many folds as were counted.
 """
 
 import json
-from collections.abc import Callable
+import zlib
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from finloop.base.arrays import Picture
 from finloop.base.drawing import Morph
@@ -93,15 +96,35 @@ def _save_film(path: Path, morph: Morph, frame_rate: Fraction, size: int) -> Non
     film: Movie = WebpWriter(path, shape, frame_rate, width, QUALITY)
     if path.suffix.lower() == ".mp4":
         film = Mp4Writer(path, shape, frame_rate, CRF)
-    what = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
+    with film:
+        for picture in _paint_frames(morph, shape[:2], scale):
+            film.write(picture)
+
+
+def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterator[Picture]:
+    """Yield the picture (h, w, 3) of every frame; frames that are equal are painted once."""
+    forms = shapes(morph.closed, morph.styles, max(morph.width, morph.height))
 
     def paint_frame(frame: int) -> Picture:
-        contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in what]
-        return painted(contours, shape[:2], scale)
+        contours = [(form, [morph.layers[name][frame] for name in form.layers]) for form in forms]
+        return painted(contours, shape, scale)
 
-    with film:
-        for picture in ordered_map(paint_frame, range(len(morph.tau)), Threads(THREADS)):
-            film.write(picture)
+    points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
+    first, alike, count = np.unique(
+        points, axis=0, return_index=True, return_inverse=True, return_counts=True
+    )[1:]
+    new = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
+    packed = dict[int, bytes]()  # painted frames that come again; flat colours take little room
+    for frame, number in enumerate(alike.ravel().tolist()):
+        if number in packed:
+            plain = np.frombuffer(zlib.decompress(packed[number]), np.uint8)
+            yield plain.reshape(*shape, 3)
+            continue
+        picture = next(new)
+        assert first[number] == frame
+        if count[number] > 1:
+            packed[number] = zlib.compress(picture.tobytes(), 1)
+        yield picture
 
 
 Writer = Callable[[Path, Morph, Fraction, int], None]

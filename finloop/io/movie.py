@@ -16,7 +16,13 @@ import av
 import cv2
 import numpy as np
 from av.video.frame import VideoFrame
-from av.video.reformatter import ColorPrimaries, ColorRange, Colorspace, ColorTrc
+from av.video.reformatter import (
+    ColorPrimaries,
+    ColorRange,
+    Colorspace,
+    ColorTrc,
+    Interpolation,
+)
 
 from finloop.base.arrays import Picture
 from finloop.io.atomic import whole_file
@@ -141,17 +147,22 @@ class Movie(ABC):
 _LIMITED = np.round(16 + np.arange(256) * 219 / 255).astype(np.uint8)
 
 
-def _subsampled(frame: Picture, matrix: Colorspace) -> VideoFrame:
-    """A frame of even sides as 4:2:0 of limited range."""
+def _subsampled(
+    frame: Picture, matrix: Colorspace, size: tuple[int, int] | None = None
+) -> VideoFrame:
+    """A frame as 4:2:0 of limited range, in an even size (width, height), else in its own."""
+    width, height = frame.shape[1::-1] if size is None else size
     if frame.ndim == 2:  # swscale gives grey a tint that varies
-        height, width = frame.shape
+        if size is not None:
+            frame = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
         planes = np.full((height * 3 // 2, width), 128, np.uint8)
         cv2.LUT(frame, _LIMITED, dst=planes[:height])
         return VideoFrame.from_ndarray(planes, format="yuv420p")
     # In place, and by one thread: half the processor time of a copy and two threads.
     return VideoFrame.from_numpy_buffer(frame, format="rgb24").reformat(
-        format="yuv420p", dst_colorspace=matrix, dst_color_range=ColorRange.MPEG, threads=1
-    )
+        width, height, "yuv420p", dst_colorspace=matrix, dst_color_range=ColorRange.MPEG,
+        interpolation=None if size is None else Interpolation.AREA, threads=1,
+    )  # fmt: skip
 
 
 class VideoWriter(Movie):
@@ -251,5 +262,4 @@ class WebpWriter(Movie):
         return self
 
     def _coded(self, frame: Picture) -> VideoFrame:
-        small = cv2.resize(frame, self._size, interpolation=cv2.INTER_AREA)
-        return _subsampled(small, Colorspace.ITU601)  # as WebP is defined
+        return _subsampled(frame, Colorspace.ITU601, self._size)  # as WebP is defined

@@ -10,9 +10,9 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
-import scipy
 
 from finloop.base.arrays import Complex, Floats, Ints, Reals
+from finloop.base.samples import wasserstein_distance
 from finloop.base.schema import Column, Schema, columns
 from finloop.social.neighbours import neighbours, vectors
 from finloop.social.walls import Walls
@@ -100,7 +100,7 @@ def apart(one: pd.DataFrame, other: pd.DataFrame) -> dict[str, float]:
     Polarisation counts once a frame. A measure that one of them does not have is left out.
     """
     return {
-        name: float(scipy.stats.wasserstein_distance(a, b))
+        name: wasserstein_distance(a, b)
         for name in MEASURES
         if len(a := values(one, name)) and len(b := values(other, name))
     }

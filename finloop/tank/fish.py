@@ -1,6 +1,8 @@
 """One fish of an edit list, tick after tick: its surface in the tank and the skin it wears."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +13,7 @@ from finloop.tank.swim import Poses
 
 Floats = NDArray[np.floating]
 Picture = NDArray[np.uint8]
-_BATCH = 256  # shapes made at once
+_BATCH = 16  # ticks whose surfaces are made at once: a sixth of the time of one by one
 
 
 @dataclass(frozen=True)
@@ -27,15 +29,21 @@ class Fish:
     def __len__(self) -> int:
         return len(self.poses)
 
-    def shape(self, ticks: slice) -> tuple[Floats, Floats]:
-        """Points and normals (ticks, rings, around, 3), relative to the mass centre."""
-        poses = self.poses
+    def shape(self, batch: int) -> tuple[Floats, Floats]:
+        """Points and normals (ticks, rings, around, 3) of a batch, relative to the mass centre."""
+        ticks, poses = slice(batch * _BATCH, (batch + 1) * _BATCH), self.poses
         return surface(poses.backbone[ticks], poses.half_width[ticks], self.typical, self.length_px)
+
+    @cached_property
+    def _recent_shape(self) -> Callable[[int], tuple[Floats, Floats]]:
+        """`shape`, which remembers its last batch."""
+        return lru_cache(1)(self.shape)
 
     def at(self, tick: int) -> tuple[Floats, Floats, Picture]:
         """Points in the tank and normals (rings, around, 3), and the skin, of one tick."""
-        points, normals = self.shape(slice(tick, tick + 1))
-        return points[0] + self.place[tick], normals[0], self.skin(tick)
+        batch, k = divmod(tick, _BATCH)
+        points, normals = self._recent_shape(batch)
+        return points[k] + self.place[tick], normals[k], self.skin(tick)
 
     def skin(self, tick: int) -> Picture:
         """The skin at a tick."""
@@ -46,8 +54,7 @@ class Fish:
     def points(self) -> NDArray[np.float32]:
         """The surface at every tick, (ticks, rings · around, 3), relative to the mass centre."""
         parts = [
-            self.shape(slice(at, at + _BATCH))[0].astype(np.float32)
-            for at in range(0, len(self), _BATCH)
+            self.shape(batch)[0].astype(np.float32) for batch in range(-(-len(self) // _BATCH))
         ]
         surfaces = np.concatenate(parts)
         return surfaces.reshape(len(surfaces), -1, 3)
