@@ -50,8 +50,6 @@ class UserWide(_AllSources, UserWideCacheLocator):
     """Machine code in the user's cache, where the source's folder cannot be written."""
 
 
-# Of LLVM's four levels of effort: two thirds of the time of the highest, and code as quick.
-numba.config.OPT = type(numba.config.OPT)(1)  # type: ignore[attr-defined]
 numba.config.CACHE_LOCATOR_CLASSES = ",".join(  # type: ignore[attr-defined]
     f"{__name__}.{locator.__name__}" for locator in (InTree, UserWide)
 )
