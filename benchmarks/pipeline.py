@@ -83,7 +83,7 @@ def with_those_before(last: Iterable[str]) -> list[str]:
 
 
 def needed(last: Iterable[str]) -> list[str]:
-    """Return the same without the stages that check or draw, and make nothing of the film."""
+    """Return stages and all that they wait for, without those that only check or draw."""
     return [word for word in with_those_before(last) if makes_data(word)]
 
 

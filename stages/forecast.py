@@ -88,7 +88,7 @@ def main() -> None:
         try:
             film = project.states
             parts = split(film, p)
-            with (
+            with (  # half of the time each, and neither waits for the other
                 ThreadPoolExecutor(1) as beside,
                 progress("forecast", p.epochs, "epochs") as advance,
             ):

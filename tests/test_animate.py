@@ -38,8 +38,8 @@ from finloop.animate.brisk import _ticks_to_turn
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import learn
 from finloop.animate.shoal import play
+from finloop.base.distributions import wasserstein_distance
 from finloop.base.errors import FinloopError
-from finloop.base.samples import wasserstein_distance
 from finloop.base.settings import settings
 from finloop.edit import measures as edit_measures
 from finloop.edit.joins import Shown, cross_fades

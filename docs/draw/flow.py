@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape
 import networkx as nx
 import yaml
 
-from benchmarks.pipeline import makes_data, paths
+from benchmarks.pipeline import makes_data, paths, reads
 
 BOX, GAP, MARGIN = (92, 34), (36, 18), 4  # px: of a box, between boxes, around all
 MODES = "modes-…"  # the stages of all modes, in one box
@@ -51,7 +51,7 @@ def _reads(dep: str, out: str) -> bool:
     if "${" in dep:
         pattern = r"[^/.]+".join(map(re.escape, re.split(r"\$\{[^}]*\}", dep)))
         return not dep.endswith("}") and bool(re.fullmatch(pattern, out))
-    return out == dep or out.startswith(f"{dep}/") or dep.startswith(f"{out}/")
+    return reads(dep, out)
 
 
 def flow(dvc_yaml: str) -> nx.DiGraph:

@@ -14,7 +14,7 @@ import pandas as pd
 from finloop.animate.motion import Motion
 from finloop.animate.protocols import AnyPlayer, AnyWorld
 from finloop.base.arrays import Floats
-from finloop.base.samples import wasserstein_distance
+from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema
 from finloop.edit.measures import area_missed, of_steps, of_turns, shown_shares
 from finloop.edit.schema import FRAME, Goal
@@ -157,7 +157,7 @@ def _over_delta(place: Floats, heading_deg: Floats, motion: Motion) -> tuple[Flo
 def kinematic_distance(mine: Floats, film: Floats, whole: Floats | None = None) -> float:
     """Wasserstein distance of two samples, in standard deviations of the film's or the whole's."""
     sd = (film if whole is None else whole).std()
-    return float(wasserstein_distance(mine, film) / sd)
+    return wasserstein_distance(mine, film) / float(sd)
 
 
 def of_kinematics(mine: tuple[Floats, Floats], film: tuple[Floats, Floats]) -> dict[str, float]:

@@ -38,7 +38,7 @@ class Tempo(NamedTuple):
         rows, keeps = film.rows[: film.filmed], float(np.exp(-1 / memory))
         tracks = np.split(lags(rows), np.flatnonzero(~rows["more"]) + 1)
         summed = [accumulate(one.tolist(), lambda left, lag: keeps * left + lag) for one in tracks]
-        usual = float(np.sqrt(np.mean(np.array(list(chain(*summed))) ** 2)))
+        usual = float(np.sqrt(np.mean(np.fromiter(chain(*summed), float) ** 2)))
         return cls(mean_step_px(rows), keeps, max(usual, least))
 
     def after(self, lag: float, way: Floats, begin: tuple[float, float]) -> float:

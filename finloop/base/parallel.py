@@ -169,7 +169,7 @@ def ordered_map(work: Callable[[A], B], items: Iterable[A], workers: Workers) ->
 
 
 def prefetch(items: Iterable[A], most: int = 4) -> Iterator[A]:
-    """Yield the items, which a thread makes meanwhile, at most so many ahead.
+    """Yield items in order; a thread makes up to `most` of them ahead.
 
     Exceptions of the items are raised here.
     """

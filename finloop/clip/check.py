@@ -172,7 +172,10 @@ def _against(before: Picture, here: Picture, brighter: float) -> dict[str, float
 
 
 def _movers(here: Picture, tank: Picture, bright: float) -> tuple[float, float, float, float]:
-    """The moving pixels of a grey frame: count, median contrast, black ones, white ones."""
+    """The moving pixels of a grey frame: count, median contrast, black ones, white ones.
+
+    here, tank: of every `_THIN`-th pixel in both directions.
+    """
     off = np.abs(here / bright - tank)
     usual = _SIGMAS * 1.4826 * float(np.median(off))
     # Where the tank's median still holds an animal, it is the floor that differs.

@@ -117,10 +117,9 @@ class Shown:
 
 
 def sum_past(weights: Floats, values: Floats) -> Floats:
-    """Return the weighted sum (n, c), at each tick, of the values (n, c) up to it.
+    """Return Σ_k weights[k] · values[t − k] (n, c) at every tick t of values (n, c).
 
-    weights: [k] is that of the value k ticks ago. `scipy.signal.lfilter` does the same, and takes
-    0.9 s to import, in every process.
+    `scipy.signal.lfilter` does the same, and takes 0.9 s to import, in every process.
     """
     return np.apply_along_axis(lambda one: np.convolve(weights, one)[: len(one)], 0, values)
 

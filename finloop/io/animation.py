@@ -110,20 +110,19 @@ def _paint_frames(morph: Morph, shape: tuple[int, int], scale: float) -> Iterato
         return painted(contours, shape, scale)
 
     points = np.hstack([frames.reshape(len(frames), -1) for frames in morph.layers.values()])
-    first, alike, count = np.unique(
-        points, axis=0, return_index=True, return_inverse=True, return_counts=True
-    )[1:]
+    first, alike = np.unique(points, axis=0, return_index=True, return_inverse=True)[1:]
+    equal = first[alike.ravel()]  # of each frame, the first that is equal
+    again = {*equal[equal != np.arange(len(equal))].tolist()}
     new = ordered_map(paint_frame, np.sort(first).tolist(), Threads(THREADS))
-    packed = dict[int, bytes]()  # painted frames that come again; flat colours take little room
-    for frame, number in enumerate(alike.ravel().tolist()):
-        if number in packed:
-            plain = np.frombuffer(zlib.decompress(packed[number]), np.uint8)
-            yield plain.reshape(*shape, 3)
-            continue
-        picture = next(new)
-        assert first[number] == frame
-        if count[number] > 1:
-            packed[number] = zlib.compress(picture.tobytes(), 1)
+    packed = dict[int, bytes]()  # those that come again; flat colours take little room
+    for frame, one in enumerate(equal.tolist()):
+        if one == frame:
+            picture = next(new)
+            if frame in again:
+                packed[frame] = zlib.compress(picture.tobytes(), 1)
+        else:
+            pixels = np.frombuffer(zlib.decompress(packed[one]), np.uint8)
+            picture = pixels.reshape(*shape, 3)
         yield picture
 
 

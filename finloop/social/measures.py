@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from finloop.base.arrays import Complex, Floats, Ints, Reals
-from finloop.base.samples import wasserstein_distance
+from finloop.base.distributions import wasserstein_distance
 from finloop.base.schema import Column, Schema, columns
 from finloop.social.neighbours import neighbours, vectors
 from finloop.social.walls import Walls
