@@ -18,7 +18,7 @@ chance are seldom taken. Weights are not negative: what would be is left out.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import product
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -121,6 +121,59 @@ def _ratio(total: Complex, count: Ints) -> Complex:
     return np.where(count > 0, total / np.maximum(count, 1), 0)
 
 
+class Sums(NamedTuple):
+    """What rows (n,) add up to for a regression of directions.
+
+    gram (5, 5), right (5,): products of the columns with each other and with the directions;
+    square: of the directions. The columns are the own direction, the pulls of the zones, and W.
+    """
+
+    gram: Floats
+    right: Floats
+    square: float
+
+    def left(self, solution: Floats) -> float:
+        """Return the sum of squares that is left by coefficients (5,) of the columns."""
+        return self.square + float(solution @ (self.gram @ solution - 2 * self.right))
+
+
+def sum_rows(columns: Complex, after: Complex) -> Sums:
+    """Return the sums over rows: columns (n, 5), directions after (n,)."""
+    # Not `@`, whose threads take longer to meet than these few numbers take to add up.
+    gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
+    right = np.einsum("ni,n->i", columns.conj(), after).real
+    return Sums(gram, right, float((np.abs(after) ** 2).sum()))
+
+
+def solve(sums: Sums, weights: Sequence[float | None]) -> Floats:
+    """Return the coefficients (5,) of the columns; those of zones are 0 or more.
+
+    weights: of the zones with a fixed weight, whose column is part of the first one; None of the
+    others.
+    """
+    free = [k for k in _ZONES if weights[k - 1] is None and sums.gram[k, k] > 0]
+    solution = np.zeros(5)
+    while True:  # of the zones, each is left out once at most
+        terms = [0, *free, 4]
+        some = scipy.linalg.lstsq(sums.gram[np.ix_(terms, terms)], sums.right[terms])[0]
+        worst = int(np.argmin(some[1:-1])) if free else 0
+        if not free or some[1 + worst] >= 0:
+            break
+        del free[worst]
+    solution[terms] = some
+    return solution
+
+
+def _columns(pulls: Complex, wall: Complex, weights: Sequence[float | None]) -> Complex:
+    """Columns (n, 5): the own direction with the zones of fixed weight, the zones, W."""
+    held = _held(weights)
+    return np.column_stack([1.0 + weighted_sum(pulls, held), pulls, wall])
+
+
+def _held(weights: Sequence[float | None]) -> Floats:
+    return np.array([weight or 0.0 for weight in weights])
+
+
 def regression(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None]
 ) -> tuple[Floats, float]:
@@ -128,34 +181,20 @@ def regression(
 
     weights: of the zones with a fixed weight, b_z = weight × a; None of the others.
     """
-    held = np.array([weight or 0.0 for weight in weights])
-    columns = np.column_stack([1.0 + weighted_sum(pulls, held), pulls, wall])
-    # Not `@`, whose threads take longer to meet than these few numbers take to add up.
-    gram = np.einsum("ni,nj->ij", columns.conj(), columns).real
-    right = np.einsum("ni,n->i", columns.conj(), after).real
-    free = [k for k in _ZONES if weights[k - 1] is None and gram[k, k] > 0]
-    while True:  # of the zones, each is left out once at most
-        terms = [0, *free, 4]
-        solution = scipy.linalg.lstsq(gram[np.ix_(terms, terms)], right[terms])[0]
-        worst = int(np.argmin(solution[1:-1])) if free else 0
-        if not free or solution[1 + worst] >= 0:
-            break
-        del free[worst]
-    lot = np.zeros(5)
-    lot[terms] = solution
-    lot[1:4] += held * lot[0]
-    return lot, float((np.abs(after) ** 2).sum() - right[terms] @ solution)
+    sums = sum_rows(_columns(pulls, wall, weights), after)
+    solution = solve(sums, weights)
+    lot = solution.copy()
+    lot[1:4] += _held(weights) * lot[0]
+    return lot, sums.left(solution)
 
 
 def crossed(
     pulls: Complex, wall: Complex, after: Complex, weights: Sequence[float | None], parts: Mask
 ) -> float:
     """The sum of squares that is left of each part by the coefficients of the other one."""
-    left = 0.0
-    for part in (parts, ~parts):
-        lot, _ = regression(pulls[part], wall[part], after[part], weights)
-        left += _left(pulls[~part], wall[~part], after[~part], lot)
-    return left
+    columns = _columns(pulls, wall, weights)
+    one, other = (sum_rows(columns[part], after[part]) for part in (parts, ~parts))
+    return one.left(solve(other, weights)) + other.left(solve(one, weights))
 
 
 def _left(pulls: Complex, wall: Complex, after: Complex, lot: Floats) -> float:

@@ -89,10 +89,13 @@ class Detector:
     settings: Settings
 
     def __call__(self, frame: Picture, scene: Scene) -> Detections:
-        """All silhouettes of `frame`; those that are isolated fish are measured."""
+        """Return all silhouettes of `frame`; those that are isolated fish are measured."""
+        return self.detect(frame, in_light_of(scene, frame))
+
+    def detect(self, frame: Picture, scene: Scene) -> Detections:
+        """Return the same of a frame that is in the light of `scene`."""
         settings = self.settings
         least = max(settings.least_area_px, _SPECK * self.typical.area_px)
-        scene = in_light_of(scene, frame)
         ends = Ends(settings.outline_share, settings.shadow, self.typical.fins, self.typical.thin)
         patches = list(silhouettes(frame, scene, self.arena, least, ends))
         verdicts = [judge(s, self.typical, settings) for s in patches]

@@ -73,8 +73,12 @@ def sheet(
         figure = Figure(figsize=(8, 1.5))
         figure.text(0.5, 0.5, "no animation was compared", ha="center", va="center")
         return figure
-    figure = Figure(figsize=(15, 2.1 * len(titles) + 0.5), layout="constrained")
-    grid = figure.add_gridspec(2 * len(titles), 5, width_ratios=(5, 1, 1, 1, 1))
+    height = 2.1 * len(titles) + 0.5
+    figure = Figure(figsize=(15, height))  # laid out by hand: of so many axes it takes a third
+    grid = figure.add_gridspec(
+        2 * len(titles), 5, width_ratios=(5, 1, 1, 1, 1), wspace=0.25, hspace=0.3,
+        left=0.01, right=0.99, top=1 - 0.4 / height, bottom=0.5 / height,
+    )  # fmt: skip
     for number, (title, strip) in enumerate(zip(titles, strips, strict=True)):
         for place, side in enumerate(SIDES):
             axes = figure.add_subplot(grid[2 * number + place, 0])
@@ -88,7 +92,8 @@ def sheet(
             _channel(axes, mine, channel)
             if number == 0:
                 axes.set_title(UNITS[column], fontsize=8)
-    figure.supxlabel("s (channels); pictures at equal times", fontsize=8)
+    words = "s (channels); pictures at equal times"
+    figure.text(0.5, 0.1 / height, words, ha="center", fontsize=8)
     return figure
 
 

@@ -93,7 +93,8 @@ class Instrument:
             )  # fmt: skip
             arena = np.ascontiguousarray(self.arena[box.of])
             detector = Detector(arena, self.typical, self.extract)
-            yield _in_tank(detector(np.ascontiguousarray(painter.frame[box.of]), scene), box)
+            drawn = np.ascontiguousarray(painter.frame[box.of])
+            yield _in_tank(detector.detect(drawn, scene), box)
 
     def measure(self, fish: Iterable[Placed], cuts: Sequence[int] = ()) -> pd.DataFrame:
         """The feature table of drawn fish, a tick each; `frame` is the tick.

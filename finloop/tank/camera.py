@@ -18,7 +18,7 @@ VIEW_DEG = 32.0  # vertical field of view
 _TURN_S = 40.0  # an orbit
 _FILLS = 0.94  # how much of the picture the tank fills at most
 _LAZY_S = 0.8  # the camera that follows smooths the way of the fish by this much
-_SCENES = ((ORBIT, 6.0), (FOLLOW, 8.0), (SIDE, 5.0), (FOLLOW, 6.0))
+_SCENES = ((ORBIT, 4.0), (FOLLOW, 4.0), (SIDE, 4.0))
 _BLEND_S = 2.0
 
 
