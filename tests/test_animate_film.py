@@ -33,19 +33,20 @@ from toy_film import (
 )
 
 from finloop.animate import decide, measures
-from finloop.animate import search as ahead
 from finloop.animate.arena import Tank, inside, tank
 from finloop.animate.beam import Candidates, Found
 from finloop.animate.bounds import bounds_of
 from finloop.animate.decide import Ways, verdicts
-from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.kinematics import Spot, bearing, rotate, touches
 from finloop.animate.loops import FilmSwimmer, counted
 from finloop.animate.loops import decision as decision_of
+from finloop.animate.objectives import remaining, to_goal
 from finloop.animate.planner import frame_hulls, reach
 from finloop.animate.policies import worth
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
-from finloop.animate.search import Ends, Here, Rules, space_of
+from finloop.animate.search import search
 from finloop.animate.shoal import swim
+from finloop.animate.space import Here, Rules, jump_cost, space_of
 from finloop.animate.state import Fish, Options
 from finloop.animate.swim import considered, random_goals
 from finloop.distance.picture import BODY, FILM
@@ -233,7 +234,7 @@ def behind_wall(arena, x, y, heading, ahead):
 
 
 def slow_look(reel, room, here, rot, row, cost, since, aim, rules):
-    """Every way there is, one after the other: value, far, error, ticks; as `look` says."""
+    """Every way there is, one after the other: value, far, error, ticks; as `search` says."""
     found, longest = [], 0
 
     def error(x, y, heading):
@@ -299,13 +300,19 @@ def test_looking_ahead_finds_what_a_search_of_every_way_finds(pose):
         space = space_of(
             reel, bounds_of(Tank(legal, legal, np.zeros((2, 90, 90), np.int32))), rules
         )
-        (value, ticks, over), (far, error) = ahead.look(space, candidates, here, aim, rules)
+        found, _ = search(space, candidates, here, 0.0, to_goal(aim), rules)
+        value, ticks, over, end, done = found
         assert not over.any()
         for i, row in enumerate(rows):
             wanted = slow_look(reel, room, here, rots[i], row, costs[i], sinces[i], aim, rules)
-            found = value[i], far[i], error[i], ticks[i]
-            assert found == pytest.approx(wanted, abs=1e-6)
-            ends["none" if np.isinf(value[i]) else "not" if far[i] else "touched"] += 1
+            assert (value[i], ticks[i]) == pytest.approx((wanted[0], wanted[3]), abs=1e-6)
+            ends["none" if np.isinf(value[i]) else "touched" if done[i] else "not"] += 1
+            if np.isinf(value[i]) or done[i]:
+                assert wanted[1] == (0.0 if done[i] else np.inf)
+                continue
+            at_x, at_y, heading = end[i]
+            far, off = np.hypot(aim.x - at_x, aim.y - at_y), bearing(at_x, at_y, aim.x, aim.y)
+            assert (far, abs(wrap_deg(off - heading))) == pytest.approx(wanted[1:3], abs=1e-6)
     assert min(ends.values()) > 10  # all three happen
 
 
@@ -319,7 +326,7 @@ def test_a_narrow_search_is_never_better_than_a_wide_one_and_says_what_it_gave_u
         aim = spot(*rng.uniform(100, 500, 2))
         space = space_of(rich_film(), bounds_of(open_tank()), RULES)
         found = [
-            ahead.look(space, candidates, here, aim, RULES._replace(beam=beam))[0]
+            search(space, candidates, here, 0.0, to_goal(aim), RULES._replace(beam=beam))[0][:3]
             for beam in (4, 4000)
         ]
         (narrow, _, gone), (wide, _, none) = found
@@ -335,7 +342,7 @@ def test_a_space_has_every_jump_the_cheapest_first():
     for row in np.flatnonzero(reel.end >= 0):
         first, last = reel.start[reel.end[row] : reel.end[row] + 2]
         faster = reel.speed[reel.to[first:last]] - reel.speed[row]
-        seam, jerk, _ = ahead.jump_cost(reel.seam[first:last], faster, np.inf, RULES)
+        seam, jerk, _ = jump_cost(reel.seam[first:last], faster, np.inf, RULES)
         wanted = sorted(zip(seam + jerk, reel.to[first:last], strict=True))
         jumps = space.jumps[first:last]
         assert (np.diff(jumps["cost"]) >= 0).all()
@@ -352,7 +359,9 @@ def test_where_no_way_leads_on_more_are_followed():
         aim, ways = spot(*tank_.random_point(rng)), decide.ways_on(reel, row + 1, rot, True)
         here = Here(*swimmer.arrival(fish), 0, SPEED, 100, fish.recent)
         narrow, wide = (
-            decide.weigh(space, ways, here, aim, swimmer.rules._replace(beam=beam))[1].value
+            decide.weigh(space, ways, here, to_goal(aim), swimmer.rules._replace(beam=beam))[
+                1
+            ].value
             for beam in (2, 16)
         )
         blocked = np.isinf(narrow).all()
@@ -363,16 +372,16 @@ def test_where_no_way_leads_on_more_are_followed():
 
 def test_what_remains_is_the_way_and_the_turn():
     rules = RULES._replace(pace=5.0, turning=4.0)
-    assert ahead.remaining(100.0, 100.0, 0.0, spot(130, 60), rules) == pytest.approx(
+    assert remaining(100.0, 100.0, 0.0, spot(130, 60), rules) == pytest.approx(
         10 + np.degrees(np.arctan2(40, 30)) / 4
     )
 
 
 def test_a_jump_costs_its_seam_its_change_of_speed_and_what_was_just_seen():
-    assert ahead.jump_cost(0.5, -2.0, 75.0, RULES) == pytest.approx((3, 14, 15))
-    assert ahead.jump_cost(0.0, 0.0, 1e9, RULES) == (0, 0, 0)
+    assert jump_cost(0.5, -2.0, 75.0, RULES) == pytest.approx((3, 14, 15))
+    assert jump_cost(0.0, 0.0, 1e9, RULES) == (0, 0, 0)
     seams, faster, ago = np.array([0.5, 0.0]), np.array([-2.0, 0.0]), np.array([75.0, 1e9])
-    assert np.stack(ahead.jump_cost(seams, faster, ago, RULES), 1) == pytest.approx(
+    assert np.stack(jump_cost(seams, faster, ago, RULES), 1) == pytest.approx(
         np.array([[3, 14, 15], [0, 0, 0]])
     )
 
@@ -394,7 +403,7 @@ def test_positions_move_as_the_film_turned_and_only_loops_are_jumped(pose):
         if still[t]:
             continue
         before = number[t - 1]
-        moved = ahead.moved(reel.dx[before], reel.dy[before], rot[t - 1])
+        moved = rotate(reel.dx[before], reel.dy[before], rot[t - 1])
         assert way[t, :2] - way[t - 1, :2] == pytest.approx(moved, abs=1e-6)
         assert way[t, 2] == pytest.approx(reel.heading[number[t]] + rot[t])
         assert new[t] == (number[t] != before + 1)
@@ -646,18 +655,20 @@ def test_a_way_that_leads_away_or_heads_away_fails_that_test():
 
 
 def test_the_tests_of_fig_19_one_after_the_other():
-    none = np.zeros(6, bool)
+    """Of ways that begin 10 px from the aim, and end so far from it, headed so much off it."""
+    far = np.array([5.0, 0.0, 20.0, 5.0, 0.0, 20.0, 20.0])
+    off = np.array([10.0, 0.0, 10.0, 100.0, 0.0, 100.0, 100.0])
     found = Found(
-        value=np.array([1.0, np.inf, 1.0, 1.0, np.inf, 1.0]),
-        ticks=np.zeros(6),
-        over=none | (np.arange(6) == 4),
+        value=np.array([1.0, np.inf, 1.0, 1.0, np.inf, 1.0, 1.0]),
+        ticks=np.zeros(7),
+        over=np.arange(7) == 4,
+        end=np.column_stack([100.0 - far, np.full(7, 50.0), off]),
+        done=np.arange(7) == 6,
     )
-    ends = Ends(
-        far=np.array([5.0, np.inf, 20.0, 5.0, np.inf, 20.0]),
-        error=np.array([10.0, 180.0, 10.0, 100.0, 180.0, 100.0]),
-    )
-    wanted = ["", "tank", "quadrant", "heading", "passed over", "quadrant"]
-    assert [VERDICTS[number] for number in verdicts(found, ends, 10.0, 90.0, False)] == wanted
+    here = Here(90.0, 50.0, 0, SPEED, 0, np.zeros((0, 3), np.int64))
+    wanted = ["", "tank", "quadrant", "heading", "passed over", "quadrant", ""]
+    told_of = verdicts(found, here, spot(100.0, 50.0), 90.0)
+    assert [VERDICTS[number] for number in told_of] == wanted
 
 
 def weighed(verdict, value=None):
@@ -809,7 +820,7 @@ def test_a_way_of_the_film_is_worth_it_that_gains_enough_on_the_goal():
     """Beside a forecast; of a fish that wanders every legal way is."""
     swimmer, aim = FilmSwimmer(waters_of(gain=0.1)), spot(600, 300)
     fish = Fish(400.0, 300.0, 0.0, SPEED, IN_FILM, -1, row=19)
-    remains = ahead.remaining(400.0, 300.0, 0.0, aim, swimmer.rules)
+    remains = remaining(400.0, 300.0, 0.0, aim, swimmer.rules)
     just = (remains + 0.9 * 20) / RATE
     options = weighed([0, 0, 2], [just - 0.01, just + 0.01, just - 0.01])
     options = replace(options, ticks=np.full(3, 20.0))

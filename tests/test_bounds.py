@@ -28,7 +28,7 @@ from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
 from finloop.animate.policies import film_or_forecast
-from finloop.animate.search import longer_rest
+from finloop.animate.space import longer_rest
 from finloop.animate.state import Effort, Fish, after
 from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, WALL, Goal
 from finloop.edit.stretch import Decision, Stretch

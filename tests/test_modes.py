@@ -41,9 +41,8 @@ from toy_film import (
 
 from finloop.animate import measures
 from finloop.animate.arena import inside, tank
-from finloop.animate.kinematics import Spot, bearing, touches
+from finloop.animate.kinematics import Spot, bearing, rotate, touches
 from finloop.animate.route import Route
-from finloop.animate.search import moved
 from finloop.animate.shoal import swim
 from finloop.animate.state import Fish
 from finloop.animate.swim import random_goals
@@ -268,7 +267,7 @@ def slow_way(film, tank_, start, place, goal, least):
                 legal.append(within[-1])
         if not film.more[row] or (touch and ends):
             break
-        dx, dy = moved(film.dx[row], film.dy[row], rot)
+        dx, dy = rotate(film.dx[row], film.dy[row], rot)
         x, y, row = x + dx, y + dy, row + 1
     return min(legal, default=None), min(within, default=None)
 
@@ -347,7 +346,7 @@ def test_a_way_leads_as_the_film_does_to_the_goal_s_quadrant_and_sets_out_that_w
             [(before.x, before.y), *stretch.way[:-1, :2]], stretch.way[:, :2],
             [last[0], *stretch.number], [last[1], *stretch.rot], strict=False,
         ):  # fmt: skip
-            goes = moved(film.dx[number], film.dy[number], rot)
+            goes = rotate(film.dx[number], film.dy[number], rot)
             assert np.subtract(to, place) == pytest.approx(goes, abs=1e-6)
         why = stretch.decision
         if not why.quadrant:  # no way was legal: then it only stays inside

@@ -1,8 +1,7 @@
-"""A beam search through the film, compiled: candidates, ways, branches, what becomes of them.
+"""The beam of a search through the film, compiled: ways, their branches, and how they came there.
 
-Every candidate begins a way. A way is followed in legs, from loop end to loop end; after every leg
-the best of all branches go on. `search.look` says how a leg is swum, what it costs, and when a way
-has come to its end.
+Every candidate begins a way. All ways are followed at once, leg by leg, from loop end to loop end;
+after every leg the best of all branches go on. `search` says how a leg is swum and what it costs.
 """
 
 from typing import NamedTuple
@@ -14,19 +13,26 @@ from finloop.animate.bounds import fits
 from finloop.animate.company import clear_ahead
 from finloop.animate.film import Film
 from finloop.animate.kinematics import wrap
+from finloop.animate.recent import NEVER
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel_part, leaf_kernel
 
 WAY = np.dtype(
     [
-        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"),
-        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"),
-    ]
+        ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("along", "f8"), ("total", "f8"),
+        ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"), ("run", "i8"),
+        ("leads", "?"),
+    ],
+    align=True,
 )  # fmt: skip
-"""A way that is followed: where it has come to (x, y px, row, rot), what it costs in ticks, the
-candidate that it began with (first), ticks that it took and that have passed since its last
-jump."""
+"""A way that is followed: where it has come to (x, y px, px along a path, row, rot); what it costs
+in ticks, and with what it takes or has fallen behind (total); the candidate that it began with
+(first); ticks that it took, and since its last jump; its last run; whether it goes on after its
+leg."""
 
+RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
+"""A run of film that a way shows: its first row, the tick of that, and the number of the run before
+it, −1 for none."""
 
 BRANCH = np.dtype([("total", "f8"), ("first", "i8"), ("way", "i8"), ("jump", "i8"), ("cost", "f8")])
 """A `Branch`."""
@@ -49,12 +55,15 @@ class Found(NamedTuple):
     """What becomes of each candidate (k,).
 
     value: cost of the best way, in ticks, infinite where all leave the tank or end; ticks: that it
-    takes, or stays in the tank; over: whether it was given up for better ones.
+    takes, or stays in the tank; over: whether it was given up for better ones; end (k, 3): x, y,
+    heading with which the best way ends; done: whether that has come to the aim.
     """
 
     value: Floats
     ticks: Floats
     over: Mask
+    end: Floats
+    done: Mask
 
 
 class Branch(NamedTuple):
@@ -72,71 +81,73 @@ class Branch(NamedTuple):
 
 
 class Beam(NamedTuple):
-    """The best branches of a leg (beam,), of dtype `BRANCH`, their totals rising.
+    """The ways that are followed, of dtype `WAY`, and how they came there.
 
-    over (candidates,): whether a branch of a candidate was given up for better ones.
-    """
-
-    branches: NDArray[np.void]
-    over: Mask
-
-
-class Search(NamedTuple):
-    """A beam search: the ways that are followed now, the branches after them, what was found.
-
-    spare: room for the ways after these.
+    ways, spare (w,): now, and room for those after the next leg; branches (b,): the best after it,
+    of dtype `BRANCH`, their totals rising; runs: of all ways, of dtype `RUN`; rows, parents
+    (legs + 1, w): with which row each way began each leg, and the number of the way that it goes on
+    from.
     """
 
     ways: NDArray[np.void]
     spare: NDArray[np.void]
-    beam: Beam
-    found: Found
+    branches: NDArray[np.void]
+    runs: NDArray[np.void]
+    rows: Ints
+    parents: Ints
+
+
+class Best(NamedTuple):
+    """The best way so far that has come to its end: its value, legs, and number among the ways."""
+
+    value: float
+    legs: int
+    way: int
 
 
 @kernel_part
-def begin(space, candidates: Candidates, here, width: int):  # type: ignore[no-untyped-def]
-    """The search of a beam of so many ways, and how many there are: one a candidate, where it fits.
+def begin(space, candidates: Candidates, here, along, sizes):  # type: ignore[no-untyped-def]
+    """The beam, what is found so far, and how many ways there are: one a candidate that fits.
 
-    space, here: of `search.Space`, `search.Here`.
+    space, here: of `search.Space`, `search.Here`; along: px along a path; sizes: legs, branches.
     """
-    film, count = space.film, candidates.rows.size
-    found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
-    beam = Beam(np.empty(width, BRANCH), found.over)
+    (legs, width), count, n = sizes, candidates.rows.size, 0
     most = max(width, count)
-    search, n = Search(np.empty(most, WAY), np.empty(most, WAY), beam, found), 0
-    x, y = here.x, here.y
+    beam = Beam(
+        np.empty(most, WAY), np.empty(most, WAY), np.empty(width, BRANCH),
+        np.empty((legs + 1) * most, RUN), np.empty((legs + 1, most), np.int64),
+        np.zeros((legs + 1, most), np.int64),
+    )  # fmt: skip
+    found = Found(
+        np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_),
+        np.zeros((count, 3)), np.zeros(count, np.bool_),
+    )  # fmt: skip
     for c in range(count):
-        first = film.rows[candidates.rows[c]]
+        row, x, y = candidates.rows[c], here.x, here.y
+        first = space.film.rows[row]
         heading = first.heading + candidates.rots[c]
-        row = candidates.rows[c]
         free = fits(space.bounds, row, x, y, heading)
         free = free and clear_ahead(here.company, row, x, y, heading, here.tick)
         if first.endless and free:
-            way = search.ways[n]
-            way.x, way.y, way.first, way.ticks = x, y, c, 0
-            way.row, way.rot = candidates.rows[c], candidates.rots[c]
-            way.cost, way.since = candidates.costs[c], candidates.since[c]
+            way, run = beam.ways[n], beam.runs[n]
+            way.x, way.y, way.along, way.first, way.run = x, y, along, c, n
+            way.row, way.rot, way.cost = row, candidates.rots[c], candidates.costs[c]
+            way.ticks, way.since = 0, candidates.since[c]
+            run.row, run.tick, run.before = row, here.tick, -1
+            beam.rows[0, n] = row
             n += 1
-    return search, n
+    return beam, found, n
 
 
-@kernel_part
-def leads_on(film: Film, found: Found, way, ticks: int) -> bool:  # type: ignore[no-untyped-def]
-    """Whether a way leads on after a leg of so many ticks, and need never stop."""
-    way.ticks += ticks
-    way.since += ticks
-    if found.value[way.first] == np.inf:
-        found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
-    return way.row >= 0 and film.rows[way.row].endless
-
-
-@kernel_part
-def ends(found: Found, way, value: float) -> bool:  # type: ignore[no-untyped-def]
-    """A way has come to its end: whether it is the best of its candidate so far."""
-    best = value < found.value[way.first]
-    if best:
-        found.value[way.first], found.ticks[way.first] = value, way.ticks
-    return best
+@leaf_kernel
+def shown_at(runs, run, row, tick):  # type: ignore[no-untyped-def]
+    """The tick at which a way that has come to a tick by its runs has shown a row, if it has."""
+    while run >= 0:
+        one = runs[run]
+        if one.row <= row < one.row + tick - one.tick:
+            return one.tick + row - one.row
+        run, tick = one.before, one.tick
+    return np.int64(NEVER)
 
 
 @kernel_part
@@ -149,38 +160,49 @@ def jumps_of(film: Film, row: int, may: bool):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def keep_best(beam: Beam, n: int, branch: Branch) -> int:
-    """Keep a further branch if it is among the best: how many there are then; n: there were."""
-    best, most = beam.branches, beam.branches.size
+def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
+    """Keep a further branch if it is among the best: how many there are then; n: there were.
+
+    over (candidates,): whether a branch of a candidate was given up for better ones.
+    """
+    most = branches.size
     k = n
     if n == most:
         k = n - 1
-        if branch.total >= best[k].total:
-            beam.over[branch.first] = True
+        if branch.total >= branches[k].total:
+            over[branch.first] = True
             return n
-        beam.over[best[k].first] = True
-    while k > 0 and branch.total < best[k - 1].total:
-        best[k] = best[k - 1]
+        over[branches[k].first] = True
+    while k > 0 and branch.total < branches[k - 1].total:
+        branches[k] = branches[k - 1]
         k -= 1
-    at = best[k]
+    at = branches[k]
     at.total, at.first, at.way, at.jump, at.cost = branch
     return min(n + 1, most)
 
 
 @kernel_part
-def go_on(space, search: Search, n: int) -> Search:  # type: ignore[no-untyped-def]
-    """Follow the best branches of a leg, which are n, from now on. space: of `search.Space`."""
-    film, found = space.film, search.found
+def go_on(space, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
+    """Follow the n best branches of a leg from now on. leg: of the next one; tick: of the first."""
+    film, runs = space.film, leg * beam.ways.size
     for k in range(n):
-        branch = search.beam.branches[k]
-        way = search.spare[k]
-        search.spare[k] = search.ways[branch.way]
+        branch, way = beam.branches[k], beam.spare[k]
+        beam.spare[k] = beam.ways[branch.way]
         if branch.jump >= 0:
-            row = space.jumps[branch.jump].to
+            row, run = space.jumps[branch.jump].to, beam.runs[runs + k]
             if film.body:
                 way.rot = wrap(film.rows[way.row].heading + way.rot - film.rows[row].heading)
-            way.row, way.cost, way.since = row, way.cost + branch.cost, 0
-    if n == 0:
-        for c in range(found.over.size):
-            found.over[c] = found.over[c] and found.value[c] == np.inf
-    return Search(search.spare, search.ways, search.beam, found)
+            run.row, run.tick, run.before = row, tick + way.ticks, way.run
+            way.row, way.cost, way.since, way.run = row, way.cost + branch.cost, 0, runs + k
+        beam.rows[leg, k], beam.parents[leg, k] = way.row, branch.way
+    return Beam(beam.spare, beam.ways, beam.branches, beam.runs, beam.rows, beam.parents)
+
+
+@kernel_part
+def rows_of(beam: Beam, best: Best) -> Ints:
+    """The rows (l,) with which a way begins its legs."""
+    rows, way = np.empty(best.legs, np.int64), best.way
+    for leg in range(best.legs - 1, -1, -1):
+        rows[leg] = beam.rows[leg, way]
+        way = beam.parents[leg, way]
+    return rows

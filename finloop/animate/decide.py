@@ -7,9 +7,11 @@ from numpy.typing import NDArray
 
 from finloop.animate.beam import Candidates, Found, jumps_of
 from finloop.animate.film import Film
-from finloop.animate.kinematics import Spot, touches, wrap
+from finloop.animate.kinematics import Spot, bearing, rotate, touches, wrap
+from finloop.animate.objectives import Objective
 from finloop.animate.recent import last_on_screen, times
-from finloop.animate.search import Ends, Here, Rules, Space, jump_cost, longer_rest, look, moved
+from finloop.animate.search import search
+from finloop.animate.space import Here, Rules, Space, jump_cost, longer_rest
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.base.kernel import kernel, leaf_kernel
 from finloop.edit.schema import VERDICTS
@@ -81,45 +83,48 @@ def priced(film: Film, ways: Ways, here: Here, rules: Rules) -> tuple[Floats, Ca
     return terms, Candidates(ways.rows, ways.rots, costs, since)
 
 
-@kernel
-def weigh(space: Space, ways: Ways, here: Here, aim: Spot, rules: Rules):  # type: ignore[no-untyped-def]
-    """Look ahead from ways (k,).
+def weigh(
+    space: Space, ways: Ways, here: Here, objective: Objective, rules: Rules, along: float = 0.0
+) -> tuple[Floats, Found, Ints]:
+    """Look ahead from ways (k,); along: px along a path.
 
     Returns
     -------
-    terms (k, 3) : what each costs at once, of `priced`; what becomes of it; its verdict.
+    terms (k, 3) : what each costs at once, of `priced`; what becomes of it; the rows (l,) with
+    which the best way begins its legs.
     """
     terms, candidates = priced(space.film, ways, here, rules)
-    found, ends = look(space, candidates, here, aim, rules)
-    before = np.hypot(aim.x - here.x, aim.y - here.y)
-    return terms, found, verdicts(found, ends, before, rules.error, aim.free)
+    return terms, *search(space, candidates, here, along, objective, rules)
 
 
 @kernel
-def verdicts(found: Found, ends: Ends, before: float, error: float, free: bool) -> NDArray[np.int8]:
+def verdicts(found: Found, here: Here, aim: Spot, error: float) -> NDArray[np.int8]:
     """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
 
-    A way must stay in the tank and not come to a dead end; must lead towards the goal, which is
-    `before` px away when it begins; and must head at most `error` degrees off the goal when done.
-    free: whether the fish only wanders, and need only stay in the tank.
+    A way must stay in the tank and not come to a dead end; must lead towards the aim from where it
+    begins, and must head at most `error` degrees off the aim when done. Of a fish that only wanders
+    it need only stay in the tank.
     """
     verdict = np.zeros(found.value.size, np.int8)
+    before = np.hypot(aim.x - here.x, aim.y - here.y)
     for k in range(found.value.size):
+        x, y, heading = found.end[k]
         if found.over[k]:
             verdict[k] = _OVER
         elif np.isinf(found.value[k]):
             verdict[k] = _TANK
-        elif not free and ends.far[k] >= before:
-            verdict[k] = _QUADRANT
-        elif not free and ends.error[k] > error:
-            verdict[k] = _HEADING
+        elif not aim.free and not found.done[k]:
+            if np.hypot(aim.x - x, aim.y - y) >= before:
+                verdict[k] = _QUADRANT
+            elif abs(wrap(bearing(x, y, aim.x, aim.y) - heading)) > error:
+                verdict[k] = _HEADING
     return verdict
 
 
 @leaf_kernel
 def arrival(film: Film, x: float, y: float, row: int, rot: float) -> tuple[float, float]:
     """Where a fish at x, y that shows a row is at the next tick."""
-    dx, dy = moved(film.rows[row].dx, film.rows[row].dy, rot)
+    dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
     return x + dx, y + dy
 
 
@@ -136,7 +141,7 @@ def play(film: Film, start: tuple[float, float, float], row: int, towards, rules
     """
     (x, y, rot), (goal, aim) = start, towards
     stop = next_end(film.rows["more"], film.rows["end"], row, rules.stride)
-    leads = moved(film.rows[stop].x - film.rows[row].x, film.rows[stop].y - film.rows[row].y, rot)
+    leads = rotate(film.rows[stop].x - film.rows[row].x, film.rows[stop].y - film.rows[row].y, rot)
     out = np.empty((rules.horizon, 3))
     n = 0
     while True:
@@ -151,5 +156,5 @@ def play(film: Film, start: tuple[float, float, float], row: int, towards, rules
         stops = stops or (n >= rules.stride and next_row.end >= 0) or not next_row.more
         if stops:
             return out[:n], touched, leads
-        dx, dy = moved(at.dx, at.dy, rot)
+        dx, dy = rotate(at.dx, at.dy, rot)
         x, y, row = x + dx, y + dy, row + 1

@@ -16,13 +16,13 @@ import numpy as np
 from finloop.animate import decide
 from finloop.animate.company import Company
 from finloop.animate.decide import Ways
-from finloop.animate.follow import Footage, look_along, onward, reach_of
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import counted
+from finloop.animate.objectives import along_path, onward, reach_of
 from finloop.animate.path_plan import Plan, seam_to, spread
 from finloop.animate.policies import Policy
 from finloop.animate.route import Route, foot, least_along, place
-from finloop.animate.search import Here, Rules
+from finloop.animate.space import Here, Rules, Space
 from finloop.animate.state import Fish, Options, Progress, Run, Waters
 from finloop.animate.steering import Steering, steered
 from finloop.base.arrays import Floats, Ints
@@ -191,14 +191,14 @@ class Follower:
         return self.waters.tempo.price_along(fish.lag, self.waters.settings.path_pace)
 
     def _best(
-        self, footage: Footage, every: Ways, here: Here, along: float, route: Route
+        self, footage: Space, every: Ways, here: Here, along: float, route: Route
     ) -> Plan | None:
         """The cheapest of some ways, or the longest where all come to an end."""
         if not len(every.rows):
             return None
         rules = self.rules if here.company.near else self._alone
-        by = rules, self.steering
-        terms, found, rows = look_along(footage, every, here, along, route, by)
+        path = along_path(route, self.steering)
+        terms, found, rows = decide.weigh(footage, every, here, path, rules, along)
         if not len(rows):
             return None
         taken = int(np.flatnonzero(every.rows == rows[0])[0])

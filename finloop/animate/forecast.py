@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from finloop.animate.brisk import brisk_of
 from finloop.animate.company import clear_ticks
 from finloop.animate.film import foretold_film
-from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot, aim_in
+from finloop.animate.objectives import footage_of, reach_of
 from finloop.animate.outlook import Pace, Recall, course, held, look
 from finloop.animate.rare import Rarity
-from finloop.animate.search import Rules, space_of
+from finloop.animate.space import Rules, Space, space_of
 from finloop.animate.state import Fish, Waters
 from finloop.base.arrays import Floats, Ints, Mask
 from finloop.edit.schema import FORECAST, FORETOLD, FRAME, WALL
@@ -63,7 +63,7 @@ class ForecastSwimmer:
         self._near = near[np.abs(near - rows).argmin(0), rows]
 
     @cached_property
-    def footage(self) -> Footage:
+    def footage(self) -> Space:
         """The film as paths are followed through it by a fish that swims as is foretold."""
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)

@@ -62,6 +62,14 @@ class Turning(NamedTuple):
 
 
 @leaf_kernel
+def rotate(dx: float, dy: float, rot: float):  # type: ignore[no-untyped-def]
+    """Return a displacement on the screen (y down), turned anticlockwise as seen."""
+    angle = np.radians(rot)
+    cos, sin = np.cos(angle), np.sin(angle)
+    return dx * cos + dy * sin, dy * cos - dx * sin
+
+
+@leaf_kernel
 def wrap(angle: float) -> float:
     """The same angle in (−180, 180]."""
     return 180.0 - (180.0 - angle) % 360.0

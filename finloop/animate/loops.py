@@ -14,9 +14,9 @@ from finloop.animate import decide
 from finloop.animate import kinematics as step
 from finloop.animate.bounds import beyond
 from finloop.animate.decide import Ways
-from finloop.animate.follow import Footage, footage_of, reach_of
 from finloop.animate.kinematics import Spot, aim_in
-from finloop.animate.search import Here, Rules, Space, space_of
+from finloop.animate.objectives import footage_of, reach_of, to_goal
+from finloop.animate.space import Here, Rules, Space, space_of
 from finloop.animate.state import Fish, Options, Waters
 from finloop.base.arrays import Mask
 from finloop.edit.schema import FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
@@ -41,7 +41,7 @@ class FilmSwimmer:
         return space_of(self.waters.film, self.waters.bounds, self.rules)
 
     @cached_property
-    def footage(self) -> Footage:
+    def footage(self) -> Space:
         """The film as paths are followed through it."""
         stride = max(1, self.waters.ticks(self.waters.settings.path_stride))
         return footage_of(self.space, reach_of(self.waters), stride)
@@ -102,9 +102,11 @@ class FilmSwimmer:
             fish.company, int(self.waters.film.rest[fish.row + 1]),
             self.waters.price_of_rest(fish, aim),
         )  # fmt: skip
-        terms, found, verdict = decide.weigh(self.space, ways, here, aim, self.rules)
+        goal = to_goal(aim)
+        terms, found, _ = decide.weigh(self.space, ways, here, goal, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
-            terms, found, verdict = decide.weigh(self.space, ways, here, aim, self._wide)
+            terms, found, _ = decide.weigh(self.space, ways, here, goal, self._wide)
+        verdict = decide.verdicts(found, here, aim, self.rules.error)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 

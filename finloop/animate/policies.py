@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.animate import search
 from finloop.animate.bounds import beyond
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.loops import FilmSwimmer, counted
+from finloop.animate.objectives import remaining
 from finloop.animate.state import Fish, Options
 from finloop.base.arrays import Ints, Mask
 from finloop.edit.schema import FILM, NO_WAY, WALL
@@ -93,5 +93,5 @@ def worth(film: FilmSwimmer, options: Options, fish: Fish, aim: Spot) -> Mask:
     if aim.free:
         return options.legal
     rate, gain = film.waters.motion.rate_hz, film.waters.settings.gain
-    ticks = search.remaining(fish.x, fish.y, fish.heading, aim, film.rules)
+    ticks = remaining(fish.x, fish.y, fish.heading, aim, film.rules)
     return options.legal & (options.value <= (ticks + (1 - gain) * options.ticks) / rate)

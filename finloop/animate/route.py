@@ -7,6 +7,8 @@ branch is as near, but much farther along. On a closed path the arc length goes 
 
 from typing import NamedTuple
 
+import numpy as np
+
 from finloop.base.arrays import Floats
 from finloop.base.kernel import finite_leaf
 
@@ -44,6 +46,10 @@ class Route(NamedTuple):
     def done(self, along: float, tick: int) -> bool:
         """Whether it has been swum by a fish that has come so far, at a tick."""
         return bool(done(self, along, tick))
+
+
+_NONE = np.zeros(0)
+NO_ROUTE = Route(_NONE, _NONE, _NONE, 1.0, False, _NONE, 0, 0)
 
 
 @finite_leaf

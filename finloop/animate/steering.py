@@ -10,8 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.bounds import fits
+from finloop.animate.kinematics import rotate
 from finloop.animate.route import Route, asked_at, done, foot, heading_at, least_along, place
-from finloop.animate.search import moved
 from finloop.base.arrays import Floats, Ints
 from finloop.base.kernel import finite_leaf, kernel
 
@@ -37,6 +37,9 @@ class Steering(NamedTuple):
     late: float
     heading: float
     effort: float
+
+
+NO_STEERING = Steering(0.0, 0.0, 1.0, 0, 1.0, 0.0, 0.0, 0.0, 0.0)
 
 
 @finite_leaf
@@ -132,10 +135,10 @@ def steered(way: Floats, speed: Floats, numbers: Ints, begins, route: Route, by)
     x, y, rot, good = way[0, 0], way[0, 1], 0.0, ticks
     for t in range(ticks):
         reach = min(steering.reach, len(way) - 1 - t)
-        leads = moved(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
+        leads = rotate(way[t + reach, 0] - way[t, 0], way[t + reach, 1] - way[t, 1], rot)
         most = most_turn(speed[t], steering)
         turn = turn_to(route, (x, y, along), leads, reach, most, steering)
-        dx, dy = moved(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
+        dx, dy = rotate(way[t + 1, 0] - way[t, 0], way[t + 1, 1] - way[t, 1], rot + turn)
         new_x, new_y, on, _, _, shift = shifted(
             route, (x + dx, y + dy, along), speed[t], (tick + t + 1, 1), steering
         )

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from finloop.animate.film import Film
-from finloop.animate.search import moved
+from finloop.animate.kinematics import rotate
 from finloop.animate.state import Options
 from finloop.animate.swim import Player
 from finloop.base.errors import FinloopError
@@ -240,7 +240,7 @@ class View:
         last = row + round(_WAY_S * self.tank.rate_hz)
         stops = np.flatnonzero(~film.more[row:last])
         last = row + int(stops[0]) if stops.size else min(last, len(film.more) - 1)
-        cos, sin = moved(1.0, 0.0, rot)
+        cos, sin = rotate(1.0, 0.0, rot)
         dx, dy = film.dx[row:last], film.dy[row:last]
         steps = np.column_stack([dx * cos - dy * sin, dx * sin + dy * cos])
         way = np.cumsum(np.vstack([[x, y], steps]), axis=0)[::_WAY_EVERY]

@@ -17,9 +17,8 @@ from numpy.typing import NDArray
 
 from finloop.animate.arena import inside
 from finloop.animate.film import Film
-from finloop.animate.kinematics import Spot, bearing, touches, wrap
+from finloop.animate.kinematics import Spot, bearing, rotate, touches, wrap
 from finloop.animate.planner import NothingToUse
-from finloop.animate.search import moved
 from finloop.animate.settings import Settings as CommonSettings
 from finloop.animate.state import Fish
 from finloop.base.arrays import Floats, Ints, Mask
@@ -208,7 +207,7 @@ class Loops:
             far = fish.speed * self.world.motion.body_length_px / self.world.motion.rate_hz
             angle = np.radians(fish.heading)
             return fish.x + far * float(np.cos(angle)), fish.y - far * float(np.sin(angle))
-        dx, dy = moved(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
+        dx, dy = rotate(self.film.dx[fish.row], self.film.dy[fish.row], fish.rot)
         return fish.x + float(dx), fish.y + float(dy)
 
     def swim_on_spot(
@@ -296,7 +295,7 @@ def _follow_starts(film, legal, ends, begin, goal, most):  # type: ignore[no-unt
                     verdict[way] = _HEADING if leads_there else max(verdict[way], _QUADRANT)
             if (touch and ends[row]) or not at.more:
                 break
-            dx, dy = moved(at.dx, at.dy, rot)
+            dx, dy = rotate(at.dx, at.dy, rot)
             x, y, row = x + dx, y + dy, row + 1
     return ticks, far, touched, leads, verdict, within
 
@@ -315,7 +314,7 @@ def first_end(film, legal, ends, starts, place):  # type: ignore[no-untyped-def]
                 break
             if not film.rows[row].more:
                 break
-            dx, dy = moved(film.rows[row].dx, film.rows[row].dy, rot)
+            dx, dy = rotate(film.rows[row].dx, film.rows[row].dy, rot)
             x, y, row = x + dx, y + dy, row + 1
     return ticks
 
