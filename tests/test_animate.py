@@ -19,7 +19,6 @@ from toy_film import (
     network_of,
     paper_player,
     phases,
-    planning,
     track,
 )
 
@@ -34,7 +33,6 @@ from finloop.animate.arena import (
     tank,
     where,
 )
-from finloop.animate.brisk import _ticks_to_turn
 from finloop.animate.kinematics import Ahead, Spot, Turning
 from finloop.animate.motion import learn
 from finloop.animate.shoal import play
@@ -133,17 +131,6 @@ def test_the_edge_of_the_picture_is_a_wall():
     found = tank(np.ones((100, 100), bool), 20.0)
     assert not found.legal[:20].any() and not found.legal[:, -20:].any()
     assert found.legal[50, 50]
-
-
-@pytest.mark.parametrize(("rate", "ticks"), [(4.0, 30), (8.0, 15), (1.0, 75), (0.0, 75)])
-def test_how_long_a_fish_takes_to_turn_is_told_by_its_way_not_by_how_its_head_sways(rate, ticks):
-    p = planning(ahead_turn=120.0, look_ahead=15.0)
-    at = np.arange(400)
-    steady = rate * at
-    assert _ticks_to_turn([steady, -steady], DELTA, p) == ticks
-    sways = steady + 20 * np.sin(np.pi * at / DELTA)  # by 40 deg to and fro, in Δ
-    assert abs(_ticks_to_turn([sways, steady], DELTA, p) - ticks) <= DELTA
-    assert _ticks_to_turn([steady[:2]], DELTA, p) == 15 * DELTA  # too short to tell
 
 
 def test_of_two_pools_the_larger_is_the_tank():

@@ -10,18 +10,15 @@ from toy_film import LENGTH, waters_of
 from toy_swim import HOW, MIRROR, RATE, plain, swum, unseen
 
 from finloop.animate.brisk import brisk_of
-from finloop.animate.company import ALONE
 from finloop.animate.endless import endless, leading, parts
 from finloop.animate.film import ROW
-from finloop.animate.forecast import ForecastSwimmer, farther, wakes
+from finloop.animate.forecast import ForecastSwimmer, farther
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.outlook import Recall, look
 from finloop.animate.path_measures import swum_path
 from finloop.animate.paths import lay
 from finloop.animate.policies import Policy
 from finloop.animate.rare import Rarity
-from finloop.animate.recent import NO_REPEAT
 from finloop.animate.shoal import swim
 from finloop.animate.state import Fish, State, after
 from finloop.animate.swim import Player
@@ -279,13 +276,6 @@ def test_a_fish_in_a_corner_goes_on_with_its_row_and_turns_no_faster_than_a_bris
     assert joined < 0.5 * ticks
 
 
-def test_a_rest_leads_to_where_the_fish_swims_again():
-    rests = np.isin(np.arange(9), (2, 3, 4, 6, 7))
-    film = sample()._replace(rests=rests, usable=np.arange(9) < 8)
-    assert wakes(film).tolist() == [0, 1, 5, 5, 5, 5, 8, 8, 8]
-    assert wakes(film._replace(usable=np.arange(9) != 3)).tolist()[2:5] == [3, 3, 5]
-
-
 def test_who_rests_for_most_of_the_film_is_brisk_when_it_swims():
     p = replace(waters().settings, brisk=0.75, brisk_least=0.1)
     speed = np.where(np.arange(1000) % 10 == 0, 4.0, 0.0)
@@ -315,25 +305,6 @@ def test_a_fish_that_rests_before_a_wall_turns_round():
     way = one.next(fish, goal, np.random.default_rng(0)).way
     most = one.waters.brisk.turn_deg
     assert np.allclose(np.diff(way[:, 2], prepend=90.0), -most)
-
-
-def test_to_rest_before_a_wall_is_no_way_round_it():
-    """What swims on into the wall after the rest costs more than what swims on into the tank."""
-    one = resting(slice(1001, 1061), slice(1061, 1100))  # longer than ways are looked at
-    here = one.waters
-    y, x = np.argwhere(here.tank.legal).min(0)
-    goal = Spot(400.0, 300.0, 10.0, 5.0)
-    recall = Recall(0, np.zeros((0, 3), np.int64), 1, 1, 1, NO_REPEAT, 1, ALONE, 0.0, 1.0)
-    (into, along), free = (
-        np.concatenate(both)
-        for both in zip(*(
-            look(one.sampler, here.bounds, np.array([1000]), np.array([x + 50.0, y + 2.0, a]),
-                 (goal, goal, one.pace), recall)
-            for a in (90.0, -90.0)
-        ), strict=True)
-    )  # fmt: skip
-    assert free.tolist() == [False, True]
-    assert into > along + 10 * one.pace.wall
 
 
 def test_a_fish_that_swims_as_is_foretold_keeps_to_a_path_and_goes_on_from_a_cut():

@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from finloop.animate.brisk import brisk_of
+from finloop.animate.bounds import beyond
 from finloop.animate.company import clear_ticks
+from finloop.animate.decide import Ways, weigh
 from finloop.animate.film import foretold_film
 from finloop.animate.kinematics import Spot, aim_in
-from finloop.animate.objectives import footage_of, reach_of
-from finloop.animate.outlook import Pace, Recall, course, held, look
+from finloop.animate.objectives import footage_of, reach_of, to_goal
+from finloop.animate.outlook import Pace, course, held
 from finloop.animate.rare import Rarity
-from finloop.animate.space import Rules, Space, space_of
+from finloop.animate.space import Here, Rules, Space, space_of
 from finloop.animate.state import Fish, Waters
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import FORECAST, FORETOLD, FRAME, WALL
 from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
@@ -44,18 +45,9 @@ class ForecastSwimmer:
         self.waters = waters
         self.sampler = sampler
         self._rarity = rarity
-        usable = np.flatnonzero(sampler.usable)
-        speed = sampler.states[usable][:, -MOTION:]
+        self.rules = Rules.of(waters, p.look_ahead, p.stride, p.beam, p.again)
         px = motion.body_length_px / motion.rate_hz
-        turn_deg = float(np.degrees(1 / motion.rate_hz))
-        fastest = brisk_of(np.hypot(speed[:, 0], speed[:, 1]), p) * px
-        turning = brisk_of(np.abs(speed[:, 2]), p) * turn_deg
-        horizon = max(2, waters.ticks(p.ahead), waters.brisk.ahead)
-        self.pace = Pace(
-            px, turn_deg, horizon, fastest, turning, p.wall,
-            waters.film.dear.copy(), wakes(sampler),
-            fastest / np.radians(turning) + motion.body_length_px / 2, 180 / turning,
-        )  # fmt: skip
+        self.pace = Pace(px, float(np.degrees(1 / motion.rate_hz)))
         rows = np.arange(len(sampler.usable))
         leads = np.flatnonzero(sampler.usable | (np.diff(sampler.start) > 0))
         after = np.minimum(np.searchsorted(leads, rows), len(leads) - 1)
@@ -83,19 +75,19 @@ class ForecastSwimmer:
         row = int(self._near[fish.row])
         return replace(fish, row=row), state_at(self.sampler, row).past
 
-    def _look(
-        self,
-        fish: Fish,
-        rows: Ints,
-        start: Floats,
-        towards: tuple[Spot, Spot, Pace],
-        recall: Recall,
-    ) -> tuple[Floats, Mask]:
-        """`look`, and what it costs to join on at each row."""
+    def _weigh(self, fish: Fish, rows: Ints, aim: Spot) -> Floats:
+        """Return what following rows (k,) costs, in ticks; infinite where they leave the tank."""
+        film = self.footage.film
+        rots = np.asarray(wrap_deg(fish.heading - film.heading[rows]), float)
+        every = Ways(rows.astype(np.int64), rots, np.zeros(len(rows)), rows != fish.row)
+        here = Here(
+            fish.x, fish.y, fish.tick, fish.speed, fish.since, fish.recent, fish.repeat,
+            fish.company, int(film.rest[fish.row]), self.waters.price_of_rest(fish, aim),
+        )  # fmt: skip
         codes = self.sampler.states[:, :-MOTION]
         far = np.linalg.norm(codes[rows] - codes[fish.row], axis=1)
-        costs, free = look(self.sampler, self.waters.bounds, rows, start, towards, recall)
-        return costs + self._rarity.of_joins(rows, far), free
+        joins = self._rarity.of_joins(rows, far)
+        return weigh(self.footage, every, here, to_goal(aim), self.rules)[1].value + joins
 
     def course(self, states: Floats, fish: Fish, row: int) -> Floats:
         """The way (n + 1, 3) of states (n, d) that follow a row, the fish's own place first."""
@@ -111,25 +103,20 @@ class ForecastSwimmer:
         near_px = p.arrived * self.waters.touch_px
         aim = aim_in(self.waters.tank, (fish.x, fish.y), goal, near_px)
         start = np.array([fish.x, fish.y, fish.heading])
-        towards, soon = (goal, aim, self.pace), max(1, round(swum.follow))
-        again, memory = (self.waters.ticks(time) for time in (p.again, p.memory))
-        stay = max(1, self.waters.ticks(p.stay))
-        recall = Recall(
-            fish.tick, fish.recent, soon, again, memory, fish.repeat, stay, fish.company,
-            self.waters.price_of_rest(fish, aim), self.waters.tempo.step_px,
-        )  # fmt: skip
+        towards = (goal, aim, self.pace)
         rows, chance = ways(swum, fish.row)
         most = max(1, self.waters.ticks(p.follow_most))
         if fish.since + 1 >= most and len(rows) > 1:
             chance[-1] = 0.0
-        costs, free = self._look(fish, rows, start, towards, recall)
-        if not free.any():  # a wall is ahead: look farther round
+        costs = self._weigh(fish, rows, aim)
+        if not np.isfinite(costs).any():  # a wall is ahead: look farther round
             more, likely = farther(swum, rows)
-            theirs, free = self._look(fish, more, start, towards, recall)
-            if free.any():
+            theirs = self._weigh(fish, more, aim)
+            if np.isfinite(theirs).any():
                 rows, chance, costs = more, likely, theirs
+        free = np.isfinite(costs)
         with np.errstate(divide="ignore"):
-            liked = np.log(chance) - costs / self.waters.ticks(p.chance)
+            liked = np.log(chance) - np.minimum(costs, 1e6) / self.waters.ticks(p.chance)
         order = np.argsort(-(liked + rng.gumbel(size=len(rows))))
         ticks = int(rng.geometric(1 / swum.follow))
         best = -1
@@ -140,13 +127,12 @@ class ForecastSwimmer:
             whole = course(self.waters.bounds, foretold, other, start, goal, self.pace)
             numbers = other + 1 + np.arange(len(foretold))
             good = min(whole[1], clear_ticks(fish.company, numbers, whole[0], fish.tick))
-            if good <= self.pace.wakes[other + 1] - other - 1 and not free.any():
-                good = 0  # to rest is no way round the wall
             if good > best:
                 row, states, (way, _, touched), best = other, foretold, whole, good
             if min(touched, len(way) - 1) < best:
                 break
         at_wall = not free.any() and best < min(ticks, self.waters.motion.delta)
+        at_wall |= not goal.free and self._rests_before_wall(fish, row, best)
         reason = FORETOLD
         if best == 0 or at_wall:  # a wall holds it up: along it, and round to the aim
             most_deg = self.waters.brisk.turn_deg
@@ -154,7 +140,8 @@ class ForecastSwimmer:
             best, reason = len(way), WALL
         n = min(best, touched + 1)
         numbers = row + 1 + np.arange(n)
-        decision = Decision(reason, value_s=float(costs.min()) / self.waters.motion.rate_hz)
+        value = float(costs.min()) if free.any() else np.nan
+        decision = Decision(reason, value_s=value / self.waters.motion.rate_hz)
         return Stretch(
             FORECAST, way[:n], numbers, row != fish.row, aim, touched < n,
             decision._replace(ways=len(rows)), FRAME,
@@ -162,16 +149,11 @@ class ForecastSwimmer:
             past=np.concatenate([past[::-1], states[:n]]),
         )  # fmt: skip
 
-
-def wakes(sampler: Sampler) -> Ints:
-    """Of each row (n,) the row itself, or where its fish rests the next one where it swims.
-
-    Rows that cannot be followed count as swum.
-    """
-    n = len(sampler.usable)
-    rests = sampler.rests & sampler.usable
-    later = np.where(rests, n - 1, np.arange(n))
-    return np.minimum.accumulate(later[::-1])[::-1].copy()
+    def _rests_before_wall(self, fish: Fish, row: int, ticks: int) -> bool:
+        """Whether a fish rests for some ticks that it follows a row, with a wall ahead."""
+        bounds, room = self.waters.bounds, self.rules.room
+        rests = self.sampler.rests[row + 1 : row + 1 + ticks].all()
+        return bool(rests and beyond(bounds, fish.x, fish.y, fish.heading, room) > 0.0)
 
 
 def farther(sampler: Sampler, rows: Ints) -> tuple[Ints, Floats]:

@@ -36,12 +36,7 @@ class Settings:
     # of the time for which the film shows no step from picture to picture as large, on average,
     # that showing one costs
     rare: NotNegative
-    ahead: Positive  # Δ; ways are looked at so far ahead ...
-    # degrees; ... or as long as a brisk fish takes to turn so far, if that is longer, but for
-    # `look_ahead` at most
-    ahead_turn: Annotated[float, Field(ge=0, le=360)]
     chance: Positive  # Δ; a way that takes so much longer is taken a third as often
-    wall: NotNegative  # Δ that a way costs for every Δ that a wall holds it up
     follow_most: Positive  # Δ; a row of the film is followed so long at most
     # who has no goal goes where the film goes, if it stays in the tank, or to random places
     wander: Literal["film", "places"]
