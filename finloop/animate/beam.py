@@ -55,15 +55,12 @@ class Found(NamedTuple):
     """What becomes of each candidate (k,).
 
     value: cost of the best way, in ticks, infinite where all leave the tank or end; ticks: that it
-    takes, or stays in the tank; over: whether it was given up for better ones; end (k, 3): x, y,
-    heading with which the best way ends; done: whether that has come to the aim.
+    takes, or stays in the tank; over: whether it was given up for better ones.
     """
 
     value: Floats
     ticks: Floats
     over: Mask
-    end: Floats
-    done: Mask
 
 
 class Branch(NamedTuple):
@@ -118,10 +115,7 @@ def begin(space, candidates: Candidates, here, along, sizes):  # type: ignore[no
         np.empty((legs + 1) * most, RUN), np.empty((legs + 1, most), np.int64),
         np.zeros((legs + 1, most), np.int64),
     )  # fmt: skip
-    found = Found(
-        np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_),
-        np.zeros((count, 3)), np.zeros(count, np.bool_),
-    )  # fmt: skip
+    found = Found(np.full(count, np.inf), np.zeros(count), np.zeros(count, np.bool_))
     for c in range(count):
         row, x, y = candidates.rows[c], here.x, here.y
         first = space.film.rows[row]

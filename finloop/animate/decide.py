@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from finloop.animate.beam import Candidates, Found, jumps_of
 from finloop.animate.film import Film
-from finloop.animate.kinematics import Spot, bearing, rotate, touches, wrap
+from finloop.animate.kinematics import rotate, touches, wrap
 from finloop.animate.objectives import Objective
 from finloop.animate.recent import last_on_screen, times
 from finloop.animate.search import search
@@ -17,9 +17,7 @@ from finloop.base.kernel import kernel, leaf_kernel
 from finloop.edit.schema import VERDICTS
 from finloop.loops.positions import next_end
 
-_TANK, _QUADRANT, _HEADING, _OVER = map(
-    VERDICTS.index, ("tank", "quadrant", "heading", "passed over")
-)
+_TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class Ways(NamedTuple):
@@ -97,28 +95,10 @@ def weigh(
     return terms, *search(space, candidates, here, along, objective, rules)
 
 
-@kernel
-def verdicts(found: Found, here: Here, aim: Spot, error: float) -> NDArray[np.int8]:
-    """The tests of Fig. 19 on ways (k,): the first that each fails, as its number in `VERDICTS`.
-
-    A way must stay in the tank and not come to a dead end; must lead towards the aim from where it
-    begins, and must head at most `error` degrees off the aim when done. Of a fish that only wanders
-    it need only stay in the tank.
-    """
-    verdict = np.zeros(found.value.size, np.int8)
-    before = np.hypot(aim.x - here.x, aim.y - here.y)
-    for k in range(found.value.size):
-        x, y, heading = found.end[k]
-        if found.over[k]:
-            verdict[k] = _OVER
-        elif np.isinf(found.value[k]):
-            verdict[k] = _TANK
-        elif not aim.free and not found.done[k]:
-            if np.hypot(aim.x - x, aim.y - y) >= before:
-                verdict[k] = _QUADRANT
-            elif abs(wrap(bearing(x, y, aim.x, aim.y) - heading)) > error:
-                verdict[k] = _HEADING
-    return verdict
+def verdicts(found: Found) -> NDArray[np.int8]:
+    """Return the number in `VERDICTS` of each way (k,): good, passed over, or out of the tank."""
+    lost = np.where(np.isinf(found.value), _TANK, 0)
+    return np.where(found.over, _OVER, lost).astype(np.int8)
 
 
 @leaf_kernel

@@ -2,7 +2,7 @@
 
 At a loop end every way on is looked at: playing on, and each jump. The position table (Fig. 11)
 says in quadrants where playing forward leads; here its exact displacements are followed, loop after
-loop, some seconds ahead. `verdicts` are the tests of Fig. 19.
+loop, some seconds ahead.
 """
 
 from dataclasses import replace
@@ -18,7 +18,6 @@ from finloop.animate.kinematics import Spot, aim_in
 from finloop.animate.objectives import footage_of, reach_of, to_goal
 from finloop.animate.space import Here, Rules, Space, space_of
 from finloop.animate.state import Fish, Options, Waters
-from finloop.base.arrays import Mask
 from finloop.edit.schema import FILM, FORECAST, FRAME, JUMP, PLAY, SPOT, VERDICTS
 from finloop.edit.stretch import Decision, Stretch
 from finloop.loops.positions import quadrant
@@ -58,21 +57,10 @@ class FilmSwimmer:
     def swim(self, fish: Fish, goal: Spot, rng: np.random.Generator) -> Stretch:
         """Go on to the next loop end, by the best way towards the goal."""
         aim = self.aim(fish, goal)
-        return self.by(self.options(fish, aim), fish, (goal, aim), rng)
-
-    def by(
-        self, options: Options, fish: Fish, towards: tuple[Spot, Spot], rng: np.random.Generator
-    ) -> Stretch:
-        """Go on by the best way of those that are legal, else of any, else stay.
-
-        towards: the goal, and the aim on the way there.
-        """
-        goal, aim = towards
-        for allowed in (options.legal, np.isfinite(options.value)):
-            taken = self.choose(options, allowed, rng)
-            if taken is not None:
-                return self.play(fish, taken, goal, aim)
-        return self.stay(fish, aim)
+        options = self.choose(self.options(fish, aim), rng)
+        if options.taken < 0:
+            return self.stay(fish, aim)
+        return self.play(fish, options, goal, aim)
 
     def aim(self, fish: Fish, goal: Spot) -> Spot:
         """The point to head for: the goal, or what is in sight of the way to it."""
@@ -106,7 +94,7 @@ class FilmSwimmer:
         terms, found, _ = decide.weigh(self.space, ways, here, goal, self.rules)
         if found.over.any() and np.isinf(found.value).all():  # passed-over ones may
             terms, found, _ = decide.weigh(self.space, ways, here, goal, self._wide)
-        verdict = decide.verdicts(found, here, aim, self.rules.error)
+        verdict = decide.verdicts(found)
         terms, value = terms / rate, found.value / rate
         return Options(ways.rows, ways.rots, ways.seams, terms, value, found.ticks, verdict)
 
@@ -114,15 +102,14 @@ class FilmSwimmer:
         """Where the fish is at the next tick, by the film."""
         return decide.arrival(self.waters.film, fish.x, fish.y, fish.row, fish.rot)
 
-    def choose(self, options: Options, allowed: Mask, rng: np.random.Generator) -> Options | None:
-        """The options, one of the best of the allowed taken; None if there is none."""
-        if not allowed.any():
-            return None
-        value = np.where(allowed, options.value, np.inf)
+    def choose(self, options: Options, rng: np.random.Generator) -> Options:
+        """Return the options, one of the best of those that stay in the tank taken, if any."""
+        if not np.isfinite(options.value).any():
+            return options
         motion = self.waters.motion
         free_s = self.waters.settings.free * motion.delta / motion.rate_hz
-        free = rng.exponential(free_s, len(value))
-        return replace(options, taken=int(np.argmin(value + free)))
+        free = rng.exponential(free_s, len(options.value))
+        return replace(options, taken=int(np.argmin(options.value + free)))
 
     def play(self, fish: Fish, options: Options, goal: Spot, aim: Spot) -> Stretch:
         """Show the row that is taken, and those after it up to the next loop end or the goal."""

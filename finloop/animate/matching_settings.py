@@ -52,9 +52,6 @@ class Settings:
     memory: Positive  # Δ; what was on screen so long ago costs nothing any more
     patience: Positive  # Δ; a fish that has come no nearer to its goal for so long makes a detour
     free: Positive  # Δ; ways whose cost differs by about so much are equally good
-    # degrees, third test of Fig. 19: a way must not end heading farther off the goal
-    most_error_deg: Annotated[float, Field(ge=0, le=180)]
-    gain: NotNegative  # a way of the film leads to the goal at such a share of a brisk pace
     # where a fish swims in place of goals: a CSV, Parquet or SVG file, or a track of the film,
     # `track:8`; null = to goals; a list: the path of each fish, the first ones, or null
     path: str | list[str | None] | None

@@ -5,14 +5,11 @@ from typing import NamedTuple
 import numpy as np
 
 from finloop.animate.beam import Found
-from finloop.animate.decide import Ways
+from finloop.animate.decide import Ways, verdicts
 from finloop.animate.film import Film, runs
 from finloop.animate.state import Fish, Options, Run
 from finloop.base.arrays import Floats, Ints
-from finloop.edit.schema import VERDICTS
 from finloop.features.table import wrap_deg
-
-_TANK, _OVER = map(VERDICTS.index, ("tank", "passed over"))
 
 
 class Spread(NamedTuple):
@@ -49,11 +46,10 @@ class Plan(NamedTuple):
 
     def options(self, rate_hz: float) -> Options:
         """What was weighed."""
-        lost = np.isinf(self.found.value)
-        verdict = np.where(self.found.over, _OVER, np.where(lost, _TANK, 0)).astype(np.int8)
         return Options(
             self.ways.rows, self.ways.rots, self.ways.seams, self.terms / rate_hz,
-            self.found.value / rate_hz, self.found.ticks, verdict, self.taken,
+            self.found.value / rate_hz, self.found.ticks, verdicts(self.found),
+            self.taken,
         )  # fmt: skip
 
     def runs(self, swum: int) -> tuple[Run, ...]:

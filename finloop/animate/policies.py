@@ -1,21 +1,19 @@
 """What mode `matching` may show next: the film, what the forecast predicts, or both.
 
-With both, the film is played where a way of it is legal and gains enough; elsewhere the fish swims
-as the forecast predicts, in frames of the film bent into the predicted poses.
+With both, the film is played where a way of it stays in the tank; elsewhere the fish swims as the
+forecast predicts, in frames of the film bent into the predicted poses.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from finloop.animate.bounds import beyond
 from finloop.animate.forecast import ForecastSwimmer
 from finloop.animate.kinematics import Spot, wrap
 from finloop.animate.loops import FilmSwimmer, counted
-from finloop.animate.objectives import remaining
-from finloop.animate.state import Fish, Options
-from finloop.base.arrays import Ints, Mask
-from finloop.edit.schema import FILM, NO_WAY, WALL
+from finloop.animate.state import Fish
+from finloop.base.arrays import Ints
+from finloop.edit.schema import FILM, NO_WAY
 from finloop.edit.stretch import Stretch
 
 
@@ -57,41 +55,14 @@ class Policy:
 def film_or_forecast(
     film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
 ) -> Stretch:
-    """By the film where that is legal and gains enough, else as the forecast predicts.
-
-    Where that leads farther up to a wall, the film goes on.
-    """
+    """By the film where a way of it stays in the tank, else as the forecast predicts."""
     if fish.row < 0 or not film.waters.film.more[fish.row]:
         return forecast.next(fish, goal, rng)
     aim = film.aim(fish, goal)
-    options = film.options(fish, aim)
-    taken = film.choose(options, worth(film, options, fish, aim), rng)
-    if taken is not None:
-        return film.play(fish, taken, goal, aim)
+    options = film.choose(film.options(fish, aim), rng)
+    if options.taken >= 0:
+        return film.play(fish, options, goal, aim)
     stretch = forecast.next(fish, goal, rng)
-    if _up_to_wall(film, fish, stretch):
-        return film.by(options, fish, (goal, aim), rng)
     if fish.state == FILM:
         stretch = replace(stretch, decision=stretch.decision._replace(exit=NO_WAY))
-    decision = counted(stretch.decision, options)
-    return replace(stretch, options=replace(options, taken=-1), decision=decision)
-
-
-def _up_to_wall(film: FilmSwimmer, fish: Fish, stretch: Stretch) -> bool:
-    """Whether a stretch as foretold is along a wall, or has less room ahead than the fish has."""
-    bounds, room = film.waters.bounds, film.rules.room
-    before = beyond(bounds, fish.x, fish.y, fish.heading, room)
-    after = beyond(bounds, *stretch.way[-1].tolist(), room)
-    return stretch.decision.reason == WALL or after > before
-
-
-def worth(film: FilmSwimmer, options: Options, fish: Fish, aim: Spot) -> Mask:
-    """Ways that are legal and bring the fish nearer to its aim by `gain` seconds a second.
-
-    Of a fish that wanders, all that are legal.
-    """
-    if aim.free:
-        return options.legal
-    rate, gain = film.waters.motion.rate_hz, film.waters.settings.gain
-    ticks = remaining(fish.x, fish.y, fish.heading, aim, film.rules)
-    return options.legal & (options.value <= (ticks + (1 - gain) * options.ticks) / rate)
+    return replace(stretch, options=options, decision=counted(stretch.decision, options))

@@ -107,10 +107,6 @@ def _legs(space, state, here, at, objective, by):  # type: ignore[no-untyped-def
             way.leads = False
             if total < found.value[way.first]:
                 found.value[way.first], found.ticks[way.first] = total, way.ticks
-                heading = rows[way.row].heading + way.rot
-                end = found.end[way.first]
-                end[0], end[1], end[2] = way.x, way.y, heading
-                found.done[way.first] = ends
             if total < best.value:
                 best = Best(total, leg + 1, s)
         elif rows[way.row].more and rows[way.row + 1].endless:

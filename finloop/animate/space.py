@@ -72,8 +72,8 @@ class Rules(NamedTuple):
     loop ends sooner than this are passed by; stay: least time between two jumps; beam: ways
     followed at once; seam, jerk, again: ticks that a jump costs for a seam of one median step, for
     a change of speed by one body length/s, for a row just seen; memory: until a row is forgotten;
-    error: degrees off the goal at which a way may end heading, third test of Fig. 19; room: px that
-    a brisk fish needs ahead of it to turn aside; aside: ticks that it takes to turn back.
+    room: px that a brisk fish needs ahead of it to turn aside; aside: ticks that it takes to turn
+    back.
     """
 
     pace: float
@@ -86,7 +86,6 @@ class Rules(NamedTuple):
     jerk: float
     again: float
     memory: float
-    error: float
     room: float = np.inf
     aside: float = 0.0
 
@@ -103,7 +102,7 @@ class Rules(NamedTuple):
             horizon=max(2, waters.ticks(ahead)), stride=max(1, waters.ticks(stride)),
             stay=max(1, waters.ticks(p.stay)), beam=beam, seam=p.seam * delta,
             jerk=p.jerk * delta**2 / motion.rate_hz, again=again * delta,
-            memory=p.memory * delta, error=p.most_error_deg,
+            memory=p.memory * delta,
             room=pace / np.radians(turning) + motion.body_length_px / 2, aside=180 / turning,
         )  # fmt: skip
 

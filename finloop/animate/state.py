@@ -22,7 +22,7 @@ from finloop.animate.plan_settings import Settings
 from finloop.animate.recent import NO_REPEAT, Repeat, remembered, repeated
 from finloop.animate.route import Route
 from finloop.animate.tempo import Tempo
-from finloop.base.arrays import Floats, Ints, Mask
+from finloop.base.arrays import Floats, Ints
 from finloop.edit.schema import SPOT, TURN, WAITING
 from finloop.edit.stretch import Stretch
 from finloop.social.walls import Walls
@@ -177,7 +177,7 @@ class State(NamedTuple):
 
 @dataclass(frozen=True)
 class Options:
-    """Rows (k,) that could be shown next, and the verdict of Fig. 19 on each.
+    """Rows (k,) that could be shown next, and the verdict on each.
 
     rots: by how much they would be turned; seams: distances in median steps; terms (k, 3): seconds
     that showing them costs at once, for the seam, for the change of speed, for what was on screen
@@ -194,11 +194,6 @@ class Options:
     ticks: Floats
     verdict: NDArray[np.int8]
     taken: int = -1
-
-    @property
-    def legal(self) -> Mask:
-        """Whether a way passes all tests, and was followed to its end."""
-        return self.verdict == 0
 
 
 def after(fish: Fish, stretch: Stretch, waters: Waters) -> Fish:
