@@ -42,6 +42,7 @@ from finloop.animate.loops import counted
 from finloop.animate.loops import decision as decision_of
 from finloop.animate.objectives import remaining, to_goal
 from finloop.animate.planner import frame_hulls, reach
+from finloop.animate.policies import choose_motion
 from finloop.animate.recent import NEVER, NO_REPEAT, Repeat, last_on_screen, remembered, repeated
 from finloop.animate.search import search
 from finloop.animate.shoal import swim
@@ -56,12 +57,13 @@ from finloop.edit.schema import (
     CONSIDERED,
     EDIT,
     FADE,
+    FORECAST,
     FRAME,
     VERDICTS,
     Goal,
 )
 from finloop.edit.schema import FILM as IN_FILM
-from finloop.edit.stretch import Decision
+from finloop.edit.stretch import Decision, Stretch
 from finloop.features.table import wrap_deg
 from finloop.io.table import load_table, save_table
 from finloop.loops.graph import goes_on, loop_graph
@@ -660,6 +662,27 @@ def test_a_way_must_begin_inside_the_tank():
         ways = Ways(np.array([20]), back, np.zeros(1), np.ones(1, bool))
         options = swimmer_of(player).weigh(begins, spot(300, 300), ways)
         assert (told(options)[0] != "tank") == legal
+
+
+class Predicted:
+    """A forecast that always shows the same."""
+
+    def next(self, fish, *_):
+        """One tick in place."""
+        there, none = np.array([[fish.x, fish.y, fish.heading]]), np.zeros(1)
+        return Stretch(
+            FORECAST, there, np.array([20]), False, spot(0, 0), False, Decision("foretold"),
+            FRAME, none,
+        )  # fmt: skip
+
+
+def test_the_film_is_played_where_a_way_of_it_stays_in_the_tank_else_predictions_are_shown():
+    player, fish = three_ways()
+    for x, state in ((742.0, IN_FILM), (760.0, FORECAST)):
+        begins, rng = replace(fish, x=x - STEP, heading=180.0, rot=180.0), np.random.default_rng(0)
+        shown = choose_motion(swimmer_of(player), Predicted(), begins, spot(300, 300), rng)
+        assert shown.state == state and len(shown.options.rows) == 3
+        assert (shown.options.taken >= 0) == (state == IN_FILM)
 
 
 def test_no_jump_is_offered_before_the_stay_is_over():

@@ -27,11 +27,9 @@ from finloop.animate.detour import effort
 from finloop.animate.encounters import placed
 from finloop.animate.kinematics import Spot
 from finloop.animate.loops import FilmSwimmer
-from finloop.animate.policies import film_or_forecast
 from finloop.animate.space import longer_rest
 from finloop.animate.state import Effort, Fish, after
-from finloop.edit.schema import FILM, FORECAST, FORETOLD, FRAME, WALL, Goal
-from finloop.edit.stretch import Decision, Stretch
+from finloop.edit.schema import Goal
 
 BENT = np.array([[30.0, 4], [0, -6], [-30, 12], [-34, 16], [-2, 4]])
 
@@ -180,34 +178,6 @@ def test_a_narrow_beam_finds_more_ways_in_a_small_tank_if_it_reckons_with_walls_
         values = [swims.options(one, Spot(one.x, one.y, 0, 0, True)).value for one in fish]
         found[aside] = np.mean([np.isfinite(value).any() for value in values])
     assert found[30.0] > found[0.0] + 0.05
-
-
-class Foretold:
-    """A forecast that always shows the same."""
-
-    def __init__(self, stretch):
-        self.stretch = stretch
-
-    def next(self, *_):
-        """The stretch."""
-        return self.stretch
-
-
-@pytest.mark.parametrize(
-    ("turned", "reason", "film"),
-    [(0.0, FORETOLD, False), (60.0, FORETOLD, False), (60.0, WALL, True), (-60.0, FORETOLD, True)],
-)
-def test_the_film_goes_on_where_what_is_foretold_leads_farther_up_to_a_wall(turned, reason, film):
-    swims, rng = FilmSwimmer(waters_of(room_=box(160))), np.random.default_rng(0)
-    swims.rules = swims._wide = swims.rules._replace(room=100.0)
-    fish = replace(swims.begin(rng), x=140.0, y=100.0, heading=40.0)
-    fish = replace(fish, rot=40.0 - float(swims.waters.film.heading[fish.row]))
-    row = np.array([fish.row + 1])
-    there, aim = np.array([[140.0, 100.0, 40.0 + turned]]), Spot(-500.0, 100.0, 1.0, 0.0)
-    decision = Decision(reason)
-    foretold = Stretch(FORECAST, there, row, False, aim, False, decision, FRAME, np.zeros(1))
-    shown = film_or_forecast(swims, Foretold(foretold), fish, aim, rng)
-    assert (shown.state == FILM) == film
 
 
 def test_a_fish_that_comes_no_nearer_makes_a_detour_and_then_tries_again():

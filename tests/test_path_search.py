@@ -14,7 +14,7 @@ from toy_film import (
 )
 
 import finloop.animate.decide
-from finloop.animate.beam import BRANCH, RUN, Branch, keep, shown_at
+from finloop.animate.beam import BRANCH, RUN, Branch, keep, tick_row_shown
 from finloop.animate.decide import ways_on, weigh
 from finloop.animate.objectives import along_path
 from finloop.animate.paths import lay
@@ -48,9 +48,9 @@ def test_what_a_way_has_shown_is_found_in_all_of_its_runs():
     runs = np.array([(100, 3, -1), (40, 13, 0), (104, 33, 1)], RUN)
     # Rows 100-109 from tick 3 on, 40-59 from tick 13, and from tick 33 on 104 …
     for row, tick in ((100, 3), (103, 6), (59, 32), (104, 33), (108, 37), (60, NEVER), (39, NEVER)):
-        assert shown_at(runs, 2, row, 38) == tick
-    assert shown_at(runs, 2, 109, 38) == 12  # the last run has not come so far
-    assert shown_at(runs, 0, 40, 13) == NEVER
+        assert tick_row_shown(runs, 2, row, 38) == tick
+    assert tick_row_shown(runs, 2, 109, 38) == 12  # the last run has not come so far
+    assert tick_row_shown(runs, 0, 40, 13) == NEVER
 
 
 def looked(waters, route, beam, row=5, rot=0.0, place=(400.0, 300.0)):

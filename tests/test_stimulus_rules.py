@@ -74,7 +74,8 @@ def apart(scene, least=1.0):
 def test_a_scene_that_is_turned_has_its_aim_turned(rule, scene, angle, distance):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, to_x, to_y, to_heading = scene
-    if not apart(scene):
+    at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
+    if at_distance or not apart(scene):  # by the last bit near or far
         return
     plain = aim(
         spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA
@@ -91,7 +92,8 @@ def test_a_scene_that_is_turned_has_its_aim_turned(rule, scene, angle, distance)
 def test_a_scene_in_a_mirror_has_its_aim_mirrored(rule, scene, distance):
     how = {} if rule in ("approach", "copy", "mirror") else {"distance": distance}
     x, y, heading, to_x, to_y, to_heading = scene
-    if not apart(scene):
+    at_distance = abs(math.hypot(x - to_x, y - to_y) - distance * SEA.length_px) < 1e-6
+    if at_distance or not apart(scene):  # by the last bit near or far
         return
     plain = aim(
         spec(rule, **how), (x, y, heading), Sightings(animal(to_x, to_y, to_heading)), NOW, SEA

@@ -134,7 +134,7 @@ def begin(space, candidates: Candidates, here, along, sizes):  # type: ignore[no
 
 
 @leaf_kernel
-def shown_at(runs, run, row, tick):  # type: ignore[no-untyped-def]
+def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
     """The tick at which a way that has come to a tick by its runs has shown a row, if it has."""
     while run >= 0:
         one = runs[run]
@@ -176,7 +176,7 @@ def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
 
 
 @kernel_part
-def go_on(space, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
+def start_next_leg(space, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
     """Follow the n best branches of a leg from now on. leg: of the next one; tick: of the first."""
     film, runs = space.film, leg * beam.ways.size
     for k in range(n):

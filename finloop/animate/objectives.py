@@ -61,7 +61,7 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
 
 
 @leaf_kernel
-def leg_to_goal(space, way, most, here, aim, rules):  # type: ignore[no-untyped-def]
+def play_leg(space, way, most, here, aim, rules):  # type: ignore[no-untyped-def]
     """Play forward to the first loop end after a stride, at most for so many ticks.
 
     `way` is moved on. Returns whether it leads on, and whether it touches the aim. It leads on
@@ -101,7 +101,7 @@ def leg_to_goal(space, way, most, here, aim, rules):  # type: ignore[no-untyped-
 
 
 @leaf_kernel
-def remaining_cost(space, way, aim, rules):  # type: ignore[no-untyped-def]
+def estimate_ticks_to_aim(space, way, aim, rules):  # type: ignore[no-untyped-def]
     """About how many ticks remain to the aim from where a way has come to, and off a wall ahead."""
     heading = space.film.rows[way.row].heading + way.rot
     aside = rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
@@ -112,7 +112,7 @@ def remaining_cost(space, way, aim, rules):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def path_ends(route, along):  # type: ignore[no-untyped-def]
+def at_path_end(route, along):  # type: ignore[no-untyped-def]
     """Whether a way that has come so far along a path without times is at its end."""
     if route.closed or route.when.size:
         return False
@@ -144,7 +144,7 @@ def footage_of(space: Space, reach: int, stride: int) -> Space:
 
 
 @kernel_part
-def asked_places(route, tick, ticks):  # type: ignore[no-untyped-def]
+def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
     """Where a path with times asks the fish to be (n, 2) from a tick on; of others, nothing."""
     count = ticks + 1 if route.when.size else 0
     asked = np.empty((count, 2))
@@ -184,7 +184,7 @@ def _stride(space, route, way, ticks, here, by):  # type: ignore[no-untyped-def]
 
 
 @leaf_kernel
-def leg_along(space, route, way, most, here, by):  # type: ignore[no-untyped-def]
+def swim_leg(space, route, way, most, here, by):  # type: ignore[no-untyped-def]
     """Swim a leg along a path, so many ticks at most: whether it leads on. by: rules, steering.
 
     `way` is moved on.
@@ -208,7 +208,7 @@ def direction(at, way):  # type: ignore[no-untyped-def]
 
 
 @finite_leaf
-def cost_ahead(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
+def estimate_next_cost(lead, way, turned, route, by):  # type: ignore[no-untyped-def]
     """About what the next ticks cost, in ticks, if a row is played on from where a way has come to.
 
     By the places that it leads to, less what can be corrected on the way there: by Simpson's rule.

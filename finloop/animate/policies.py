@@ -42,7 +42,7 @@ class Policy:
             return self.film.swim(fish, goal, rng)
         if not self.shows_film:
             return self.forecast.next(fish, goal, rng)
-        return film_or_forecast(self.film, self.forecast, fish, goal, rng)
+        return choose_motion(self.film, self.forecast, fish, goal, rng)
 
     def _from_sprite(self, fish: Fish) -> Fish:
         """A fish that a sprite shows, as one of the film's row behind it."""
@@ -52,7 +52,7 @@ class Policy:
         return replace(fish, state=FILM, sprite=-1, row=row, rot=rot, since=self.film.rules.stay)
 
 
-def film_or_forecast(
+def choose_motion(
     film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
 ) -> Stretch:
     """By the film where a way of it stays in the tank, else as the forecast predicts."""

@@ -12,21 +12,21 @@ from finloop.animate.beam import (
     Candidates,
     Found,
     begin,
-    go_on,
     jumps_of,
     keep,
     rows_of,
-    shown_at,
+    start_next_leg,
+    tick_row_shown,
 )
 from finloop.animate.objectives import (
     Objective,
-    asked_places,
-    cost_ahead,
+    at_path_end,
     direction,
-    leg_along,
-    leg_to_goal,
-    path_ends,
-    remaining_cost,
+    estimate_next_cost,
+    estimate_ticks_to_aim,
+    play_leg,
+    swim_leg,
+    timed_targets,
 )
 from finloop.animate.recent import again_cost, last_on_screen
 from finloop.animate.space import Here, Rules, Space
@@ -49,7 +49,7 @@ def search(
     leads on, the cheapest of those that came farthest.
     """
     route = objective.route
-    asked = asked_places(route, here.tick, rules.horizon + objective.steering.reach)
+    asked = timed_targets(route, here.tick, rules.horizon + objective.steering.reach)
     most = rules.horizon
     if route.when.size:  # not beyond its times
         most = max(min(most, route.begins + route.when.size - 1 - here.tick), 1)
@@ -64,7 +64,7 @@ def search(
         if m == 0 and best.legs == 0:
             way = np.argmin(beam.ways["cost"][:n])
             best = Best(np.inf, leg - 1, beam.parents[leg - 1, way])  # type: ignore[arg-type]
-        beam, n = go_on(space, beam, m, leg, here.tick), m  # type: ignore[arg-type]
+        beam, n = start_next_leg(space, beam, m, leg, here.tick), m  # type: ignore[arg-type]
     for c in range(found.over.size):
         found.over[c] = found.over[c] and found.value[c] == np.inf
     return found, rows_of(beam, best)
@@ -84,20 +84,20 @@ def _legs(space, state, here, at, objective, by):  # type: ignore[no-untyped-def
         if route.x.size:
             soon = asked, objective.steering
             by_leg = rules, objective.steering
-            way.leads = leg_along(space, route, way, most - way.ticks, here, by_leg)
-            ends = way.leads and path_ends(route, way.along)
+            way.leads = swim_leg(space, route, way, most - way.ticks, here, by_leg)
+            ends = way.leads and at_path_end(route, way.along)
             way.total, remains = way.cost, 0.0
             if way.leads and not route.when.size:
                 way.total += here.slow * (way.ticks - (way.along - begun) / rules.pace)
             if way.leads and not ends:
                 turned = direction(rows[way.row], way)
-                remains = cost_ahead(space.leads[way.row], way, turned, route, soon)
+                remains = estimate_next_cost(space.leads[way.row], way, turned, route, soon)
         else:
             left = max(most - way.ticks, 1)
-            way.leads, ends = leg_to_goal(space, way, left, here, objective.aim, rules)
+            way.leads, ends = play_leg(space, way, left, here, objective.aim, rules)
             way.total, remains = way.cost + way.ticks, 0.0
             if way.leads and not ends:
-                remains = remaining_cost(space, way, objective.aim, rules)
+                remains = estimate_ticks_to_aim(space, way, objective.aim, rules)
         if found.value[way.first] == np.inf:
             found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
         if not way.leads:
@@ -130,7 +130,7 @@ def _jumps(space, s, kept, here, objective, by):  # type: ignore[no-untyped-def]
         return n
     tick, turned, remains = here.tick + way.ticks, direction(film.rows[way.row], way), 0.0
     if not route.x.size:
-        remains = remaining_cost(space, way, objective.aim, rules)
+        remains = estimate_ticks_to_aim(space, way, objective.aim, rules)
     for e in range(first, last):
         jump, worst = space.jumps[e], np.inf
         if n == branches.size:
@@ -144,11 +144,11 @@ def _jumps(space, s, kept, here, objective, by):  # type: ignore[no-untyped-def]
             if not film.body:
                 turned = direction(film.rows[jump.to], way)
             soon = asked, objective.steering
-            total += cost_ahead(space.leads[jump.to], way, turned, route, soon)
+            total += estimate_next_cost(space.leads[jump.to], way, turned, route, soon)
             if total >= worst:
                 found.over[way.first] = True
                 continue
-            shown = max(shown, shown_at(beam.runs, way.run, jump.to, tick))
+            shown = max(shown, tick_row_shown(beam.runs, way.run, jump.to, tick))
         again = again_cost(float(tick - shown), rules.again, rules.memory)
         branch = Branch(total + again, way.first, s, e, jump.cost + again)
         n = keep(branches, n, branch, found.over)
