@@ -269,7 +269,14 @@ def slow_way(film, tank_, start, place, goal, least):
             break
         dx, dy = rotate(film.dx[row], film.dy[row], rot)
         x, y, row = x + dx, y + dy, row + 1
-    return min(legal, default=None), min(within, default=None)
+    return nearest_of(legal), nearest_of(within)
+
+
+def nearest_of(ends):
+    """The first of the nearest ends, None of none; NaN where others are as near but for a bit."""
+    best = min(ends, default=None)
+    tied = [one for one in ends if one[0] < best[0] + 1e-6]
+    return best if len(tied) < 2 else (best[0], np.nan, best[2])
 
 
 @pytest.mark.parametrize("pose", [BODY, FILM])
@@ -288,6 +295,8 @@ def test_looking_up_finds_the_nearest_loop_end_in_the_goal_s_quadrant(pose, free
         for way, (row, rot, seam) in enumerate(zip(*starts, strict=True)):
             place, least = play_.next_place(fish), STAY if seam > 0 else 1
             best, any_ = slow_way(film, small, (row, rot), place, goal, least)
+            if any(one is not None and np.isnan(one[1]) for one in (best, any_)):
+                continue  # round in a circle: by the last bit one or the other is nearer
             assert ways.ticks[way] == (best[1] if best else 0)
             assert ways.touched[way] == (best is not None and best[2])
             assert ways.inside[way] == (any_[1] if any_ else 0)
