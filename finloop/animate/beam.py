@@ -20,15 +20,16 @@ from finloop.base.kernel import kernel_part, leaf_kernel
 WAY = np.dtype(
     [
         ("x", "f8"), ("y", "f8"), ("rot", "f8"), ("cost", "f8"), ("along", "f8"), ("total", "f8"),
+        ("remains", "f8"),
         ("row", "i8"), ("first", "i8"), ("ticks", "i8"), ("since", "i8"), ("run", "i8"),
         ("leads", "?"),
     ],
     align=True,
 )  # fmt: skip
 """A way that is followed: where it has come to (x, y px, px along a path, row, rot); what it costs
-in ticks, and with what it takes or has fallen behind (total); the candidate that it began with
-(first); ticks that it took, and since its last jump; its last run; whether it goes on after its
-leg."""
+in ticks, and with what it takes or has fallen behind (total); about what is still to come if it is
+played on (remains); the candidate that it began with (first); ticks that it took, and since its
+last jump; its last run; whether it goes on after its leg."""
 
 RUN = np.dtype([("row", "i8"), ("tick", "i8"), ("before", "i8")])
 """A run of film that a way shows: its first row, the tick of that, and the number of the run before
@@ -106,7 +107,7 @@ class Best(NamedTuple):
 def begin(space, candidates: Candidates, here, along, sizes):  # type: ignore[no-untyped-def]
     """The beam, what is found so far, and how many ways there are: one a candidate that fits.
 
-    space, here: of `search.Space`, `search.Here`; along: px along a path; sizes: legs, branches.
+    space, here: of `space.Space`, `space.Here`; along: px along a path; sizes: legs, branches.
     """
     (legs, width), count, n = sizes, candidates.rows.size, 0
     most = max(width, count)
@@ -135,7 +136,10 @@ def begin(space, candidates: Candidates, here, along, sizes):  # type: ignore[no
 
 @leaf_kernel
 def tick_row_shown(runs, run, row, tick):  # type: ignore[no-untyped-def]
-    """The tick at which a way that has come to a tick by its runs has shown a row, if it has."""
+    """Return the last tick at which a way by these runs showed a row; NEVER if it did not.
+
+    run: the way's last one; tick: to which it has come.
+    """
     while run >= 0:
         one = runs[run]
         if one.row <= row < one.row + tick - one.tick:
@@ -155,9 +159,10 @@ def jumps_of(film: Film, row: int, may: bool):  # type: ignore[no-untyped-def]
 
 @leaf_kernel
 def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
-    """Keep a further branch if it is among the best: how many there are then; n: there were.
+    """Insert a branch where it is among the best; return how many there are then.
 
-    over (candidates,): whether a branch of a candidate was given up for better ones.
+    branches: changed in place, n of them filled, their totals rising; over (candidates,): whether a
+    branch of a candidate was given up for better ones.
     """
     most = branches.size
     k = n
@@ -177,7 +182,10 @@ def keep(branches: NDArray[np.void], n: int, branch: Branch, over: Mask) -> int:
 
 @kernel_part
 def start_next_leg(space, beam: Beam, n: int, leg: int, tick: int) -> Beam:  # type: ignore[no-untyped-def]
-    """Follow the n best branches of a leg from now on. leg: of the next one; tick: of the first."""
+    """Return the beam in which the n best branches are the ways.
+
+    leg: number of the leg that they begin; tick: at which the search began.
+    """
     film, runs = space.film, leg * beam.ways.size
     for k in range(n):
         branch, way = beam.branches[k], beam.spare[k]

@@ -1,4 +1,4 @@
-"""A decision in the film, compiled: which ways there are, what each costs, whether it is legal."""
+"""A decision in the film: which ways there are, what each costs, which stay in the tank."""
 
 from typing import NamedTuple
 

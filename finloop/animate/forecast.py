@@ -1,8 +1,8 @@
 """Network mode by the forecast: every tick is foretold from the ones before (`finloop.forecast`).
 
 At every decision the fish may go on with the row that it follows, or go over to a similar one of
-the film or its mirror image. Where each leads is looked at along the film; one that stays in the
-tank, and leads to the goal in less time, is more likely. The fish moves as is foretold for its own
+the film or its mirror image. The search that weighs the film's ways weighs each (`search`); a row
+that leads to the goal in less time is more likely. The fish moves as is foretold for its own
 past and that row's control. The frame of the row is drawn, its pose going on as joins do.
 """
 
@@ -56,7 +56,7 @@ class ForecastSwimmer:
 
     @cached_property
     def footage(self) -> Space:
-        """The film as paths are followed through it by a fish that swims as is foretold."""
+        """The film, with jumps to similar rows, as it is searched for goals and along paths."""
         waters, p = self.waters, self.waters.settings
         film = foretold_film(waters.film, self.sampler)
         rules = Rules.of(waters, p.path_ahead, p.path_stride, p.path_beam, p.path_again)

@@ -62,7 +62,7 @@ def remaining(x: float, y: float, heading: float, aim: Spot, rules: Rules):  # t
 
 @leaf_kernel
 def play_leg(space, way, most, here, aim, rules):  # type: ignore[no-untyped-def]
-    """Play forward to the first loop end after a stride, at most for so many ticks.
+    """Play forward to the first loop end after a stride, or to the aim, for `most` ticks at most.
 
     `way` is moved on. Returns whether it leads on, and whether it touches the aim. It leads on
     nowhere where the film ends, leaves the tank or meets another fish.
@@ -102,7 +102,7 @@ def play_leg(space, way, most, here, aim, rules):  # type: ignore[no-untyped-def
 
 @leaf_kernel
 def estimate_ticks_to_aim(space, way, aim, rules):  # type: ignore[no-untyped-def]
-    """About how many ticks remain to the aim from where a way has come to, and off a wall ahead."""
+    """Return about how many ticks a way still takes to the aim, and to turn from a wall ahead."""
     heading = space.film.rows[way.row].heading + way.rot
     aside = rules.aside * beyond(space.bounds, way.x, way.y, heading, rules.room)
     return remaining(way.x, way.y, heading, aim, rules) + aside
@@ -113,7 +113,10 @@ def estimate_ticks_to_aim(space, way, aim, rules):  # type: ignore[no-untyped-de
 
 @finite_leaf
 def at_path_end(route, along):  # type: ignore[no-untyped-def]
-    """Whether a way that has come so far along a path without times is at its end."""
+    """Return whether a way that has come so far along a path, px, is at its end.
+
+    Closed paths have none; those with times end with these.
+    """
     if route.closed or route.when.size:
         return False
     return along >= route.step * (route.x.size - 1)
@@ -145,7 +148,10 @@ def footage_of(space: Space, reach: int, stride: int) -> Space:
 
 @kernel_part
 def timed_targets(route, tick, ticks):  # type: ignore[no-untyped-def]
-    """Where a path with times asks the fish to be (n, 2) from a tick on; of others, nothing."""
+    """Return where a path with times asks the fish to be, x, y (ticks + 1, 2) px, from a tick on.
+
+    (0, 2) of a path without times.
+    """
     count = ticks + 1 if route.when.size else 0
     asked = np.empty((count, 2))
     for t in range(count):

@@ -55,7 +55,7 @@ class Policy:
 def choose_motion(
     film: FilmSwimmer, forecast: ForecastSwimmer, fish: Fish, goal: Spot, rng: np.random.Generator
 ) -> Stretch:
-    """By the film where a way of it stays in the tank, else as the forecast predicts."""
+    """Return what is shown next: film where a way of it stays in the tank, else a prediction."""
     if fish.row < 0 or not film.waters.film.more[fish.row]:
         return forecast.next(fish, goal, rng)
     aim = film.aim(fish, goal)

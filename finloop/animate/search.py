@@ -39,14 +39,14 @@ def search(
     space: Space, candidates: Candidates, here: Here, along: float, objective: Objective,
     rules: Rules,
 ) -> tuple[Found, Ints]:  # fmt: skip
-    """Follow every candidate (k,) through the film and its jumps.
+    """Follow every candidate (k,) through the film and its jumps, for `rules.horizon` ticks.
 
     along: how far along its path the fish is, px.
 
     Returns
     -------
-    What becomes of each; the rows (l,) with which the best way begins its legs, or, where none
-    leads on, the cheapest of those that came farthest.
+    found : what becomes of each candidate; rows (l,) : with which the best way begins its legs.
+    Where no way leads on, they are those of the cheapest of the ways that came farthest.
     """
     route = objective.route
     asked = timed_targets(route, here.tick, rules.horizon + objective.steering.reach)
@@ -86,23 +86,23 @@ def _legs(space, state, here, at, objective, by):  # type: ignore[no-untyped-def
             by_leg = rules, objective.steering
             way.leads = swim_leg(space, route, way, most - way.ticks, here, by_leg)
             ends = way.leads and at_path_end(route, way.along)
-            way.total, remains = way.cost, 0.0
+            way.total, way.remains = way.cost, 0.0
             if way.leads and not route.when.size:
                 way.total += here.slow * (way.ticks - (way.along - begun) / rules.pace)
             if way.leads and not ends:
                 turned = direction(rows[way.row], way)
-                remains = estimate_next_cost(space.leads[way.row], way, turned, route, soon)
+                way.remains = estimate_next_cost(space.leads[way.row], way, turned, route, soon)
         else:
             left = max(most - way.ticks, 1)
             way.leads, ends = play_leg(space, way, left, here, objective.aim, rules)
-            way.total, remains = way.cost + way.ticks, 0.0
+            way.total, way.remains = way.cost + way.ticks, 0.0
             if way.leads and not ends:
-                remains = estimate_ticks_to_aim(space, way, objective.aim, rules)
+                way.remains = estimate_ticks_to_aim(space, way, objective.aim, rules)
         if found.value[way.first] == np.inf:
             found.ticks[way.first] = max(found.ticks[way.first], way.ticks)
         if not way.leads:
             continue
-        total = way.total + remains
+        total = way.total + way.remains
         if ends or way.ticks >= most:
             way.leads = False
             if total < found.value[way.first]:
@@ -128,9 +128,9 @@ def _jumps(space, s, kept, here, objective, by):  # type: ignore[no-untyped-def]
     first, last = jumps_of(film, way.row, way.since >= rules.stay)
     if first == last:
         return n
-    tick, turned, remains = here.tick + way.ticks, direction(film.rows[way.row], way), 0.0
-    if not route.x.size:
-        remains = estimate_ticks_to_aim(space, way, objective.aim, rules)
+    tick, turned = here.tick + way.ticks, direction(film.rows[way.row], way)
+    # To a goal as much is to come from any row; along a path less or more, so that is added below.
+    remains = 0.0 if route.x.size else way.remains
     for e in range(first, last):
         jump, worst = space.jumps[e], np.inf
         if n == branches.size:

@@ -74,7 +74,7 @@ def sheet(
         figure.text(0.5, 0.5, "no animation was compared", ha="center", va="center")
         return figure
     height = 2.1 * len(titles) + 0.5
-    figure = Figure(figsize=(15, height))  # laid out by hand: of so many axes it takes a third
+    figure = Figure(figsize=(15, height))  # laid out by hand: matplotlib's layout took 2 of 7 s
     grid = figure.add_gridspec(
         2 * len(titles), 5, width_ratios=(5, 1, 1, 1, 1), wspace=0.25, hspace=0.3,
         left=0.01, right=0.99, top=1 - 0.4 / height, bottom=0.5 / height,
